@@ -1,0 +1,40 @@
+# Everything sets itself up: a fresh machine needs Python 3.11 or newer and make, nothing else.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+JOBS ?= 2
+
+.PHONY: help demo check test benchmark clean
+
+help:
+	@echo "make demo       fit a sensor, design the gain, write report and figures to demo-output/"
+	@echo "make test       everything that CI runs: check, then all tests"
+	@echo "make check      formatting, lint, types, import contract"
+	@echo "make benchmark  the figures of docs/benchmarks.md, measured here"
+	@echo "make clean      remove what make made"
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "pretouch needs Python 3.11 or newer; name one with: make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: $(STAMP)
+	$(BIN)/python examples/demo.py
+
+check: $(STAMP)
+	$(BIN)/ruff format --check src tests benchmarks examples
+	$(BIN)/ruff check src tests benchmarks examples
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo --no-cache
+
+test: check
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+
+benchmark: $(STAMP)
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) build dist demo-output .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,1 @@
+"""Choose the gain of a preemptive impact controller without one collision."""

@@ -1,0 +1,1 @@
+"""What every other folder stands on: errors, units, checks of numbers, and the letter's equation ids."""

@@ -1,0 +1,60 @@
+"""Every error that pretouch raises on purpose.
+
+The tree:
+
+    PretouchError
+    ├── InvalidInputError (also a ValueError)    a request that makes no sense
+    │   ├── UnitError                            a text that is no quantity, or one of another dimension
+    │   ├── OutOfRangeError                      a distance outside a sensor's valid range
+    │   ├── CalibrationDataError                 a calibration file or table that cannot be read
+    │   ├── ScenarioFileError                    a scenario file with a mistake in it
+    │   └── OutputExistsError                    a file that would have to be overwritten unasked
+    └── ResultUnavailableError                   reading a result that the run did not reach
+
+A run that ends badly (no contact, infeasible constraint) is no error: it is a result with a status.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "CalibrationDataError",
+    "InvalidInputError",
+    "OutOfRangeError",
+    "OutputExistsError",
+    "PretouchError",
+    "ResultUnavailableError",
+    "ScenarioFileError",
+    "UnitError",
+]
+
+
+class PretouchError(Exception):
+    """The root of the tree: catch this to catch everything that pretouch raises on purpose."""
+
+
+class InvalidInputError(PretouchError, ValueError):
+    """A request that makes no sense: the message says what was got, what must hold and what to try."""
+
+
+class UnitError(InvalidInputError):
+    """A text that is no quantity, or a quantity of another dimension than the one expected."""
+
+
+class OutOfRangeError(InvalidInputError):
+    """A distance at which the sensor model says nothing."""
+
+
+class CalibrationDataError(InvalidInputError):
+    """A calibration file or table that cannot be read as distances and outputs."""
+
+
+class ScenarioFileError(InvalidInputError):
+    """A mistake in a scenario file: the message names the line, the key, what was found, what is expected."""
+
+
+class OutputExistsError(InvalidInputError):
+    """A file that stands where an output should go and that pretouch will not overwrite unasked."""
+
+
+class ResultUnavailableError(PretouchError):
+    """A part of a result that this run did not reach, such as the contact of a run without contact."""

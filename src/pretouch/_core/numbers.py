@@ -1,0 +1,69 @@
+"""Checks of numbers at the public border: what was got, what must hold."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InvalidInputError
+
+__all__ = ["BoolArray", "FloatArray", "IntArray", "finite", "nonnegative", "positive"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+IntArray: TypeAlias = NDArray[np.int64]
+
+
+def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
+    """Check that every number is finite.
+
+    Args:
+        value: a number or an array.
+        name: what it is called in the message.
+        unit: its SI unit, for the message.
+
+    Returns:
+        A float for a scalar, a read-only float array otherwise.
+
+    Raises:
+        InvalidInputError: a number is missing, infinite or no number at all.
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}") from None
+    _require(np.isfinite(array), array, name, unit, "must be finite")
+    if array.ndim == 0:
+        return float(array)
+    array.setflags(write=False)
+    return array
+
+
+def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
+    """Check that every number is finite and above zero; return it as `finite` does."""
+    checked = finite(value, name, unit)
+    _require(np.asarray(checked) > 0, np.asarray(checked), name, unit, "must be positive")
+    return checked
+
+
+def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
+    """Check that every number is finite and not below zero; return it as `finite` does."""
+    checked = finite(value, name, unit)
+    _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative")
+    return checked
+
+
+def _require(holds: Any, array: FloatArray, name: str, unit: str, rule: str) -> None:
+    if not np.all(holds):
+        culprit = array[~np.atleast_1d(holds)][0] if array.ndim else float(array)
+        raise InvalidInputError(f"{name}: found {float(culprit):g}{_unit(unit)}, which {rule}")
+
+
+def _unit(unit: str) -> str:
+    return f" {unit}" if unit else ""
+
+
+def _in(unit: str) -> str:
+    return f" in {unit}" if unit else ""

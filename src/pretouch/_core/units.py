@@ -1,0 +1,221 @@
+"""Text with units to SI floats, and back to text that a person reads.
+
+Inside pretouch every number is a bare SI float. At its borders (files, the command line) a quantity may be
+written as text with its unit, `"42.2 mm"`, and is checked against the dimension that is expected there.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Final, NamedTuple
+
+from .errors import UnitError
+
+__all__ = ["Unit", "format_quantity", "parse_unit", "to_si"]
+
+
+class Unit(NamedTuple):
+    """A unit as a factor to SI and the exponents of (m, kg, s, V, counts)."""
+
+    factor: float
+    exponents: tuple[int, int, int, int, int]
+
+
+_NONE: Final = (0, 0, 0, 0, 0)
+_BASE: Final[dict[str, Unit]] = {
+    "1": Unit(1.0, _NONE),
+    "m": Unit(1.0, (1, 0, 0, 0, 0)),
+    "g": Unit(1e-3, (0, 1, 0, 0, 0)),
+    "s": Unit(1.0, (0, 0, 1, 0, 0)),
+    "N": Unit(1.0, (1, 1, -2, 0, 0)),
+    "J": Unit(1.0, (2, 1, -2, 0, 0)),
+    "Pa": Unit(1.0, (-1, 1, -2, 0, 0)),
+    "Hz": Unit(1.0, (0, 0, -1, 0, 0)),
+    "V": Unit(1.0, (0, 0, 0, 1, 0)),
+}
+_PLAIN: Final[dict[str, Unit]] = {
+    "min": Unit(60.0, (0, 0, 1, 0, 0)),
+    "h": Unit(3600.0, (0, 0, 1, 0, 0)),
+    "in": Unit(0.0254, (1, 0, 0, 0, 0)),
+    "inch": Unit(0.0254, (1, 0, 0, 0, 0)),
+    "rad": Unit(1.0, _NONE),
+    "%": Unit(0.01, _NONE),
+    "count": Unit(1.0, (0, 0, 0, 0, 1)),
+    "counts": Unit(1.0, (0, 0, 0, 0, 1)),
+    "volt": Unit(1.0, (0, 0, 0, 1, 0)),
+    "volts": Unit(1.0, (0, 0, 0, 1, 0)),
+}
+_PREFIX: Final = {
+    "n": 1e-9,
+    "u": 1e-6,
+    "µ": 1e-6,
+    "μ": 1e-6,
+    "m": 1e-3,
+    "c": 1e-2,
+    "k": 1e3,
+    "M": 1e6,
+    "G": 1e9,
+}
+_DISPLAY: Final = {"m": (("mm", 1e-3),), "s": (("ms", 1e-3),)}
+_SUPERSCRIPT: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_TOKEN: Final = re.compile(r"\s*(\*\*|[*·/^()]|[^\W\d_]+|%|[-+]?\d+)")
+_NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
+_QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
+
+
+def parse_unit(text: str) -> Unit:
+    """Read a unit such as `N*s/m`, `m/s^2`, `mm` or `N/(m/s)`.
+
+    Args:
+        text: the unit; `*` or `·` multiplies, `/` divides by the next factor, `^` or `**` raises to a power.
+
+    Returns:
+        The factor to SI and the exponents of the base units.
+
+    Raises:
+        UnitError: the text is no unit that pretouch knows.
+
+    Examples:
+        >>> parse_unit("mm/ms").factor
+        1.0
+    """
+    source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text)
+    tokens: list[str] = []
+    position = 0
+    while source[position:].strip():
+        match = _TOKEN.match(source, position)
+        if match is None:
+            raise UnitError(f"{text!r} is no unit: cannot read {source[position:].strip()!r}")
+        tokens.append(match.group(1))
+        position = match.end()
+    if not tokens:
+        return Unit(1.0, _NONE)
+    unit, rest = _product(tokens, text)
+    if rest:
+        raise UnitError(f"{text!r} is no unit: cannot read {rest[0]!r}")
+    return unit
+
+
+def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
+    """Read factors joined by `*` and `/` from the left; return their unit and the tokens left."""
+    unit, tokens = _power(tokens, text)
+    while tokens and tokens[0] in {"*", "·", "/"}:
+        sign = -1 if tokens[0] == "/" else 1
+        factor, tokens = _power(tokens[1:], text)
+        unit = _combine(unit, factor, sign)
+    return unit, tokens
+
+
+def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
+    """Read one factor with its exponent; return its unit and the tokens left."""
+    if not tokens or tokens[0] in {"*", "**", "·", "/", "^", ")"}:
+        raise UnitError(f"{text!r} is no unit: a unit is missing")
+    if tokens[0] == "(":
+        unit, tokens = _product(tokens[1:], text)
+        if not tokens or tokens[0] != ")":
+            raise UnitError(f"{text!r} is no unit: a parenthesis is not closed")
+    else:
+        unit = _symbol(tokens[0], text)
+    tokens = tokens[1:]
+    if tokens and tokens[0] in {"^", "**"}:
+        if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d+", tokens[1]):
+            raise UnitError(f"{text!r} is no unit: an exponent must be an integer")
+        unit = _combine(Unit(1.0, _NONE), unit, int(tokens[1]))
+        tokens = tokens[2:]
+    return unit, tokens
+
+
+def _symbol(symbol: str, text: str) -> Unit:
+    """Look one symbol up, with or without a prefix."""
+    if symbol in _PLAIN:
+        return _PLAIN[symbol]
+    if symbol in _BASE:
+        return _BASE[symbol]
+    if symbol[0] in _PREFIX and symbol[1:] in _BASE and symbol[1:] != "1":
+        base = _BASE[symbol[1:]]
+        # g carries its own 1e-3, so that "kg" is exactly one
+        factor = 1.0 if symbol == "kg" else _PREFIX[symbol[0]] * base.factor
+        return Unit(factor, base.exponents)
+    known = "m, s, g, N, J, Pa, Hz, V with a prefix, min, h, in, counts, %"
+    raise UnitError(f"{text!r} is no unit: {symbol!r} is not known (known: {known})")
+
+
+def _combine(left: Unit, right: Unit, power: int) -> Unit:
+    """Multiply a unit by a power of another one."""
+    exponents = tuple(a + power * b for a, b in zip(left.exponents, right.exponents, strict=True))
+    factor = left.factor / right.factor if power == -1 else left.factor * right.factor**power
+    return Unit(factor, exponents)  # type: ignore[arg-type]
+
+
+def to_si(value: float | str, unit: str, *, name: str) -> float:
+    """Turn a bare SI number, or a text with a unit, into an SI float of the expected dimension.
+
+    Args:
+        value: a number, taken as SI, or a text such as `"42.2 mm"`; a text without a unit is taken as SI.
+        unit: the SI unit that is expected, such as `m/s`; the empty text for a pure number.
+        name: what the quantity is called in messages.
+
+    Returns:
+        The value in SI.
+
+    Raises:
+        UnitError: the text is no quantity, its dimension is another one, or the value is not a number.
+
+    Examples:
+        >>> to_si("42.2 mm", "m", name="position")
+        0.0422
+        >>> to_si(-0.3, "m/s", name="velocity")
+        -0.3
+    """
+    expected = unit or "a pure number"
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise UnitError(f"{name}: found {value!r}, expected a number or text with a unit of {expected}")
+    if isinstance(value, str):
+        match = _QUANTITY.fullmatch(value)
+        if match is None:
+            raise UnitError(f"{name}: found {value!r}, expected a number with a unit of {expected}")
+        try:
+            number, found = float(match.group(1)), parse_unit(match.group(2))
+        except UnitError as error:
+            raise UnitError(f"{name}: {error}; expected a unit of {expected}") from None
+        wanted = parse_unit(unit)
+        if match.group(2) and found.exponents != wanted.exponents:
+            raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
+        # 42.2 * 1e-3 is not the float nearest to 0.0422, 42.2 / 1e3 is
+        number = number / round(1 / found.factor) if _is_submultiple(found.factor) else number * found.factor
+    else:
+        number = float(value)
+    if math.isnan(number):
+        raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
+    return number
+
+
+def _is_submultiple(factor: float) -> bool:
+    """Tell whether a factor is one over an integer, to rounding."""
+    return 0 < factor < 1 and math.isclose(1 / factor, round(1 / factor), rel_tol=1e-12)
+
+
+def format_quantity(value: float, unit: str, digits: int = 4) -> str:
+    """Write an SI value for a person: lengths below 1 m in mm, times below 1 s in ms.
+
+    Args:
+        value: the value in SI.
+        unit: its SI unit.
+        digits: significant digits.
+
+    Returns:
+        Text such as `42.2 mm`.
+
+    Examples:
+        >>> format_quantity(0.0422, "m")
+        '42.2 mm'
+        >>> format_quantity(-0.74634, "N*s")
+        '-0.7463 N s'
+    """
+    shown, symbol = value, unit
+    for smaller, factor in _DISPLAY.get(unit, ()):
+        if value != 0 and abs(value) < 1:
+            shown, symbol = value / factor, smaller
+    text = f"{shown:.{digits}g}"
+    return f"{text} {symbol.replace('*', ' ')}".strip()

@@ -1,0 +1,143 @@
+"""What a proximity sensor is to pretouch: ln xi(l), its slope g(l), and the distances at which they hold."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError, OutOfRangeError
+from pretouch._core.numbers import BoolArray, FloatArray, finite
+
+__all__ = ["SensorModel", "parameter"]
+
+
+def parameter(symbol: str, unit: str, default: Any = None) -> Any:
+    """Declare a dataclass field that is a parameter of the curve, with its symbol and SI unit."""
+    metadata = {"symbol": symbol, "unit": unit}
+    return field(metadata=metadata) if default is None else field(metadata=metadata, default=default)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorModel(ABC):
+    """A sensor curve: ln xi(l) and g(l) = d ln xi / dl on a valid range, L(2).
+
+    The virtual force is F_p = D_p xi'/xi = D_p g(l) l', so these two functions are all that force, motion and
+    design ever ask of a sensor. A new curve is a frozen dataclass that inherits from this one and defines
+    `_log_output` and `_log_slope`; `check_sensor` then tells whether it obeys the laws.
+
+    Args:
+        minimum_distance: smallest distance l at which the curve holds [m].
+        maximum_distance: largest distance l at which the curve holds [m]; may be infinite.
+    """
+
+    minimum_distance: float = 0.0
+    maximum_distance: float = math.inf
+
+    name: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        low = finite(self.minimum_distance, "minimum_distance", "m")
+        high = float(self.maximum_distance)
+        if not low < high:
+            raise InvalidInputError(
+                f"maximum_distance: found {high:g} m, which must exceed minimum_distance ({low:g} m)"
+            )
+
+    @abstractmethod
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        """Return ln xi at distances that are known to be valid."""
+
+    @abstractmethod
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        """Return g = d ln xi / dl [1/m] at distances that are known to be valid."""
+
+    @property
+    def valid_range(self) -> tuple[float, float]:
+        """The distances [l_min, l_max] in m between which the curve holds."""
+        return self.minimum_distance, self.maximum_distance
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Distances inside the valid range at which a higher derivative of ln xi jumps, in m."""
+        return ()
+
+    @property
+    def constant_log_slope(self) -> float | None:
+        """The slope g [1/m] where it is the same at every distance, else None."""
+        return None
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters of the curve by name, in SI."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if "unit" in f.metadata}
+
+    @final
+    def log_output(self, distance: ArrayLike) -> Any:
+        """Evaluate ln xi(l).
+
+        Args:
+            distance: l [m], any shape, inside the valid range.
+
+        Returns:
+            ln xi, of the same shape: a float for a scalar.
+        """
+        return _like(distance, self._log_output(self._checked(distance)))
+
+    @final
+    def log_slope(self, distance: ArrayLike) -> Any:
+        """Evaluate g(l) = d ln xi / dl.
+
+        Args:
+            distance: l [m], any shape, inside the valid range.
+
+        Returns:
+            g [1/m], of the same shape: a float for a scalar.
+        """
+        return _like(distance, self._log_slope(self._checked(distance)))
+
+    @final
+    def output(self, distance: ArrayLike) -> Any:
+        """Evaluate the sensor output xi(l), in the unit of the calibration.
+
+        Args:
+            distance: l [m], any shape, inside the valid range.
+
+        Returns:
+            xi, of the same shape: a float for a scalar.
+        """
+        return _like(distance, np.exp(self._log_output(self._checked(distance))))
+
+    @final
+    def contains(self, distance: ArrayLike) -> BoolArray:
+        """Tell which distances lie inside the valid range.
+
+        Args:
+            distance: l [m], any shape.
+
+        Returns:
+            An array of truth values, of the same shape.
+        """
+        low, high = self.valid_range
+        values = np.asarray(distance, dtype=np.float64)
+        return np.asarray((values >= low) & (values <= high))
+
+    def _checked(self, distance: ArrayLike) -> FloatArray:
+        values = np.asarray(distance, dtype=np.float64)
+        inside = self.contains(values)
+        if not inside.all():
+            low, high = self.valid_range
+            culprit = float(np.atleast_1d(values)[~np.atleast_1d(inside)][0])
+            raise OutOfRangeError(
+                f"distance: found {culprit:g} m, where the {self.name} sensor says nothing; "
+                f"it is valid from {low:g} m to {high:g} m"
+            )
+        return values
+
+
+def _like(template: ArrayLike, values: FloatArray) -> Any:
+    return float(values) if np.ndim(template) == 0 else np.asarray(values, dtype=np.float64)

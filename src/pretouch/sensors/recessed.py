@@ -1,0 +1,79 @@
+"""A sensor that sits behind the contact surface, as in the letter's Section IV-B."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite
+
+from .model import SensorModel
+
+__all__ = ["Recessed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recessed(SensorModel):
+    """A calibrated sensor mounted so that contact (l = 0) happens at a distance `recess` from its own zero.
+
+    Reflective sensors peak or saturate in the near field; sunk behind the contact surface by the start of their
+    usable window, they work in the part of their curve that falls.
+
+    Args:
+        sensor: the curve over the distance from the sensor's own zero.
+        recess: distance from the sensor's zero to the contact surface [m].
+        minimum_distance: smallest valid l [m], from the contact surface; what the curve allows, where that is larger.
+        maximum_distance: largest valid l [m], likewise.
+
+    Examples:
+        >>> from pretouch.sensors import ExponentialFirstOrder
+        >>> bare = ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=0.005)
+        >>> Recessed(sensor=bare, recess=0.005).valid_range
+        (0.0, inf)
+    """
+
+    sensor: SensorModel = field()
+    recess: float = field()
+    minimum_distance: float = -np.inf
+
+    name: ClassVar[str] = "recessed"
+
+    def __post_init__(self) -> None:
+        recess = finite(self.recess, "recess", "m")
+        low, high = self.sensor.valid_range
+        object.__setattr__(self, "minimum_distance", max(float(self.minimum_distance), low - recess))
+        object.__setattr__(self, "maximum_distance", min(float(self.maximum_distance), high - recess))
+        if not self.maximum_distance > 0:
+            raise InvalidInputError(
+                f"recess: found {recess:g} m, which leaves no distance in front of the contact surface: "
+                f"the {self.sensor.name} curve ends at {high:g} m"
+            )
+        SensorModel.__post_init__(self)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters of the curve and the recess, in SI."""
+        return {**self.sensor.parameters, "recess": self.recess}
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """The knots of the curve [m], from the contact surface."""
+        return tuple(knot - self.recess for knot in self.sensor.knots)
+
+    @property
+    def constant_log_slope(self) -> float | None:
+        """The slope of the curve [1/m] where it is the same at every distance, else None."""
+        return self.sensor.constant_log_slope
+
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(self.sensor.log_output(self._own(distance)))
+
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(self.sensor.log_slope(self._own(distance)))
+
+    def _own(self, distance: FloatArray) -> FloatArray:
+        low, high = self.sensor.valid_range  # l + recess may round to just outside
+        return np.clip(distance + self.recess, low, high)

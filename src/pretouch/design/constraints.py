@@ -1,0 +1,78 @@
+"""The limits of Section VI.B: each holds a quantity of the encounter at or below a given magnitude."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import finite
+from pretouch.motion.contact import ContactState
+
+from .impact import ImpactModel
+from .quantities import QUANTITY_UNITS, quantity_of
+
+__all__ = ["CONSTRAINT_NAMES", "Constraint"]
+
+CONSTRAINT_NAMES: Final[dict[str, str]] = {
+    "excursion": "largest_excursion",
+    "travel": "largest_travel",
+    "relative_velocity": "relative_velocity",
+    "time": "time",
+    "speed": "largest_speed",
+    "acceleration": "largest_acceleration",
+    "virtual_force": "largest_virtual_force",
+    "drive_force": "drive_force",
+    "impact_force": "impact_force",
+}
+"""Short name of each constraint, as in a scenario file, and the quantity that it limits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constraint:
+    """A limit |quantity| <= limit.
+
+    Args:
+        name: a key of CONSTRAINT_NAMES: `excursion` (|x - x_d| over the whole motion), `travel` (|x - x(0)| over the
+            whole motion), `relative_velocity` (at contact), `time` (of contact), `speed`, `acceleration`,
+            `virtual_force` (of the plant, over the whole motion), `drive_force` (physical mass times largest
+            acceleration), `impact_force` (peak force of the impact).
+        limit: the largest allowed magnitude > 0, in SI.
+
+    Examples:
+        >>> Constraint(name="excursion", limit=0.2).unit
+        'm'
+    """
+
+    name: str
+    limit: float
+
+    def __post_init__(self) -> None:
+        if self.name not in CONSTRAINT_NAMES:
+            raise InvalidInputError(f"constraint: found {self.name!r}, expected one of {', '.join(CONSTRAINT_NAMES)}")
+        if not finite(self.limit, f"constraint {self.name}", self.unit) > 0:
+            raise InvalidInputError(f"constraint {self.name}: found {self.limit:g} {self.unit}, which must be positive")
+
+    @property
+    def quantity(self) -> str:
+        """The quantity that is limited."""
+        return CONSTRAINT_NAMES[self.name]
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of the limit."""
+        return QUANTITY_UNITS[self.quantity]
+
+    def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:
+        """Return |quantity| in SI, of the shape of the state.
+
+        Args:
+            state: the state at contact.
+            impact: the physical properties, where the quantity needs them.
+
+        Returns:
+            The magnitude.
+        """
+        return np.abs(quantity_of(self.quantity, state, impact))

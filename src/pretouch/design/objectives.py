@@ -1,0 +1,160 @@
+"""What is minimized: L(20), L(22) and any weighted combination of contact quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite, nonnegative
+from pretouch.motion.contact import ContactState
+
+from .impact import ImpactModel
+from .quantities import QUANTITY_UNITS, quantity_of
+
+__all__ = ["OBSTACLE_SPEED", "Objective", "Term", "excursion_objective", "time_objective"]
+
+OBSTACLE_SPEED = "obstacle speed"
+Scale: TypeAlias = float | Literal["obstacle speed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """One term weight * (quantity / scale)^2 of an objective.
+
+    Args:
+        quantity: a key of QUANTITY_UNITS, such as `displacement`, `relative_velocity`, `time`, `impact_force`.
+        scale: the typical value, in SI, not 0; its sign is of no consequence. Or `"obstacle speed"`: the obstacle's
+            own speed in each scenario, for velocities only.
+        weight: w >= 0.
+    """
+
+    quantity: str
+    scale: Scale
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.quantity not in QUANTITY_UNITS:
+            raise InvalidInputError(f"quantity: found {self.quantity!r}, expected one of {', '.join(QUANTITY_UNITS)}")
+        nonnegative(self.weight, "weight")
+        if isinstance(self.scale, str):
+            if self.scale != OBSTACLE_SPEED:
+                raise InvalidInputError(f"scale: found {self.scale!r}, expected a number or {OBSTACLE_SPEED!r}")
+            if "velocity" not in self.quantity and "speed" not in self.quantity:
+                raise InvalidInputError(f"scale: {OBSTACLE_SPEED!r} scales velocities, not {self.quantity!r}")
+        elif finite(self.scale, "scale") == 0:
+            raise InvalidInputError("scale: found 0, which must not be zero")
+
+    def scale_for(self, obstacle_speed: Any) -> Any:
+        """Return the typical value in SI, where it follows the obstacle for the given speed [m/s]."""
+        if not isinstance(self.scale, str):
+            return self.scale
+        if np.any(np.asarray(obstacle_speed) == 0):
+            raise InvalidInputError(
+                f"scale: {OBSTACLE_SPEED!r} cannot scale the {self.quantity} of an obstacle at rest; give a velocity"
+            )
+        return np.abs(obstacle_speed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Objective:
+    """A sum of squared, scaled contact quantities to be minimized.
+
+    Args:
+        terms: the terms, at least one with a positive weight.
+        name: what it is called in reports.
+
+    Examples:
+        >>> Objective(terms=(Term(quantity="largest_acceleration", scale=10.0),), name="gentle").name
+        'gentle'
+    """
+
+    terms: tuple[Term, ...]
+    name: str = "custom"
+
+    def __post_init__(self) -> None:
+        if not any(term.weight > 0 for term in self.terms):
+            raise InvalidInputError("terms: found none with a positive weight, expected one or more")
+
+    def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> FloatArray:
+        """Evaluate the objective.
+
+        Args:
+            state: the state at contact.
+            obstacle_speed: |x_o'| at the start [m/s], for scales that follow it.
+            impact: the physical properties, where a term needs them.
+
+        Returns:
+            The objective, of the shape of the state.
+        """
+        return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
+
+    def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
+        """Evaluate each term alone.
+
+        Args:
+            state: the state at contact.
+            obstacle_speed: |x_o'| at the start [m/s].
+            impact: the physical properties, where a term needs them.
+
+        Returns:
+            weight * (quantity / scale)^2 by quantity.
+        """
+        return {
+            t.quantity: t.weight * (quantity_of(t.quantity, state, impact) / t.scale_for(obstacle_speed)) ** 2
+            for t in self.terms
+        }
+
+
+def excursion_objective(
+    *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
+) -> Objective:
+    """Make the objective f_1 of L(20): the range of motion that mitigation takes against the speed that is left.
+
+    Args:
+        position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
+        velocity_scale: l'_typ [m/s], or `"obstacle speed"`. The choice matters: with a fixed scale the optimal |D_p|
+            grows with the obstacle's speed, with a scale that follows it, it falls (the letter's Fig. 6).
+        position_weight: w_1 >= 0.
+        velocity_weight: w_2 >= 0.
+
+    Returns:
+        The objective.
+
+    Examples:
+        >>> excursion_objective(position_scale=0.5, velocity_scale=0.3).name
+        'excursion'
+    """
+    terms = (
+        Term(quantity="displacement", scale=position_scale, weight=position_weight),
+        Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight),
+    )
+    return Objective(terms=terms, name="excursion")
+
+
+def time_objective(
+    *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
+) -> Objective:
+    """Make the objective f_2 of L(22): the time that mitigation takes against the speed that is left.
+
+    Args:
+        time_scale: t_typ [s].
+        velocity_scale: l'_typ [m/s], or `"obstacle speed"`.
+        time_weight: w_3 >= 0.
+        velocity_weight: w_4 >= 0.
+
+    Returns:
+        The objective.
+
+    Examples:
+        >>> time_objective(time_scale=1.0, velocity_scale=0.01).name
+        'time'
+    """
+    terms = (
+        Term(quantity="time", scale=time_scale, weight=time_weight),
+        Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight),
+    )
+    return Objective(terms=terms, name="time")

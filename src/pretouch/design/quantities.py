@@ -1,0 +1,64 @@
+"""The quantities that objectives and constraints speak of, with their units."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch.motion.contact import ContactState
+
+from .impact import ImpactModel
+
+__all__ = ["QUANTITY_UNITS", "quantity_of"]
+
+QUANTITY_UNITS: Final[dict[str, str]] = {
+    "time": "s",
+    "position": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "displacement": "m",
+    "relative_velocity": "m/s",
+    "virtual_force": "N",
+    "largest_excursion": "m",
+    "largest_travel": "m",
+    "largest_speed": "m/s",
+    "largest_acceleration": "m/s^2",
+    "largest_virtual_force": "N",
+    "drive_force": "N",
+    "impact_force": "N",
+}
+"""SI unit of every quantity: the fields of ContactState, and two that need the robot's physical mass."""
+
+_STATE_FIELDS = {f.name for f in fields(ContactState)}
+
+
+def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:
+    """Read a quantity from the state at contact.
+
+    Args:
+        name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;
+            `impact_force` is the peak force of the impact at the relative velocity of contact.
+        state: the state at contact.
+        impact: the physical properties, needed for `drive_force` and `impact_force`.
+
+    Returns:
+        The quantity in SI, of the shape of the state.
+
+    Raises:
+        InvalidInputError: the quantity is not known, or needs physical properties that are not given.
+    """
+    if name not in QUANTITY_UNITS:
+        raise InvalidInputError(f"quantity: found {name!r}, expected one of {', '.join(QUANTITY_UNITS)}")
+    if name in _STATE_FIELDS:
+        return getattr(state, name)
+    if impact is None:
+        raise InvalidInputError(
+            f"{name}: needs the physical properties of robot and obstacle; give an impact model with the robot's "
+            "reflected mass (the virtual mass of the admittance is another quantity)"
+        )
+    if name == "drive_force":
+        return impact.robot_mass * np.asarray(state.largest_acceleration)
+    return impact.peak_force(state.relative_velocity)

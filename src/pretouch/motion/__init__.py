@@ -1,0 +1,21 @@
+"""Pre-contact motion: the encounter, its solution for any sensor curve, and the contact that it ends in."""
+
+from .admittance import Admittance
+from .contact import ContactResult, ContactState, ContactStatus
+from .scenario import Obstacle, Plant, Reference, Scenario
+from .solve import METHODS, Motion, find_contact, solve_motion
+
+__all__ = [
+    "METHODS",
+    "Admittance",
+    "ContactResult",
+    "ContactState",
+    "ContactStatus",
+    "Motion",
+    "Obstacle",
+    "Plant",
+    "Reference",
+    "Scenario",
+    "find_contact",
+    "solve_motion",
+]

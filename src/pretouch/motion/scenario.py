@@ -1,0 +1,150 @@
+"""The encounter: obstacle, plant and reference, all absolute, from the moment the object enters the range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite
+
+from .admittance import Admittance
+
+__all__ = ["Obstacle", "Plant", "Reference", "Scenario"]
+
+_UNITS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Body:
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            name = f"{type(self).__name__.lower()} {f.name}"
+            object.__setattr__(self, f.name, finite(getattr(self, f.name), name, _UNITS[f.name]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Obstacle(_Body):
+    """The object's contact surface, uniformly accelerated, L(9).
+
+    Args:
+        position: x_o at t = 0 [m].
+        velocity: x_o' at t = 0 [m/s]; negative where it approaches.
+        acceleration: x_o'' [m/s^2], constant.
+    """
+
+    position: Any
+    velocity: Any = 0.0
+    acceleration: Any = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plant(_Body):
+    """The robot's contact surface at the start.
+
+    Args:
+        position: x at t = 0 [m].
+        velocity: x' at t = 0 [m/s].
+    """
+
+    position: Any = 0.0
+    velocity: Any = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reference(_Body):
+    """The task's reference x_d, uniformly accelerated.
+
+    Args:
+        position: x_d at t = 0 [m].
+        velocity: x_d' at t = 0 [m/s].
+        acceleration: x_d'' [m/s^2], constant.
+    """
+
+    position: Any = 0.0
+    velocity: Any = 0.0
+    acceleration: Any = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One encounter, or an array of them: every field broadcasts with every other.
+
+    Positions are absolute; x points away from the sensor, so the distance is l = x_o - x and an approach has
+    l' < 0. Time starts when the object enters the detection range.
+
+    Args:
+        admittance: the virtual dynamics of L(1).
+        obstacle: the object's contact surface.
+        plant: the robot's contact surface at the start; at rest at 0 m by default.
+        reference: the task's reference x_d; at rest at 0 m by default.
+
+    Examples:
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ... )
+        >>> scenario.distance, scenario.relative_velocity
+        (0.0422, -0.3)
+    """
+
+    admittance: Admittance
+    obstacle: Obstacle
+    plant: Plant = field(default_factory=Plant)
+    reference: Reference = field(default_factory=Reference)
+
+    def __post_init__(self) -> None:
+        try:
+            shape = self.shape
+        except ValueError:
+            shapes = ", ".join(sorted({str(np.shape(v)) for v in self._values() if np.ndim(v)}))
+            raise InvalidInputError(f"scenario: the shapes {shapes} of its fields do not broadcast") from None
+        distance = np.broadcast_to(self.distance, shape)
+        if not np.all(distance > 0):
+            raise InvalidInputError(
+                f"obstacle position: found a distance of {float(np.min(distance)):g} m between obstacle and plant, "
+                "which must be positive: the encounter starts before contact"
+            )
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The broadcast shape of all fields; `()` for one encounter."""
+        return np.broadcast_shapes(*(np.shape(v) for v in self._values()))
+
+    @property
+    def distance(self) -> Any:
+        """The distance l(0) = epsilon of L(11) [m]."""
+        return self.obstacle.position - self.plant.position
+
+    @property
+    def relative_velocity(self) -> Any:
+        """The relative velocity l'(0) = mu of L(12) [m/s]."""
+        return self.obstacle.velocity - self.plant.velocity
+
+    def relative(self) -> FloatArray:
+        """Return the quantities relative to the reference that L(9)-(13) need.
+
+        Returns:
+            M_a, D_a, K_a, x~(0), x~'(0), x_o - x_d at t = 0, its velocity and its acceleration, then velocity and
+            acceleration of the reference itself: stacked along a last axis of 10, over the broadcast shape.
+        """
+        a, o, p, r = self.admittance, self.obstacle, self.plant, self.reference
+        columns = (
+            a.mass,
+            a.damping,
+            a.stiffness,
+            p.position - r.position,
+            p.velocity - r.velocity,
+            o.position - r.position,
+            o.velocity - r.velocity,
+            o.acceleration - r.acceleration,
+            r.velocity,
+            r.acceleration,
+        )
+        return np.stack(np.broadcast_arrays(*columns), axis=-1).astype(np.float64)
+
+    def _values(self) -> tuple[Any, ...]:
+        parts = (self.admittance, self.obstacle, self.plant, self.reference)
+        return tuple(getattr(part, f.name) for part in parts for f in fields(part))

@@ -1,0 +1,347 @@
+"""Solve an encounter: choose the way, run it, and hand the result over with its certificate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray, finite, positive
+from pretouch.sensors import SensorModel
+
+from .contact import ContactResult, ContactState, ContactStatus
+from .curve import curve_pieces
+from .kernels.layout import COLUMNS, TRACE_COLUMNS
+from .scenario import Scenario
+from .uniform_motion import solve_uniform_motion
+
+__all__ = ["METHODS", "Motion", "find_contact", "solve_motion"]
+
+METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
+_HORIZON: Final = 3600.0
+_GROWTH: Final = 64.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """A motion sampled from the entry into the detection range to its end: arrays with time as their last axis.
+
+    Args:
+        time: t [s], equally spaced.
+        distance: l [m].
+        position: x of the plant [m], absolute.
+        velocity: x' of the plant [m/s].
+        acceleration: x'' of the plant [m/s^2].
+        displacement: x - x_d [m].
+        relative_velocity: l' [m/s].
+        virtual_force: F_p [N].
+        result: how the encounter ended.
+    """
+
+    time: FloatArray
+    distance: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    displacement: FloatArray
+    relative_velocity: FloatArray
+    virtual_force: FloatArray
+    result: ContactResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Request:
+    """The broadcast, flattened form of one call."""
+
+    scenario: Scenario
+    sensor: SensorModel
+    shape: tuple[int, ...]
+    values: FloatArray
+    gain: FloatArray
+    horizon: float
+    method: str
+
+
+def find_contact(
+    scenario: Scenario,
+    sensor: SensorModel,
+    gain: ArrayLike,
+    *,
+    method: str = "auto",
+    horizon: float = _HORIZON,
+) -> ContactResult:
+    """Find the first contact of an encounter, L(1) with L(2), and what it demands of the robot until then.
+
+    Args:
+        scenario: the encounter, or an array of them.
+        sensor: the sensor curve; its scale is of no consequence.
+        gain: D_p [N s], broadcast with the scenario; negative gains mitigate.
+        method: "closed-form" (L(10), for a constant slope only), "integration" (any curve), "uniform-motion"
+            (L(16)-(19), one particular motion of the second-order exponential curve that does not start from the
+            given state: it shifts an optimal gain by about 10 %), or "auto": closed form where the slope is
+            constant, integration elsewhere.
+        horizon: how long to wait for contact [s].
+
+    Returns:
+        Status and state at the end of each run, of the broadcast shape.
+
+    Valid for:
+        A plant that follows the virtual object exactly and a sensor without delay (the letter's Section II).
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import ExponentialFirstOrder
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ... )
+        >>> sensor = ExponentialFirstOrder(scale=0.458, rate=-61.0)
+        >>> round(find_contact(scenario, sensor, -1.0).contact.position, 4)
+        -0.1353
+    """
+    request = _request(scenario, sensor, gain, method, horizon)
+    rows = np.empty((len(request.values), len(COLUMNS)))
+    status = np.empty(len(request.values), dtype=np.int64)
+    if request.method == "uniform-motion":
+        solve_uniform_motion(request.values, sensor, request.gain, rows, status)
+    elif request.method == "closed-form":
+        from .kernels.linear import solve_linear  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+        low, high = sensor.valid_range
+        slope = sensor.constant_log_slope
+        solve_linear(request.values, slope, request.gain, (request.horizon, low, high), rows, status)
+    else:
+        _integrate(request, rows, status)
+    return _result(request, rows, status)
+
+
+def solve_motion(
+    scenario: Scenario,
+    sensor: SensorModel,
+    gain: ArrayLike,
+    *,
+    method: str = "auto",
+    horizon: float = _HORIZON,
+    samples: int = 200,
+) -> Motion:
+    """Solve an encounter and sample its whole motion, L(1) with L(2).
+
+    Args:
+        scenario: the encounter, or an array of them.
+        sensor: the sensor curve.
+        gain: D_p [N s], broadcast with the scenario.
+        method: as in `find_contact`.
+        horizon: how long to wait for contact [s].
+        samples: how many instants, from 0 to the end of each run, ends included; at least 2.
+
+    Returns:
+        The motion; its arrays have the broadcast shape with the samples as a last axis.
+
+    Raises:
+        InvalidInputError: there are too few samples.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import InversePower
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ... )
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> motion = solve_motion(scenario, sensor, -0.7)
+        >>> round(float(motion.position[-1]), 4)
+        -0.0915
+    """
+    if samples < 2:
+        raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
+    result = find_contact(scenario, sensor, gain, method=method, horizon=horizon)
+    request = _request(scenario, sensor, gain, method, horizon)
+    end = np.atleast_1d(np.asarray(result.end.time)).ravel()
+    times = end[:, None] * np.linspace(0.0, 1.0, samples)
+    times[:, -1] = end
+    trace = np.zeros((len(end), samples, len(TRACE_COLUMNS)))
+    v = request.values[:, :, None]
+    obstacle = v[:, 5] + (v[:, 6] + v[:, 7] * times / 2) * times
+    if request.method == "uniform-motion":
+        rows, status = np.empty((len(end), len(COLUMNS))), np.empty(len(end), dtype=np.int64)
+        a, b = solve_uniform_motion(request.values, sensor, request.gain, rows, status)
+        trace[..., 0] = np.where(np.isnan(a), rows[:, 1], b)[:, None] + np.nan_to_num(a)[:, None] * times
+        trace[..., 2] = v[:, 6] - np.nan_to_num(a)[:, None]
+    elif request.method == "closed-form":
+        _trace_closed_form(request, times, trace)
+        trace[..., 0] = obstacle - trace[..., 1]
+    else:
+        _trace_integration(request, times, trace)
+    trace[..., 1] = obstacle - trace[..., 0]
+    return _motion(request, times, trace, result, samples)
+
+
+def _request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> _Request:
+    if method not in METHODS:
+        raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
+    if method == "closed-form" and sensor.constant_log_slope is None:
+        raise InvalidInputError(
+            f"method: the closed form L(10) holds for a constant slope only, not for the {sensor.name} curve; "
+            "use method='integration' or 'auto'"
+        )
+    if method == "auto":
+        method = "integration" if sensor.constant_log_slope is None else "closed-form"
+    gains = np.asarray(finite(gain, "gain", "N*s"))
+    try:
+        shape = np.broadcast_shapes(scenario.shape, gains.shape)
+    except ValueError:
+        raise InvalidInputError(f"gain: shape {gains.shape} does not broadcast with {scenario.shape}") from None
+    distance = np.asarray(scenario.distance)
+    inside = sensor.contains(distance)
+    if not inside.all():
+        low, high = sensor.valid_range
+        raise InvalidInputError(
+            f"obstacle position: found a distance of {float(distance[~inside].flat[0]):g} m at the start, outside the "
+            f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
+            "enters the detection range"
+        )
+    values = scenario.relative()
+    return _Request(
+        scenario=scenario,
+        sensor=sensor,
+        shape=shape,
+        values=np.ascontiguousarray(np.broadcast_to(values, (*shape, values.shape[-1])).reshape(-1, values.shape[-1])),
+        gain=np.ascontiguousarray(np.broadcast_to(gains, shape).ravel()),
+        horizon=positive(horizon, "horizon", "s"),
+        method=method,
+    )
+
+
+def _pieces(request: _Request, reach: float) -> tuple[FloatArray, tuple[float, bool, bool]]:
+    """Return the curve's pieces up to a reach, and the kernel's limits that go with them."""
+    low, high = request.sensor.valid_range
+    top = min(high, reach)
+    limits = (request.horizon, low <= 0, top < high)
+    return curve_pieces(request.sensor, max(low, 0.0), top), limits
+
+
+def _integrate(request: _Request, rows: FloatArray, status: IntArray) -> None:
+    """Integrate every encounter, those that outgrow the curve's pieces again with more of them."""
+    from .kernels.series import solve_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    reach = _first_reach(request)
+    pieces, limits = _pieces(request, reach)
+    solve_series(request.values, request.gain, pieces, limits, rows, status)
+    while limits[2] and reach < 1e12:
+        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, 1] >= reach))
+        if not len(again):
+            return
+        reach *= _GROWTH
+        pieces, limits = _pieces(request, reach)
+        part, part_status = np.empty((len(again), rows.shape[1])), np.empty(len(again), dtype=np.int64)
+        solve_series(request.values[again], request.gain[again], pieces, limits, part, part_status)
+        rows[again], status[again] = part, part_status
+
+
+def _first_reach(request: _Request) -> float:
+    farthest = float(np.max(request.values[:, 5] - request.values[:, 3], initial=0.0))
+    return 2.0 ** math.ceil(math.log2(4 * farthest))
+
+
+def _result(request: _Request, rows: FloatArray, status: IntArray) -> ContactResult:
+    shape, reference = request.shape, request.scenario.reference
+    c = {name: rows[:, i].reshape(shape) for i, name in enumerate(COLUMNS)}
+    time = c["time"]
+    x_d = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
+    end = ContactState(
+        time=_plain(time),
+        distance=_plain(c["distance"]),
+        position=_plain(c["displacement"] + x_d),
+        velocity=_plain(c["displacement_velocity"] + reference.velocity + reference.acceleration * time),
+        acceleration=_plain(c["displacement_acceleration"] + reference.acceleration),
+        displacement=_plain(c["displacement"]),
+        relative_velocity=_plain(c["relative_velocity"]),
+        virtual_force=_plain(c["virtual_force"]),
+        largest_excursion=_plain(c["largest_excursion"]),
+        largest_travel=_plain(c["largest_travel"]),
+        largest_speed=_plain(c["largest_speed"]),
+        largest_acceleration=_plain(c["largest_acceleration"]),
+        largest_virtual_force=_plain(c["largest_virtual_force"]),
+    )
+    return ContactResult(
+        status=ContactStatus(int(status[0])) if shape == () else status.reshape(shape),
+        method=request.method,
+        gain=_plain(request.gain.reshape(shape)),
+        end=end,
+        closest_distance=_plain(c["closest_distance"]),
+        settling_distance=_plain(c["settling_distance"]),
+        impulse_residual=_plain(_impulse_residual(request, rows).reshape(shape)),
+    )
+
+
+def _impulse_residual(request: _Request, rows: FloatArray) -> FloatArray:
+    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of the four terms."""
+    if request.method == "uniform-motion":
+        return np.full(len(rows), np.nan)
+    v = request.values
+    low, high = request.sensor.valid_range
+    start, end = v[:, 5] - v[:, 3], np.clip(rows[:, COLUMNS.index("distance")], low, high)
+    rise = np.asarray(request.sensor.log_output(end)) - np.asarray(request.sensor.log_output(start))
+    terms = np.stack(
+        [
+            v[:, 0] * (rows[:, COLUMNS.index("displacement_velocity")] - v[:, 4]),
+            v[:, 1] * (rows[:, COLUMNS.index("displacement")] - v[:, 3]),
+            v[:, 2] * rows[:, COLUMNS.index("displacement_integral")],
+            -request.gain * rise,
+        ]
+    )
+    largest = np.abs(terms).max(axis=0)
+    return np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0)
+
+
+def _trace_closed_form(request: _Request, times: FloatArray, trace: FloatArray) -> None:
+    from .kernels.response import respond_many  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    v, coupling = request.values, request.sensor.constant_log_slope * request.gain  # type: ignore[operator]
+    rows = np.column_stack([v[:, 0], v[:, 1] + coupling, v[:, 2:5], coupling * v[:, 6], coupling * v[:, 7]])
+    respond_many(rows, times, trace[..., 1:])
+
+
+def _trace_integration(request: _Request, times: FloatArray, trace: FloatArray) -> None:
+    from .kernels.series import trace_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    reach = _first_reach(request)
+    while True:
+        pieces, limits = _pieces(request, reach)
+        trace[...] = np.nan
+        trace_series(request.values, request.gain, pieces, limits, times, trace)
+        if not limits[2] or not np.isnan(trace).any() or reach > 1e12:
+            return
+        reach *= _GROWTH
+
+
+def _motion(request: _Request, times: FloatArray, trace: FloatArray, result: ContactResult, samples: int) -> Motion:
+    v, shape = request.values[:, :, None], (*request.shape, samples)
+    low, high = request.sensor.valid_range
+    distance = np.clip(trace[..., 0], low, high)
+    relative_velocity = v[:, 6] + v[:, 7] * times - trace[..., 2]
+    slope = np.asarray(request.sensor.log_slope(distance))
+    reference = request.scenario.reference
+    moment = times.reshape(shape)
+    p, u, a = (
+        np.expand_dims(np.asarray(x), -1) for x in (reference.position, reference.velocity, reference.acceleration)
+    )
+    return Motion(
+        time=moment,
+        distance=trace[..., 0].reshape(shape),
+        position=trace[..., 1].reshape(shape) + p + (u + a * moment / 2) * moment,
+        velocity=trace[..., 2].reshape(shape) + u + a * moment,
+        acceleration=trace[..., 3].reshape(shape) + a,
+        displacement=trace[..., 1].reshape(shape),
+        relative_velocity=relative_velocity.reshape(shape),
+        virtual_force=(request.gain[:, None] * slope * relative_velocity).reshape(shape),
+        result=result,
+    )
+
+
+def _plain(value: FloatArray) -> Any:
+    return float(value) if value.ndim == 0 else value

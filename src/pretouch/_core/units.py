@@ -58,6 +58,7 @@ _PREFIX: Final = {
     "G": 1e9,
 }
 _DISPLAY: Final = {"m": (("mm", 1e-3),), "s": (("ms", 1e-3),)}
+_NEGLIGIBLE: Final = 1e-14  # rounding of quantities of order one
 _SUPERSCRIPT: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _TOKEN: Final = re.compile(r"\s*(\*\*|[*·/^()]|[^\W\d_]+|%|[-+]?\d+)")
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
@@ -213,9 +214,9 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
         >>> format_quantity(-0.74634, "N*s")
         '-0.7463 N s'
     """
-    shown, symbol = value, unit
+    shown, symbol = (0.0 if abs(value) < _NEGLIGIBLE else value), unit
     for smaller, factor in _DISPLAY.get(unit, ()):
-        if value != 0 and abs(value) < 1:
-            shown, symbol = value / factor, smaller
+        if abs(value) < 1:
+            shown, symbol = shown / factor, smaller
     text = f"{shown:.{digits}g}"
     return f"{text} {symbol.replace('*', ' ')}".strip()

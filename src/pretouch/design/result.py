@@ -34,7 +34,7 @@ class ConstraintOutcome:
         quantity: the quantity that is limited.
         unit: its SI unit.
         limit: the largest allowed magnitude.
-        value: the magnitude at the chosen gain; None where the design chose none.
+        value: the magnitude at the chosen gain, or at the nearest one where infeasible; None without contact.
         margin: limit - value; negative where the limit is exceeded.
         active: whether the optimum sits on this limit.
         best_value: the smallest magnitude that any gain within the bounds reaches, this constraint taken alone.
@@ -81,17 +81,15 @@ class Certificate:
     """Why the gain is believed to be the global optimum within the bounds.
 
     Args:
-        evaluations: how many encounters were solved.
         scanned: how many gains the scan that covers the bounds came to.
         resolution: largest error of predicting a scanned objective from its neighbors, relative to the range of the
             objective there: how well the scan resolves the curve.
         local_minima: the local minima found by the scan and refined, as (gain, objective), best first.
         bracket: the gains around the optimum between which it is enclosed.
         stationarity: |df/d ln|D_p|| at the optimum over the objective, where it lies inside; None on a limit.
-        at: "interior", "bound" or the name of the active constraint.
+        at: "interior", "bound", "edge of contact" or the name of the active constraint.
     """
 
-    evaluations: int
     scanned: int
     resolution: float
     local_minima: tuple[tuple[float, float], ...]
@@ -133,6 +131,7 @@ class GainDesign:
         objective: the objective there; None unless optimal.
         objective_parts: its terms by quantity.
         result: the encounter at the optimal gain; None unless optimal.
+        nearest: where infeasible, the encounter at the gain that exceeds the constraints least; else None.
         no_mitigation: the encounter with D_p = 0.
         damping_at_contact: D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact.
         constraints: each constraint with its margin.
@@ -153,6 +152,7 @@ class GainDesign:
     objective: float | None
     objective_parts: dict[str, float]
     result: ContactResult | None
+    nearest: ContactResult | None
     no_mitigation: ContactResult
     damping_at_contact: float | None
     constraints: tuple[ConstraintOutcome, ...]
@@ -167,5 +167,14 @@ class GainDesign:
     impact: ImpactModel | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the design as one JSON object, all SI."""
-        return {}
+        """Return the design as one JSON object: numbers in SI, None where there is none."""
+        return design_as_dict(self)
+
+    def __str__(self) -> str:
+        return design_as_text(self)
+
+    def _repr_html_(self) -> str:
+        return design_as_html(self)
+
+
+from .summary import design_as_dict, design_as_html, design_as_text  # noqa: E402 - it describes the class above

@@ -112,7 +112,7 @@ def find_contact(
         from .kernels.linear import solve_linear  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
         low, high = sensor.valid_range
-        slope = sensor.constant_log_slope
+        slope = sensor.constant_log_slope or 0.0
         solve_linear(request.values, slope, request.gain, (request.horizon, low, high), rows, status)
     else:
         _integrate(request, rows, status)
@@ -295,13 +295,13 @@ def _impulse_residual(request: _Request, rows: FloatArray) -> FloatArray:
         ]
     )
     largest = np.abs(terms).max(axis=0)
-    return np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0)
+    return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
 
 
 def _trace_closed_form(request: _Request, times: FloatArray, trace: FloatArray) -> None:
     from .kernels.response import respond_many  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
-    v, coupling = request.values, request.sensor.constant_log_slope * request.gain  # type: ignore[operator]
+    v, coupling = request.values, (request.sensor.constant_log_slope or 0.0) * request.gain
     rows = np.column_stack([v[:, 0], v[:, 1] + coupling, v[:, 2:5], coupling * v[:, 6], coupling * v[:, 7]])
     respond_many(rows, times, trace[..., 1:])
 

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import config
 
 __all__ = ["cache_folder", "kernel"]
 
+config: Any = numba.core.config
 F = TypeVar("F", bound=Callable[..., Any])
 
 

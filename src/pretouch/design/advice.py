@@ -1,0 +1,80 @@
+"""What a user should read before relying on a gain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pretouch._core.units import format_quantity
+from pretouch.motion import ContactResult, ContactStatus
+
+from .objectives import OBSTACLE_SPEED
+from .result import DesignStatus, GainDesign
+
+__all__ = ["design_warnings"]
+
+_RESIDUAL = 1e-9
+
+
+def design_warnings(design: GainDesign, scanned: ContactResult) -> GainDesign:
+    """Return a design with its warnings.
+
+    Args:
+        design: the design without warnings.
+        scanned: the encounters of its scan.
+
+    Returns:
+        The same design with warnings, in order of weight.
+    """
+    return replace(design, warnings=tuple(_warnings(design, scanned)))
+
+
+def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
+    yield from _about_contact(design, scanned)
+    if design.certificate is not None and design.certificate.at == "bound":
+        yield (
+            f"the optimum lies on the bound {format_quantity(design.gain or 0.0, 'N*s')}: a wider range of gains may "
+            "hold a better one"
+        )
+    if design.certificate is not None and design.certificate.at == "edge of contact":
+        yield "the optimum lies where contact is just still made: a slightly larger gain misses the object"
+    if design.method == "uniform-motion":
+        yield (
+            "the uniform motion L(16)-(19) is one particular motion that does not start from the given state; it "
+            "shifts the optimal gain by about 10 %: compare with method 'integration'"
+        )
+    if design.gain is not None and design.gain > 0:
+        yield "the optimal gain is positive: it drives the plant toward the object"
+    if any(term.scale == OBSTACLE_SPEED for term in design.definition.terms):
+        yield (
+            "the velocity scale follows the obstacle's speed: across speeds the optimal |D_p| falls with speed, where "
+            "a fixed scale would make it grow"
+        )
+    if design.result is not None:
+        residual = float(np.asarray(design.result.impulse_residual))
+        if residual > _RESIDUAL:
+            yield f"the impulse balance of the motion is met to {residual:.0e} only: its numbers are less certain"
+
+
+def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
+    """Yield what became of the gains without contact."""
+    status = np.asarray(scanned.status)
+    for kind in ContactStatus:
+        count = int((status == kind).sum())
+        if kind is ContactStatus.CONTACT or not count:
+            continue
+        share = "every gain" if count == status.size else f"{count} of {status.size} scanned gains"
+        text = f"{share} ended without contact ({kind.label}): {kind.meaning[0].lower()}{kind.meaning[1:]}"
+        distances = np.asarray(scanned.closest_distance)[status == kind]
+        text += f" Nearest approach {format_quantity(float(distances.min()), 'm')}."
+        low = design.sensor.valid_range[0]
+        if kind is ContactStatus.LEFT_RANGE and low > 0:
+            text += (
+                f" The curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the contact "
+                "surface and give this as its recess."
+            )
+        yield text
+    if design.status is DesignStatus.OPTIMAL and not design.no_mitigation.reached.all():
+        yield "without mitigation the encounter would not end in contact at all"

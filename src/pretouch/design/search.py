@@ -41,8 +41,11 @@ class GainAxis:
         return np.asarray(np.arcsinh(np.asarray(gain) / self.scale))
 
     def gain(self, coordinate: FloatArray | float) -> FloatArray:
-        """Return the gain [N s] at u, never outside the bounds."""
-        return np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
+        """Return the gain [N s] at u: a bound itself where u is that bound's to rounding, never one outside."""
+        gain = np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
+        for bound in (self.low, self.high):
+            gain = np.where(np.abs(gain - bound) <= 1e-14 * abs(bound), bound, gain)
+        return gain
 
     def stretch(self, gain: float) -> float:
         """Return d D_p / du [N s] at a gain."""
@@ -196,31 +199,39 @@ def refine(function: Callable[[FloatArray], FloatArray], u: FloatArray, values: 
     return sorted(minima, key=lambda m: m.value)
 
 
-def _zoom(function: Callable[[FloatArray], FloatArray], left: float, right: float) -> tuple[float, float, bool]:
+def _zoom(function: Callable[[FloatArray], FloatArray], low: float, high: float) -> tuple[float, float, bool]:
     """Narrow a bracket around its lowest value; where the function is smooth there, polish by a polynomial."""
+    left, right = low, high
     for _ in range(24):
         u = np.linspace(left, right, _ZOOM)
         values = function(u)
         i = int(np.argmin(values))
-        smooth = bool(np.isfinite(values).all())
-        if smooth and 0 < i < _ZOOM - 1 and right - left < 0.1:
-            return *_polish(function, left, right), False
+        at_end = u[i] in {low, high}
+        if np.isfinite(values).all() and right - left < 0.1:
+            polished = None if at_end else _polish(function, left, right)
+            if polished is not None:
+                return *polished, False
+            if at_end and right - left < 1e-3 * (high - low):
+                break
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, _ZOOM - 1)])
         if right - left < 1e-14 * max(1.0, abs(left)):
             break
     return float(u[i]), float(values[i]), True
 
 
-def _polish(function: Callable[[FloatArray], FloatArray], left: float, right: float) -> tuple[float, float]:
-    """Minimize the interpolating polynomial of a smooth function over a narrow bracket."""
+def _polish(function: Callable[[FloatArray], FloatArray], left: float, right: float) -> tuple[float, float] | None:
+    """Minimize the interpolating polynomial over a narrow bracket; None where the function has a corner there."""
     nodes = np.cos((np.arange(_ZOOM) + 0.5) * np.pi / _ZOOM)
     u = 0.5 * (left + right) + 0.5 * (right - left) * nodes
-    fit = np.polynomial.Chebyshev.fit(u, function(u), 8, domain=[left, right])
+    values = function(u)
+    fit = np.polynomial.Chebyshev.fit(u, values, 8, domain=[left, right])
+    if np.abs(fit(u) - values).max() > 1e-7 * np.ptp(values):
+        return None
     roots = fit.deriv().roots()
     real = roots[np.abs(roots.imag) < 1e-9].real
     inside = real[(real >= left) & (real <= right)]
     if not len(inside):
-        inside = u
+        return None
     values = function(inside)
     best = int(np.argmin(values))
     return float(inside[best]), float(values[best])

@@ -95,9 +95,9 @@ class ContactResult:
         end: the state in which each run ended, whatever its status; always finite.
         closest_distance: the smallest distance of each run [m]; 0 at contact.
         settling_distance: the distance at which a run without contact comes to rest [m]; infinite where it does not.
-        impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms: an
-            identity of L(1) and L(2) for every curve, so this certifies the computed motion. NaN for the uniform
-            motion, which does not start from the given state.
+        impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
+            momentum of the approach: an identity of L(1) and L(2) for every curve, so this certifies the computed
+            motion. NaN for the uniform motion, which does not start from the given state.
     """
 
     status: Any

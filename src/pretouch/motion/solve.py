@@ -279,7 +279,7 @@ def _result(request: _Request, rows: FloatArray, status: IntArray) -> ContactRes
 
 
 def _impulse_residual(request: _Request, rows: FloatArray) -> FloatArray:
-    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of the four terms."""
+    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0)."""
     if request.method == "uniform-motion":
         return np.full(len(rows), np.nan)
     v = request.values
@@ -294,7 +294,10 @@ def _impulse_residual(request: _Request, rows: FloatArray) -> FloatArray:
             -request.gain * rise,
         ]
     )
-    largest = np.abs(terms).max(axis=0)
+    approach = np.maximum(
+        v[:, 0] * np.abs(v[:, 6] - v[:, 4]), v[:, 1] * start
+    )  # where nothing pushes, all terms vanish
+    largest = np.maximum(np.abs(terms).max(axis=0), approach)
     return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
 
 

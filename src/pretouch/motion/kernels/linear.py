@@ -52,13 +52,15 @@ def _zero(system: Any, order: int, a: float, b: float, left: float, right: float
                 guess = 0.5 * (left + right)
             width = right - left
         f_guess = _line(system, order, a, b, guess)
+        if f_guess == 0:
+            return guess
         if (f_guess < 0) == (f_left < 0):
             left, f_left = guess, f_guess
             f_right *= 0.5  # Illinois: the end that stays counts half
         else:
             right, f_right = guess, f_guess
             f_left *= 0.5
-        if f_guess == 0 or right - left <= 1e-13 * right:
+        if right - left <= 1e-13 * right:
             break
     return right
 

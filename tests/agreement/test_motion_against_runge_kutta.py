@@ -1,0 +1,151 @@
+"""11,200 random encounters of every kind and curve, and 800 of a table, against an independent integration of order 8.
+
+The claim is 1e-9 relative in time. What the reference itself is worth is measured by halving its steps: an encounter
+counts as checked where that moves the contact by less than 1e-10. The steps are halved until almost all are; the few
+that are left are stiff, and are checked against an implicit method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from encounters import CURVES, KINDS, random_encounters
+from pretouch.motion import ContactStatus, Scenario, find_contact
+from pretouch.sensors import SensorModel
+from reference_integrator import integrate, integrate_over_distance
+
+PER_CASE = 200
+CLAIM = 1e-9
+REFERENCE = 1e-10
+HORIZON = 30.0
+
+
+def _part(scenario: Scenario, index: np.ndarray) -> Scenario:
+    """The encounters of a batch with the given index."""
+
+    def pick(body: object) -> object:
+        names = [n for n in body.__dataclass_fields__ if np.ndim(getattr(body, n))]  # type: ignore[attr-defined]
+        return replace(body, **{n: getattr(body, n)[index] for n in names})  # type: ignore[type-var]
+
+    parts = ("admittance", "obstacle", "plant", "reference")
+    return Scenario(**{name: pick(getattr(scenario, name)) for name in parts})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", [n for n in CURVES if n != "table"])
+def test_contact_agrees_with_an_independent_integration(name: str, kind: str) -> None:
+    sensor, batch = CURVES[name], random_encounters(kind, PER_CASE, seed=20261121)
+    found = find_contact(batch.scenario, sensor, batch.gain, horizon=HORIZON)
+    assert np.isin(found.status, [0, 1, 2, 3]).all(), "every encounter is followed to an end"
+    for field, value in found.end.as_dict().items():
+        assert np.isfinite(value).all(), field
+    todo, checked = np.flatnonzero(found.reached), 0
+    for steps in (150, 600, 2400):
+        part, gain = _part(batch.scenario, todo), batch.gain[todo]
+        end, speed = found.end.time[todo], found.end.relative_velocity[todo]
+        coarse = integrate(part, sensor, gain, end, steps)
+        fine = integrate(part, sensor, gain, end, 2 * steps)
+        with np.errstate(invalid="ignore"):
+            trusted = np.abs(fine["distance"] - coarse["distance"]) < REFERENCE * np.abs(speed) * end
+        error = np.abs(fine["distance"] / speed / end)[trusted]
+        assert (error < CLAIM).all(), f"time off by up to {error.max():.1e}"
+        drift = np.abs(fine["relative_velocity"] / speed - 1)[trusted]
+        assert (drift < 1e-7).all(), f"l' off by up to {drift.max():.1e}"  # l' changes by l''/l' t times the error in t
+        assert (fine["smallest"][trusted] > 0).all(), "an earlier contact was missed"
+        for field in ("excursion", "speed"):
+            least = fine[field][trusted] * (1 - CLAIM) - 1e-13
+            assert (getattr(found.end, f"largest_{field}")[todo][trusted] >= least).all(), field
+        checked += int(trusted.sum())
+        todo = todo[~trusted]
+        if not len(todo):
+            break
+    assert checked >= 0.93 * found.reached.sum(), f"only {checked} of {found.reached.sum()} could be checked"
+    for i in todo[:2]:
+        _check_stiff(_part(batch.scenario, np.array([i])), sensor, float(batch.gain[i]), found.end.time[i])
+
+
+def _check_stiff(scenario: Scenario, sensor: SensorModel, gain: float, end: float) -> None:
+    """Compare one stiff encounter with the implicit Radau method in (x~, w = M x~' + D x~ - D_p ln xi).
+
+    In these variables no velocity of the stiff part is differenced; SciPy's own error at rtol 1e-12 is a few 1e-10.
+    """
+    m, d, k, x0, u0, p, v, a, _, _ = scenario.relative()[0]
+    low, high = sensor.valid_range
+
+    def ln_xi(x: float, t: float) -> float:
+        distance = p + (v + a * t / 2) * t - x
+        inside = min(max(distance, low), high)
+        return sensor.log_output(inside) + sensor.log_slope(inside) * (distance - inside)
+
+    def slope(t: float, y: np.ndarray) -> list[float]:
+        return [(y[1] - d * y[0] + gain * ln_xi(y[0], t)) / m, -k * y[0]]
+
+    start = [x0, m * u0 + d * x0 - gain * ln_xi(x0, 0.0)]
+    solution = solve_ivp(slope, (0.0, end), start, method="Radau", rtol=1e-12, atol=1e-14)
+    x = solution.y[0, -1]
+    relative_velocity = v + a * end - slope(end, solution.y[:, -1])[0]
+    assert abs((p + (v + a * end / 2) * end - x) / relative_velocity / end) < CLAIM
+
+
+@pytest.mark.parametrize("kind", ["letter", "over-damped", "near-critical", "free"])
+def test_contact_of_a_table_agrees_from_knot_to_knot(kind: str) -> None:
+    sensor, batch = CURVES["table"], random_encounters(kind, PER_CASE, seed=20261121)
+    found = find_contact(batch.scenario, sensor, batch.gain, horizon=HORIZON)
+    coarse = integrate_over_distance(batch.scenario, sensor, batch.gain, 200)
+    fine = integrate_over_distance(batch.scenario, sensor, batch.gain, 400)
+    trusted = fine["monotone"] & (np.abs(fine["time"] / coarse["time"] - 1) < REFERENCE)
+    assert trusted.sum() > 0.7 * PER_CASE
+    assert found.reached[trusted].all()
+    assert (np.abs(found.end.time / fine["time"] - 1)[trusted] < CLAIM).all()
+    assert (np.abs(found.end.relative_velocity / fine["relative_velocity"] - 1)[trusted] < 1e-7).all()
+
+
+@pytest.mark.parametrize("kind", ["accelerated", "tracking", "everything"])
+@pytest.mark.parametrize("name", CURVES)
+def test_no_contact_is_reported_only_where_there_is_none(name: str, kind: str) -> None:
+    sensor, batch = CURVES[name], random_encounters(kind, PER_CASE, seed=20261121)
+    found = find_contact(batch.scenario, sensor, batch.gain, horizon=HORIZON)
+    without = np.flatnonzero(~found.reached)
+    assert len(without), "this kind must hold encounters without contact"
+    part, gain = _part(batch.scenario, without), batch.gain[without]
+    coarse, fine = (integrate(part, sensor, gain, found.end.time[without], n) for n in (1500, 3000))
+    scale = np.abs(found.end.distance[without])
+    with np.errstate(invalid="ignore"):
+        trusted = np.abs(fine["distance"] - coarse["distance"]) < 1e-7 * scale
+    assert (fine["smallest"][trusted] > 0).all()
+    # where the motion left the curve's range it stopped, and the reference reaches the same place at that time
+    assert (np.abs(fine["distance"] - found.end.distance[without])[trusted] < 1e-6 * scale[trusted]).all()
+    # nearest approach: the reference only looks at its steps, which can miss the bottom but never undercut it
+    assert (fine["smallest"][trusted] >= found.closest_distance[without][trusted] * (1 - 1e-6)).all()
+    never = found.status[without] == ContactStatus.NEVER
+    assert not never.any() or (found.closest_distance[without][never] > 0).all()
+
+
+def test_closed_form_and_integration_are_one(letter_first_order: object) -> None:
+    """Two of our own ways that share no formula: L(10) by divided differences, and the Taylor series."""
+    for kind in KINDS:
+        batch = random_encounters(kind, PER_CASE, seed=7)
+        closed = find_contact(batch.scenario, letter_first_order, batch.gain, horizon=HORIZON)  # type: ignore[arg-type]
+        series = find_contact(
+            batch.scenario,
+            letter_first_order,  # type: ignore[arg-type]
+            batch.gain,
+            horizon=HORIZON,
+            method="integration",
+        )
+        assert (closed.reached == series.reached).all()
+        both = closed.reached
+        # what is worth nothing beside the largest of its kind met on the way is a difference of such, and rounded as they
+        largest = {
+            "velocity": closed.end.largest_speed,
+            "acceleration": closed.end.largest_acceleration,
+            "virtual_force": closed.end.largest_virtual_force,
+        }
+        for field, value in closed.end.as_dict().items():
+            other = getattr(series.end, field)
+            scale = np.maximum(np.abs(value), largest.get(field, 0.0 if field == "time" else 1e-2))
+            assert (np.abs(value - other)[both] <= 1e-11 * scale[both]).all(), (kind, field)

@@ -1,0 +1,32 @@
+"""What the tests share: the letter's sensors and encounter."""
+
+from __future__ import annotations
+
+import pytest
+
+from pretouch.motion import Admittance, Obstacle, Scenario
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
+
+
+@pytest.fixture(scope="session")
+def letter_power() -> InversePower:
+    return InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+
+
+@pytest.fixture(scope="session")
+def letter_first_order() -> ExponentialFirstOrder:
+    return ExponentialFirstOrder(scale=0.458, rate=-61.0)
+
+
+@pytest.fixture(scope="session")
+def letter_second_order() -> ExponentialSecondOrder:
+    return ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0)
+
+
+@pytest.fixture(scope="session")
+def letter_encounter() -> Scenario:
+    """Section IV-B: an obstacle that approaches at -0.3 m/s from 42.2 mm."""
+    return Scenario(
+        admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        obstacle=Obstacle(position=0.0422, velocity=-0.3),
+    )

@@ -18,15 +18,18 @@ __all__ = ["MittagLeffler", "mittag_leffler"]
 
 # Weideman & Trefethen (2007), Math. Comp. 76, 1341-1356: on the parabola s(u) = mu (1 + i u)^2 with mu = pi N / 12
 # and the step 3 / N, the 2 N nodes of the inverse Laplace transform leave an error of order 2.85^-2N for a function
-# that is analytic off the negative real axis. N = 16 is at rounding; more would only amplify that by exp(mu).
-_NODES: Final = 16
+# that is analytic off the negative real axis. N = 18 leaves 1e-14 of the derivative at zero, which decays slowest;
+# more would only amplify rounding, by exp(mu).
+_NODES: Final = 18
+# The rounding of that sum stays while E falls like exp(z): beyond these, a sum of positive terms takes over.
+_NEAR_ONE: Final = 0.6
+_FAR: Final = 1.0
+_STEP: Final = 0.15  # leaves exp(-2 pi d / step) <= 7e-18: the integrand is bounded for |Im v| <= d = alpha pi / 2
+_CHUNK: Final = 4096  # arguments at a time: one needs some 350 nodes
 
 
 def mittag_leffler(order: float, argument: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Evaluate E_alpha(z) and its derivative for z <= 0 and 0 < alpha <= 1.
-
-    E_alpha(z) is the inverse Laplace transform of s^(alpha-1) / (s^alpha - z) at time one, and dE_alpha/dz that
-    of s^(alpha-1) / (s^alpha - z)^2; both are summed by the trapezoidal rule on a parabola around the branch cut.
+    """Evaluate E_alpha(z) and its derivative for z <= 0 and 0 < alpha <= 1, to about 1e-13 of their values.
 
     Args:
         order: alpha, in (0, 1].
@@ -34,10 +37,35 @@ def mittag_leffler(order: float, argument: FloatArray) -> tuple[FloatArray, Floa
 
     Returns:
         E_alpha(z) and dE_alpha/dz, each of the shape of z.
+
+    Raises:
+        InvalidInputError: the order lies outside (0, 1], or an argument is positive or no number.
+
+    Examples:
+        >>> value, derivative = mittag_leffler(0.5, np.array(-1.0))
+        >>> round(float(value), 12), round(float(derivative), 12)
+        (0.427583576156, 0.273212014778)
     """
     z = np.asarray(argument, dtype=np.float64)
+    if not 0 < order <= 1:
+        raise InvalidInputError(f"order: found {order:g}, which must lie in (0, 1]")
+    if not (z <= 0).all():
+        raise InvalidInputError(f"argument: found {float(z[~(z <= 0)].flat[0]):g}, which must not be positive")
     if order == 1.0:
         return np.exp(z), np.exp(z)
+    value, derivative = np.empty(z.size), np.empty(z.size)
+    flat = z.ravel()
+    far = (flat < -_FAR) & (order > _NEAR_ONE)
+    for rule, where in ((_on_parabola, ~far), (_on_line, far)):
+        index = np.flatnonzero(where)
+        for start in range(0, len(index), _CHUNK):
+            part = index[start : start + _CHUNK]
+            value[part], derivative[part] = rule(order, flat[part])
+    return value.reshape(z.shape), derivative.reshape(z.shape)
+
+
+def _on_parabola(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sum the inverse Laplace transform at time one of s^(alpha-1) / (s^alpha - z), and of its derivative by z."""
     step, mu = 3.0 / _NODES, math.pi * _NODES / 12
     node = 1 + 1j * (np.arange(_NODES) + 0.5) * step  # the other half of the nodes is its complex conjugate
     s = mu * node**2
@@ -45,6 +73,24 @@ def mittag_leffler(order: float, argument: FloatArray) -> tuple[FloatArray, Floa
     pole = s**order - z[..., None]
     value = 2 * np.sum((weight / pole).real, axis=-1)
     derivative = 2 * np.sum((weight / pole**2).real, axis=-1)
+    return value, derivative
+
+
+def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sum E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv."""
+    # The transform collapsed onto its branch cut, at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha): the terms are
+    # positive and keep their digits however small E becomes. The trapezoidal rule on the half-integers misses the
+    # poles at v = +-i delta by their residues over 1 + exp(2 pi delta / step): all that is left, exp(-x), at alpha = 1.
+    delta = math.pi * (1 - order)
+    left, right = -40 - np.log(-z.min()), order * math.log(750)  # below, e^v < 1e-17 / x; above, exp(-750) = 0
+    v = _STEP * (np.arange(math.floor(left / _STEP), math.ceil(right / _STEP)) + 0.5)
+    weight = _STEP * math.sin(delta) / (math.pi * order) / (4 * (np.sinh(v / 2) ** 2 + math.sin(delta / 2) ** 2))
+    power = (-z) ** (1 / order)
+    root, turn = np.exp(v / order), complex(math.cos(delta / order), math.sin(delta / order))
+    decay = np.exp(-power[:, None] * root)
+    residue = 2 / order / (1 + math.exp(2 * math.pi * delta / _STEP)) * np.exp(-power * turn)
+    value = decay @ weight + residue.real
+    derivative = (decay @ (weight * root) + (residue * turn).real) * power / (-z * order)
     return value, derivative
 
 

@@ -149,4 +149,6 @@ def test_closed_form_and_integration_are_one(letter_first_order: object) -> None
             other = getattr(series.end, field)
             least = 0.0 if field == "time" else 1e-2  # where nothing moves
             scale = np.maximum(np.maximum(np.abs(value), largest.get(field, 0.0)), least)
-            assert (np.abs(value - other)[both] <= 1e-12 * scale[both]).all(), (kind, field)
+            # each derivative of a series that ends at 1e-16 of l loses a factor of order / step: two of them for x''
+            tolerance = 1e-10 if "acceleration" in field or "force" in field else 1e-12
+            assert (np.abs(value - other)[both] <= tolerance * scale[both]).all(), (kind, field)

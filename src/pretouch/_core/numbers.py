@@ -30,10 +30,9 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
     Raises:
         InvalidInputError: a number is missing, infinite or no number at all.
     """
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}") from None
+    array = _numbers(value)
+    if array is None:
+        raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}")
     _require(np.isfinite(array), array, name, unit, "must be finite")
     if array.ndim == 0:
         return float(array)
@@ -53,6 +52,19 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
     checked = finite(value, name, unit)
     _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative")
     return checked
+
+
+def _numbers(value: ArrayLike) -> FloatArray | None:
+    """Copy numbers into a float array; None for text, truth values, complex and masked ones, which NumPy converts."""
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind in "iufO" and not np.ma.is_masked(value):
+            return np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        pass
+    except OverflowError:  # an integer beyond the largest float
+        return np.array(np.inf)
+    return None
 
 
 def _require(holds: Any, array: FloatArray, name: str, unit: str, rule: str) -> None:

@@ -60,7 +60,9 @@ _PREFIX: Final = {
 _DISPLAY: Final = {"m": (("mm", 1e-3),), "s": (("ms", 1e-3),)}
 _NEGLIGIBLE: Final = 1e-14  # rounding of quantities of order one
 _SUPERSCRIPT: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-_TOKEN: Final = re.compile(r"\s*(\*\*|[*·/^()]|[^\W\d_]+|%|[-+]?\d+)")
+_TOKEN: Final = re.compile(r"(\s*)(\*\*|[*·/^()]|[^\W\d_]+|%|[-+]?\d+)")
+_DEEPEST: Final = 8  # parentheses
+_LARGEST_POWER: Final = 99
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
 
@@ -69,7 +71,8 @@ def parse_unit(text: str) -> Unit:
     """Read a unit such as `N*s/m`, `m/s^2`, `mm` or `N/(m/s)`.
 
     Args:
-        text: the unit; `*` or `·` multiplies, `/` divides by the next factor, `^` or `**` raises to a power.
+        text: the unit; `*`, `·` or a space multiplies, `/` divides by the next factor, `^` or `**` raises to a power.
+            After a division a space could mean either, and is refused.
 
     Returns:
         The factor to SI and the exponents of the base units.
@@ -81,21 +84,54 @@ def parse_unit(text: str) -> Unit:
         >>> parse_unit("mm/ms").factor
         1.0
     """
-    source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text)
+    tokens = _tokens(text)
+    if not tokens:
+        return Unit(1.0, _NONE)
+    try:
+        unit, rest = _product(tokens, text)
+    except (OverflowError, ZeroDivisionError):
+        unit, rest = Unit(math.inf, _NONE), []
+    if rest:
+        raise UnitError(f"{text!r} is no unit: cannot read {rest[0]!r}")
+    if not 0 < unit.factor < math.inf:
+        raise UnitError(f"{text!r} is no unit: its factor to SI is beyond all numbers")
+    return unit
+
+
+def _tokens(text: str) -> list[str]:
+    """Cut a unit into symbols, integers and operators; a space between factors becomes `*`."""
+    source = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: "^" + m.group(1).translate(_SUPERSCRIPT), text).rstrip()
     tokens: list[str] = []
+    divided = [False]  # whether a `/` stands before, in each open parenthesis
     position = 0
-    while source[position:].strip():
+    while position < len(source):
         match = _TOKEN.match(source, position)
         if match is None:
             raise UnitError(f"{text!r} is no unit: cannot read {source[position:].strip()!r}")
-        tokens.append(match.group(1))
+        space, part = match.groups()
+        if space and tokens and _ends_factor(tokens) and _starts_factor(part):
+            if divided[-1]:
+                raise UnitError(f"{text!r} is no unit: what the space before {part!r} means is not clear; write * or /")
+            tokens.append("*")
+        divided[-1] |= part == "/"
+        if part == "(":
+            divided.append(False)
+            if len(divided) > _DEEPEST:
+                raise UnitError(f"{text!r} is no unit: more than {_DEEPEST - 1} parentheses inside each other")
+        elif part == ")" and len(divided) > 1:
+            divided.pop()
+        tokens.append(part)
         position = match.end()
-    if not tokens:
-        return Unit(1.0, _NONE)
-    unit, rest = _product(tokens, text)
-    if rest:
-        raise UnitError(f"{text!r} is no unit: cannot read {rest[0]!r}")
-    return unit
+    return tokens
+
+
+def _starts_factor(part: str) -> bool:
+    return part in {"(", "%"} or part.isalpha()
+
+
+def _ends_factor(tokens: list[str]) -> bool:
+    """Tell whether a factor is complete; a bare number is none, or "3 1 mm" would be 3 mm."""
+    return tokens[-1] in {")", "%"} or tokens[-1].isalpha() or (len(tokens) > 1 and tokens[-2] in {"^", "**"})
 
 
 def _product(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
@@ -120,8 +156,8 @@ def _power(tokens: list[str], text: str) -> tuple[Unit, list[str]]:
         unit = _symbol(tokens[0], text)
     tokens = tokens[1:]
     if tokens and tokens[0] in {"^", "**"}:
-        if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d+", tokens[1]):
-            raise UnitError(f"{text!r} is no unit: an exponent must be an integer")
+        if len(tokens) < 2 or not re.fullmatch(r"[-+]?\d{1,4}", tokens[1]) or abs(int(tokens[1])) > _LARGEST_POWER:
+            raise UnitError(f"{text!r} is no unit: an exponent must be an integer up to {_LARGEST_POWER}")
         unit = _combine(Unit(1.0, _NONE), unit, int(tokens[1]))
         tokens = tokens[2:]
     return unit, tokens
@@ -183,18 +219,25 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
         wanted = parse_unit(unit)
         if match.group(2) and found.exponents != wanted.exponents:
             raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
-        # 42.2 * 1e-3 is not the float nearest to 0.0422, 42.2 / 1e3 is
-        number = number / round(1 / found.factor) if _is_submultiple(found.factor) else number * found.factor
+        number = _scaled(number, found.factor)
+        if math.isinf(number) and "inf" not in match.group(1):
+            raise UnitError(f"{name}: found {value!r}, which is beyond the largest number")
     else:
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:
+            raise UnitError(f"{name}: found an integer beyond the largest number, expected {expected}") from None
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
     return number
 
 
-def _is_submultiple(factor: float) -> bool:
-    """Tell whether a factor is one over an integer, to rounding."""
-    return 0 < factor < 1 and math.isclose(1 / factor, round(1 / factor), rel_tol=1e-12)
+def _scaled(number: float, factor: float) -> float:
+    """Multiply by a factor, exactly where it or its inverse is an integer: 42.2 / 1e3 is 0.0422, 42.2 * 1e-3 is not."""
+    size = factor if factor >= 1 else 1 / factor
+    if size < 1e300 and math.isclose(size, round(size), rel_tol=1e-12):
+        return number * round(size) if factor >= 1 else number / round(size)
+    return number * factor
 
 
 def format_quantity(value: float, unit: str, digits: int = 4) -> str:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import FloatArray, finite
 
 from .model import SensorModel
 
@@ -42,6 +42,11 @@ class CustomSensor(SensorModel):
     corners: tuple[float, ...] = ()
 
     name: ClassVar[str] = "custom"
+
+    def __post_init__(self) -> None:
+        SensorModel.__post_init__(self)
+        corners = np.atleast_1d(finite(self.corners, "corners", "m"))
+        object.__setattr__(self, "corners", tuple(map(float, corners.ravel())))
 
     @property
     def knots(self) -> tuple[float, ...]:

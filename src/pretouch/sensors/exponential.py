@@ -113,7 +113,8 @@ class ExponentialSecondOrder(SensorModel):
         return np.asarray(math.log(self.scale) + (self.curvature * distance + self.rate) * distance)
 
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(2 * self.curvature * distance + self.rate)
+        # at the turning point the sum may round to just above zero
+        return np.asarray(np.minimum(2 * self.curvature * distance + self.rate, 0.0))
 
 
 def _negative(value: float, name: str) -> None:

@@ -22,7 +22,7 @@ def parameter(symbol: str, unit: str, default: Any = None) -> Any:
     return field(metadata=metadata) if default is None else field(metadata=metadata, default=default)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # a subclass compares all of its own fields, or itself
 class SensorModel(ABC):
     """A sensor curve: ln xi(l) and g(l) = d ln xi / dl on a valid range, L(2).
 
@@ -41,8 +41,13 @@ class SensorModel(ABC):
     name: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        low = finite(self.minimum_distance, "minimum_distance", "m")
-        high = float(self.maximum_distance)
+        for f in fields(self):
+            if "unit" in f.metadata:
+                object.__setattr__(self, f.name, _number(getattr(self, f.name), f.name, f.metadata["unit"]))
+        low = _number(self.minimum_distance, "minimum_distance", "m")
+        high = _limit(self.maximum_distance, "maximum_distance")
+        object.__setattr__(self, "minimum_distance", low)
+        object.__setattr__(self, "maximum_distance", high)
         if not low < high:
             raise InvalidInputError(
                 f"maximum_distance: found {high:g} m, which must exceed minimum_distance ({low:g} m)"
@@ -86,7 +91,7 @@ class SensorModel(ABC):
         Returns:
             ln xi, of the same shape: a float for a scalar.
         """
-        return _like(distance, self._log_output(self._checked(distance)))
+        return self._like(distance, self._log_output(self._checked(distance)))
 
     @final
     def log_slope(self, distance: ArrayLike) -> Any:
@@ -98,7 +103,7 @@ class SensorModel(ABC):
         Returns:
             g [1/m], of the same shape: a float for a scalar.
         """
-        return _like(distance, self._log_slope(self._checked(distance)))
+        return self._like(distance, self._log_slope(self._checked(distance)))
 
     @final
     def output(self, distance: ArrayLike) -> Any:
@@ -110,7 +115,7 @@ class SensorModel(ABC):
         Returns:
             xi, of the same shape: a float for a scalar.
         """
-        return _like(distance, np.exp(self._log_output(self._checked(distance))))
+        return self._like(distance, np.exp(self._log_output(self._checked(distance))))
 
     @final
     def contains(self, distance: ArrayLike) -> BoolArray:
@@ -133,11 +138,29 @@ class SensorModel(ABC):
             low, high = self.valid_range
             culprit = float(np.atleast_1d(values)[~np.atleast_1d(inside)][0])
             raise OutOfRangeError(
-                f"distance: found {culprit:g} m, where the {self.name} sensor says nothing; "
+                f"distance: found {culprit:g} m, where the {self.name or type(self).__name__} sensor says nothing; "
                 f"it is valid from {low:g} m to {high:g} m"
             )
         return values
 
+    def _like(self, distance: ArrayLike, values: ArrayLike) -> Any:
+        result = np.asarray(values, dtype=np.float64)
+        if result.shape != np.shape(distance):
+            raise InvalidInputError(
+                f"sensor: the {self.name or type(self).__name__} curve gave the shape {result.shape} for distances of "
+                f"the shape {np.shape(distance)}, expected the same"
+            )
+        return float(result) if result.ndim == 0 else result
 
-def _like(template: ArrayLike, values: FloatArray) -> Any:
-    return float(values) if np.ndim(template) == 0 else np.asarray(values, dtype=np.float64)
+
+def _number(value: Any, name: str, unit: str) -> float:
+    """Check that a value is one finite number."""
+    number = finite(value, name, unit)
+    if not isinstance(number, float):
+        raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected one number")
+    return number
+
+
+def _limit(value: Any, name: str) -> float:
+    """Check that a value is one number [m], which may be infinite."""
+    return float(value) if isinstance(value, float) and math.isinf(value) else _number(value, name, "m")

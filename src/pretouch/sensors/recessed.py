@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import FloatArray
 
-from .model import SensorModel
+from .model import SensorModel, _limit, _number
 
 __all__ = ["Recessed"]
 
@@ -42,10 +42,17 @@ class Recessed(SensorModel):
     name: ClassVar[str] = "recessed"
 
     def __post_init__(self) -> None:
-        recess = finite(self.recess, "recess", "m")
+        if not isinstance(self.sensor, SensorModel):
+            raise InvalidInputError(f"sensor: found {self.sensor!r}, expected a sensor curve")
+        recess = _number(self.recess, "recess", "m")
         low, high = self.sensor.valid_range
-        object.__setattr__(self, "minimum_distance", max(float(self.minimum_distance), low - recess))
-        object.__setattr__(self, "maximum_distance", min(float(self.maximum_distance), high - recess))
+        nearest, farthest = (
+            _limit(self.minimum_distance, "minimum_distance"),
+            _limit(self.maximum_distance, "maximum_distance"),
+        )
+        object.__setattr__(self, "recess", recess)
+        object.__setattr__(self, "minimum_distance", max(nearest, low - recess))
+        object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
         if not self.maximum_distance > 0:
             raise InvalidInputError(
                 f"recess: found {recess:g} m, which leaves no distance in front of the contact surface: "
@@ -60,8 +67,9 @@ class Recessed(SensorModel):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """The knots of the curve [m], from the contact surface."""
-        return tuple(knot - self.recess for knot in self.sensor.knots)
+        """The knots of the curve inside the valid range [m], from the contact surface."""
+        low, high = self.valid_range
+        return tuple(k for k in (knot - self.recess for knot in self.sensor.knots) if low < k < high)
 
     @property
     def constant_log_slope(self) -> float | None:

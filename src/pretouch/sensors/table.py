@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 
-from .model import SensorModel
+from .model import SensorModel, _limit
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
@@ -58,10 +58,11 @@ class Table(SensorModel):
                     f"{name}: found {column[i]:g} followed by {column[i + 1]:g}; a table must be strictly "
                     f"{'increasing in distance' if sign > 0 else 'decreasing in output: smooth or fit it first'}"
                 )
+        low, high = _limit(self.minimum_distance, "minimum_distance"), _limit(self.maximum_distance, "maximum_distance")
         object.__setattr__(self, "distances", tuple(map(float, distances)))
         object.__setattr__(self, "outputs", tuple(map(float, outputs)))
-        object.__setattr__(self, "minimum_distance", max(float(self.minimum_distance), self.distances[0]))
-        object.__setattr__(self, "maximum_distance", min(float(self.maximum_distance), self.distances[-1]))
+        object.__setattr__(self, "minimum_distance", max(low, self.distances[0]))
+        object.__setattr__(self, "maximum_distance", min(high, self.distances[-1]))
         SensorModel.__post_init__(self)
 
     @property
@@ -74,7 +75,8 @@ class Table(SensorModel):
         return np.asarray(_interpolant(self.distances, self.outputs)(distance))
 
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(_interpolant(self.distances, self.outputs)(distance, 1))
+        # where the slope vanishes, at an end of the table, the polynomial may round to just above zero
+        return np.asarray(np.minimum(_interpolant(self.distances, self.outputs)(distance, 1), 0.0))
 
 
 def _column(values: ArrayLike, name: str) -> FloatArray:

@@ -141,6 +141,8 @@ def test_closed_form_and_integration_are_one(letter_first_order: object) -> None
         both = closed.reached
         # a quantity that is small beside the largest of its kind met on the way is a difference of such, and rounded so
         largest = {
+            "position": closed.end.largest_travel + closed.end.largest_speed * closed.end.time,
+            "displacement": closed.end.largest_travel + closed.end.largest_speed * closed.end.time,
             "velocity": closed.end.largest_speed,
             "acceleration": closed.end.largest_acceleration,
             "virtual_force": closed.end.largest_virtual_force,

@@ -176,6 +176,7 @@ def solve_motion(
         trace[..., 0] = obstacle - trace[..., 1]
     else:
         _trace_integration(request, times, trace)
+    trace[:, -1, 0] = np.ravel(result.end.distance)
     trace[..., 1] = obstacle - trace[..., 0]
     return _motion(request, times, trace, result, samples)
 

@@ -237,7 +237,7 @@ def _encounter(values: Any, slope: float, gain: float, limits: Any, row: Any) ->
         _finish(system, obstacle, coupling, stop, row)
         if leave < math.inf:
             row[1] = level
-            row[12] = min(row[12], level)
+            row[12] = level if level < high else min(row[12], level)
             return CONTACT if level == 0.0 else LEFT_RANGE
         floor = _floor_after(system, obstacle, right)
         settles = 0 < row[13] < math.inf

@@ -1,1 +1,228 @@
-"""Choose the gain of a preemptive impact controller without one collision."""
+"""pretouch chooses the gain of a proximity-sensor-based preemptive impact controller without one collision.
+
+Calibrate the sensor on the bench, describe the encounter, and get the optimal gain, the contact that it leads to, the
+margins and the evidence:
+
+    >>> import pretouch as pt
+    >>> sensor = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+    >>> scenario = pt.Scenario(
+    ...     admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+    ...     obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
+    ... )
+    >>> objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+    >>> design = pt.design_gain(scenario, sensor, objective, bounds=(-10.0, -0.01))
+    >>> round(design.gain, 4)
+    -0.7463
+
+Everything that is public is listed in `__all__`; numbers are SI floats or arrays of them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._core.errors import (
+        CalibrationDataError,
+        InvalidInputError,
+        OutOfRangeError,
+        OutputExistsError,
+        PretouchError,
+        ResultUnavailableError,
+        ScenarioFileError,
+        UnitError,
+    )
+    from .calibration import (
+        Calibration,
+        CalibrationReport,
+        SensorFit,
+        fit_sensor,
+        rank_models,
+        read_calibration,
+        read_calibrations,
+    )
+    from .config import load_scenario
+    from .design import (
+        Constraint,
+        DesignStatus,
+        GainDesign,
+        HertzImpact,
+        Objective,
+        SpringImpact,
+        Term,
+        design_gain,
+        excursion_objective,
+        time_objective,
+    )
+    from .motion import (
+        Admittance,
+        ContactResult,
+        ContactState,
+        ContactStatus,
+        Motion,
+        Obstacle,
+        Plant,
+        Reference,
+        Scenario,
+        find_contact,
+        solve_motion,
+    )
+    from .report import (
+        calibration_figure,
+        motion_figure,
+        sensitivity_figure,
+        trade_off_figure,
+        write_design_report,
+        write_fit_report,
+    )
+    from .sensors import (
+        CustomSensor,
+        ExponentialFirstOrder,
+        ExponentialSecondOrder,
+        InversePower,
+        MittagLeffler,
+        Recessed,
+        SensorModel,
+        Table,
+        check_sensor,
+    )
+
+    __version__: str
+
+__all__ = [
+    "Admittance",
+    "Calibration",
+    "CalibrationDataError",
+    "CalibrationReport",
+    "Constraint",
+    "ContactResult",
+    "ContactState",
+    "ContactStatus",
+    "CustomSensor",
+    "DesignStatus",
+    "ExponentialFirstOrder",
+    "ExponentialSecondOrder",
+    "GainDesign",
+    "HertzImpact",
+    "InvalidInputError",
+    "InversePower",
+    "MittagLeffler",
+    "Motion",
+    "Objective",
+    "Obstacle",
+    "OutOfRangeError",
+    "OutputExistsError",
+    "Plant",
+    "PretouchError",
+    "Recessed",
+    "Reference",
+    "ResultUnavailableError",
+    "Scenario",
+    "ScenarioFileError",
+    "SensorFit",
+    "SensorModel",
+    "SpringImpact",
+    "Table",
+    "Term",
+    "UnitError",
+    "calibration_figure",
+    "check_sensor",
+    "design_gain",
+    "excursion_objective",
+    "find_contact",
+    "fit_sensor",
+    "load_scenario",
+    "motion_figure",
+    "rank_models",
+    "read_calibration",
+    "read_calibrations",
+    "sensitivity_figure",
+    "solve_motion",
+    "time_objective",
+    "trade_off_figure",
+    "write_design_report",
+    "write_fit_report",
+]
+
+_HOMES = {  # loaded on first use: a program pays only for the folders that it needs
+    "_core.errors": (
+        "CalibrationDataError",
+        "InvalidInputError",
+        "OutOfRangeError",
+        "OutputExistsError",
+        "PretouchError",
+        "ResultUnavailableError",
+        "ScenarioFileError",
+        "UnitError",
+    ),
+    "sensors": (
+        "CustomSensor",
+        "ExponentialFirstOrder",
+        "ExponentialSecondOrder",
+        "InversePower",
+        "MittagLeffler",
+        "Recessed",
+        "SensorModel",
+        "Table",
+        "check_sensor",
+    ),
+    "calibration": (
+        "Calibration",
+        "CalibrationReport",
+        "SensorFit",
+        "fit_sensor",
+        "rank_models",
+        "read_calibration",
+        "read_calibrations",
+    ),
+    "motion": (
+        "Admittance",
+        "ContactResult",
+        "ContactState",
+        "ContactStatus",
+        "Motion",
+        "Obstacle",
+        "Plant",
+        "Reference",
+        "Scenario",
+        "find_contact",
+        "solve_motion",
+    ),
+    "design": (
+        "Constraint",
+        "DesignStatus",
+        "GainDesign",
+        "HertzImpact",
+        "Objective",
+        "SpringImpact",
+        "Term",
+        "design_gain",
+        "excursion_objective",
+        "time_objective",
+    ),
+    "config": ("load_scenario",),
+    "report": (
+        "calibration_figure",
+        "motion_figure",
+        "sensitivity_figure",
+        "trade_off_figure",
+        "write_design_report",
+        "write_fit_report",
+    ),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module("importlib.metadata").version(__name__)
+    for home, names in _HOMES.items():
+        if name in names:
+            value = getattr(import_module(f"{__name__}.{home}"), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

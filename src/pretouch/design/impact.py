@@ -64,7 +64,7 @@ class SpringImpact(ImpactModel):
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
         """Return |v| sqrt(mu k) [N]."""
-        return np.abs(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness)
+        return _plain(np.abs(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,4 +96,8 @@ class HertzImpact(ImpactModel):
         """Return k_h^(2/5) (5/4 mu v^2)^(3/5) [N]."""
         stiffness = 4 / 3 * self.effective_modulus * math.sqrt(self.radius)
         energy = 1.25 * self.reduced_mass * np.square(relative_velocity)
-        return stiffness**0.4 * energy**0.6
+        return _plain(stiffness**0.4 * energy**0.6)
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else value

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 __all__ = ["GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
 
@@ -142,7 +142,7 @@ def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
     while doubtful.any() and len(u) + int(doubtful.sum()) <= _LARGEST:
         middle = 0.5 * (u[:-1] + u[1:])[doubtful]
         new = evaluate(middle)
-        predicted = _predict(u, found.objective, np.flatnonzero(doubtful))
+        predicted = _predict(u, found.objective, np.flatnonzero(doubtful).astype(np.int64))
         with np.errstate(invalid="ignore"):
             error = np.abs(predicted - new.objective) / np.abs(new.objective)
         error = np.where(np.isfinite(error), error, 0.0)
@@ -161,7 +161,7 @@ def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
     return Scan(coordinate=u, landscape=found, resolution=resolution)
 
 
-def _predict(u: FloatArray, f: FloatArray, intervals: FloatArray) -> FloatArray:
+def _predict(u: FloatArray, f: FloatArray, intervals: IntArray) -> FloatArray:
     """Predict f in the middle of intervals by the cubic through the four nodes nearest to each."""
     first = np.clip(intervals - 1, 0, len(u) - 4)
     nodes = first[:, None] + np.arange(4)
@@ -192,7 +192,7 @@ def refine(function: Callable[[FloatArray], FloatArray], u: FloatArray, values: 
     padded = np.concatenate([[np.inf], values, [np.inf]])
     lowest = np.isfinite(values) & (values <= padded[:-2]) & (values < padded[2:])
     minima = []
-    for i in np.flatnonzero(lowest):
+    for i in map(int, np.flatnonzero(lowest)):
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
         at, value, edge = _zoom(function, left, right)
         minima.append(Minimum(coordinate=at, value=value, bracket=(left, right), edge=edge))

@@ -2,8 +2,9 @@
 
 from .admittance import Admittance
 from .contact import ContactResult, ContactState, ContactStatus
+from .request import METHODS
 from .scenario import Obstacle, Plant, Reference, Scenario
-from .solve import METHODS, Motion, find_contact, solve_motion
+from .solve import Motion, find_contact, solve_motion
 
 __all__ = [
     "METHODS",

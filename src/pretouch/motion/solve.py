@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,20 +9,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray, finite, positive
+from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 
+from .closed_form import solve_closed_form, trace_closed_form
 from .contact import ContactResult, ContactState, ContactStatus
-from .curve import curve_pieces
+from .integrator import integrate, trace_integration
 from .kernels.layout import COLUMNS, TRACE_COLUMNS
+from .request import Request, make_request
 from .scenario import Scenario
 from .uniform_motion import solve_uniform_motion
 
-__all__ = ["METHODS", "Motion", "find_contact", "solve_motion"]
+__all__ = ["Motion", "find_contact", "solve_motion"]
 
-METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 _HORIZON: Final = 3600.0
-_GROWTH: Final = 64.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,19 +50,6 @@ class Motion:
     relative_velocity: FloatArray
     virtual_force: FloatArray
     result: ContactResult
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Request:
-    """The broadcast, flattened form of one call."""
-
-    scenario: Scenario
-    sensor: SensorModel
-    shape: tuple[int, ...]
-    values: FloatArray
-    gain: FloatArray
-    horizon: float
-    method: str
 
 
 def find_contact(
@@ -103,19 +89,15 @@ def find_contact(
         >>> round(find_contact(scenario, sensor, -1.0).contact.position, 4)
         -0.1353
     """
-    request = _request(scenario, sensor, gain, method, horizon)
+    request = make_request(scenario, sensor, gain, method, horizon)
     rows = np.empty((len(request.values), len(COLUMNS)))
     status = np.empty(len(request.values), dtype=np.int64)
     if request.method == "uniform-motion":
         solve_uniform_motion(request.values, sensor, request.gain, rows, status)
     elif request.method == "closed-form":
-        from .kernels.linear import solve_linear  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-        low, high = sensor.valid_range
-        slope = sensor.constant_log_slope or 0.0
-        solve_linear(request.values, slope, request.gain, (request.horizon, low, high), rows, status)
+        solve_closed_form(request, rows, status)
     else:
-        _integrate(request, rows, status)
+        integrate(request, rows, status)
     return _result(request, rows, status)
 
 
@@ -159,7 +141,7 @@ def solve_motion(
     if samples < 2:
         raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
     result = find_contact(scenario, sensor, gain, method=method, horizon=horizon)
-    request = _request(scenario, sensor, gain, method, horizon)
+    request = make_request(scenario, sensor, gain, method, horizon)
     end = np.atleast_1d(np.asarray(result.end.time)).ravel()
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
     times[:, -1] = end
@@ -172,83 +154,16 @@ def solve_motion(
         trace[..., 0] = np.where(np.isnan(a), rows[:, 1], b)[:, None] + np.nan_to_num(a)[:, None] * times
         trace[..., 2] = v[:, 6] - np.nan_to_num(a)[:, None]
     elif request.method == "closed-form":
-        _trace_closed_form(request, times, trace)
+        trace_closed_form(request, times, trace)
         trace[..., 0] = obstacle - trace[..., 1]
     else:
-        _trace_integration(request, times, trace)
+        trace_integration(request, times, trace)
     trace[:, -1, 0] = np.ravel(result.end.distance)
     trace[..., 1] = obstacle - trace[..., 0]
     return _motion(request, times, trace, result, samples)
 
 
-def _request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> _Request:
-    if method not in METHODS:
-        raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
-    if method == "closed-form" and sensor.constant_log_slope is None:
-        raise InvalidInputError(
-            f"method: the closed form L(10) holds for a constant slope only, not for the {sensor.name} curve; "
-            "use method='integration' or 'auto'"
-        )
-    if method == "auto":
-        method = "integration" if sensor.constant_log_slope is None else "closed-form"
-    gains = np.asarray(finite(gain, "gain", "N*s"))
-    try:
-        shape = np.broadcast_shapes(scenario.shape, gains.shape)
-    except ValueError:
-        raise InvalidInputError(f"gain: shape {gains.shape} does not broadcast with {scenario.shape}") from None
-    distance = np.asarray(scenario.distance)
-    inside = sensor.contains(distance)
-    if not inside.all():
-        low, high = sensor.valid_range
-        raise InvalidInputError(
-            f"obstacle position: found a distance of {float(distance[~inside].flat[0]):g} m at the start, outside the "
-            f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
-            "enters the detection range"
-        )
-    values = scenario.relative()
-    return _Request(
-        scenario=scenario,
-        sensor=sensor,
-        shape=shape,
-        values=np.ascontiguousarray(np.broadcast_to(values, (*shape, values.shape[-1])).reshape(-1, values.shape[-1])),
-        gain=np.ascontiguousarray(np.broadcast_to(gains, shape).ravel()),
-        horizon=positive(horizon, "horizon", "s"),
-        method=method,
-    )
-
-
-def _pieces(request: _Request, reach: float) -> tuple[FloatArray, tuple[float, bool, bool]]:
-    """Return the curve's pieces up to a reach, and the kernel's limits that go with them."""
-    low, high = request.sensor.valid_range
-    top = min(high, reach)
-    limits = (request.horizon, low <= 0, top < high)
-    return curve_pieces(request.sensor, max(low, 0.0), top), limits
-
-
-def _integrate(request: _Request, rows: FloatArray, status: IntArray) -> None:
-    """Integrate every encounter, those that outgrow the curve's pieces again with more of them."""
-    from .kernels.series import solve_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    reach = _first_reach(request)
-    pieces, limits = _pieces(request, reach)
-    solve_series(request.values, request.gain, pieces, limits, rows, status)
-    while limits[2] and reach < 1e12:
-        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, 1] >= reach))
-        if not len(again):
-            return
-        reach *= _GROWTH
-        pieces, limits = _pieces(request, reach)
-        part, part_status = np.empty((len(again), rows.shape[1])), np.empty(len(again), dtype=np.int64)
-        solve_series(request.values[again], request.gain[again], pieces, limits, part, part_status)
-        rows[again], status[again] = part, part_status
-
-
-def _first_reach(request: _Request) -> float:
-    farthest = float(np.max(request.values[:, 5] - request.values[:, 3], initial=0.0))
-    return 2.0 ** math.ceil(math.log2(4 * farthest))
-
-
-def _result(request: _Request, rows: FloatArray, status: IntArray) -> ContactResult:
+def _result(request: Request, rows: FloatArray, status: IntArray) -> ContactResult:
     shape, reference = request.shape, request.scenario.reference
     c = {name: rows[:, i].reshape(shape) for i, name in enumerate(COLUMNS)}
     time = c["time"]
@@ -279,7 +194,7 @@ def _result(request: _Request, rows: FloatArray, status: IntArray) -> ContactRes
     )
 
 
-def _impulse_residual(request: _Request, rows: FloatArray) -> FloatArray:
+def _impulse_residual(request: Request, rows: FloatArray) -> FloatArray:
     """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0)."""
     if request.method == "uniform-motion":
         return np.full(len(rows), np.nan)
@@ -302,28 +217,7 @@ def _impulse_residual(request: _Request, rows: FloatArray) -> FloatArray:
     return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
 
 
-def _trace_closed_form(request: _Request, times: FloatArray, trace: FloatArray) -> None:
-    from .kernels.response import respond_many  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    v, coupling = request.values, (request.sensor.constant_log_slope or 0.0) * request.gain
-    rows = np.column_stack([v[:, 0], v[:, 1] + coupling, v[:, 2:5], coupling * v[:, 6], coupling * v[:, 7]])
-    respond_many(rows, times, trace[..., 1:])
-
-
-def _trace_integration(request: _Request, times: FloatArray, trace: FloatArray) -> None:
-    from .kernels.series import trace_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    reach = _first_reach(request)
-    while True:
-        pieces, limits = _pieces(request, reach)
-        trace[...] = np.nan
-        trace_series(request.values, request.gain, pieces, limits, times, trace)
-        if not limits[2] or not np.isnan(trace).any() or reach > 1e12:
-            return
-        reach *= _GROWTH
-
-
-def _motion(request: _Request, times: FloatArray, trace: FloatArray, result: ContactResult, samples: int) -> Motion:
+def _motion(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult, samples: int) -> Motion:
     v, shape = request.values[:, :, None], (*request.shape, samples)
     low, high = request.sensor.valid_range
     distance = np.clip(trace[..., 0], low, high)

@@ -1,0 +1,35 @@
+"""The closed form L(10)-(13) for a constant slope, in a form that keeps its digits for every damping and K -> 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray, IntArray
+
+from .request import Request
+
+__all__ = ["solve_closed_form", "trace_closed_form"]
+
+
+def solve_closed_form(request: Request, rows: FloatArray, status: IntArray) -> None:
+    """Solve every encounter.
+
+    Args:
+        request: the encounters, with a curve of constant slope.
+        rows: filled with layout.COLUMNS, shape (n, 15).
+        status: filled with the numbers of ContactStatus, shape (n,).
+    """
+    from .kernels.linear import solve_linear  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    low, high = request.sensor.valid_range
+    slope = request.sensor.constant_log_slope or 0.0
+    solve_linear(request.values, slope, request.gain, (request.horizon, low, high), rows, status)
+
+
+def trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    """Fill trace with x~, x~' and x~'' in its last three columns at the given times, shape (n, times, 4)."""
+    from .kernels.response import respond_many  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    v, coupling = request.values, (request.sensor.constant_log_slope or 0.0) * request.gain
+    rows = np.column_stack([v[:, 0], v[:, 1] + coupling, v[:, 2:5], coupling * v[:, 6], coupling * v[:, 7]])
+    respond_many(rows, times, trace[..., 1:])

@@ -1,0 +1,70 @@
+"""Integration of L(1) with L(2) for any curve: the compiled kernel over as much of the curve as the motion needs."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray, IntArray
+
+from .contact import ContactStatus
+from .curve import curve_pieces
+from .request import Request
+
+__all__ = ["integrate", "trace_integration"]
+
+_GROWTH: Final = 64.0
+_FARTHEST: Final = 1e12
+
+
+def integrate(request: Request, rows: FloatArray, status: IntArray) -> None:
+    """Integrate every encounter, those that outgrow the curve's pieces again with more of them.
+
+    Args:
+        request: the encounters.
+        rows: filled with layout.COLUMNS, shape (n, 15).
+        status: filled with the numbers of ContactStatus, shape (n,).
+    """
+    from .kernels.series import solve_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    reach = _first_reach(request)
+    pieces, limits = _pieces(request, reach)
+    solve_series(request.values, request.gain, pieces, limits, rows, status)
+    while limits[2] and reach < _FARTHEST:
+        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, 1] >= reach))
+        if not len(again):
+            return
+        reach *= _GROWTH
+        pieces, limits = _pieces(request, reach)
+        part, part_status = np.empty((len(again), rows.shape[1])), np.empty(len(again), dtype=np.int64)
+        solve_series(request.values[again], request.gain[again], pieces, limits, part, part_status)
+        rows[again], status[again] = part, part_status
+
+
+def trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    """Fill trace with layout.TRACE_COLUMNS at ascending times until each run's end, shape (n, times, 4)."""
+    from .kernels.series import trace_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    reach = _first_reach(request)
+    while True:
+        pieces, limits = _pieces(request, reach)
+        trace[...] = np.nan
+        trace_series(request.values, request.gain, pieces, limits, times, trace)
+        if not limits[2] or not np.isnan(trace).any() or reach > _FARTHEST:
+            return
+        reach *= _GROWTH
+
+
+def _pieces(request: Request, reach: float) -> tuple[FloatArray, tuple[float, bool, bool]]:
+    """Return the curve's pieces up to a reach, and the kernel's limits that go with them."""
+    low, high = request.sensor.valid_range
+    top = min(high, reach)
+    limits = (request.horizon, low <= 0, top < high)
+    return curve_pieces(request.sensor, max(low, 0.0), top), limits
+
+
+def _first_reach(request: Request) -> float:
+    farthest = float(np.max(request.values[:, 5] - request.values[:, 3], initial=0.0))
+    return 2.0 ** math.ceil(math.log2(4 * farthest))

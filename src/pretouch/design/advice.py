@@ -10,7 +10,6 @@ import numpy as np
 from pretouch._core.units import format_quantity
 from pretouch.motion import ContactResult, ContactStatus
 
-from .objectives import OBSTACLE_SPEED
 from .result import DesignStatus, GainDesign
 
 __all__ = ["design_warnings"]
@@ -47,11 +46,6 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         )
     if design.gain is not None and design.gain > 0:
         yield "the optimal gain is positive: it drives the plant toward the object"
-    if any(term.scale == OBSTACLE_SPEED for term in design.definition.terms):
-        yield (
-            "the velocity scale follows the obstacle's speed: across speeds the optimal |D_p| falls with speed, where "
-            "a fixed scale would make it grow"
-        )
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:

@@ -81,7 +81,7 @@ class HertzImpact(ImpactModel):
 
     Examples:
         >>> round(HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01).peak_force(-0.1), 3)
-        31.958
+        20.329
     """
 
     effective_modulus: float

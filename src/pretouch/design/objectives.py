@@ -116,8 +116,9 @@ def excursion_objective(
 
     Args:
         position_scale: x_typ [m]; x is the deviation from the reference at contact, x - x_d.
-        velocity_scale: l'_typ [m/s], or `"obstacle speed"`. The choice matters: with a fixed scale the optimal |D_p|
-            grows with the obstacle's speed, with a scale that follows it, it falls (the letter's Fig. 6).
+        velocity_scale: l'_typ [m/s], or `"obstacle speed"`. The choice matters where speeds are compared: in the
+            letter's case (Fig. 6) the optimal |D_p| grows from 0.05 to 1 m/s with a scale fixed at 0.3 m/s, and falls
+            up to 0.5 m/s with one that follows the obstacle.
         position_weight: w_1 >= 0.
         velocity_weight: w_2 >= 0.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from fractions import Fraction
 from typing import Final, NamedTuple
 
 from .errors import UnitError
@@ -63,6 +64,8 @@ _SUPERSCRIPT: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-01234567
 _TOKEN: Final = re.compile(r"(\s*)(\*\*|[*·/^()]|[^\W\d_]+|%|[-+]?\d+)")
 _DEEPEST: Final = 8  # parentheses
 _LARGEST_POWER: Final = 99
+_LARGEST_WHOLE: Final = 1e300  # factor, or inverse of one, that is looked at as an integer
+_LONGEST: Final = 1000  # characters of a number that are read exactly
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
 
@@ -213,13 +216,13 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
         if match is None:
             raise UnitError(f"{name}: found {value!r}, expected a number with a unit of {expected}")
         try:
-            number, found = float(match.group(1)), parse_unit(match.group(2))
+            found = parse_unit(match.group(2))
         except UnitError as error:
             raise UnitError(f"{name}: {error}; expected a unit of {expected}") from None
         wanted = parse_unit(unit)
         if match.group(2) and found.exponents != wanted.exponents:
             raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
-        number = _scaled(number, found.factor)
+        number = _scaled(match.group(1), found.factor)
         if math.isinf(number) and "inf" not in match.group(1):
             raise UnitError(f"{name}: found {value!r}, which is beyond the largest number")
     else:
@@ -232,12 +235,17 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
     return number
 
 
-def _scaled(number: float, factor: float) -> float:
-    """Multiply by a factor, exactly where it or its inverse is an integer: 42.2 / 1e3 is 0.0422, 42.2 * 1e-3 is not."""
-    size = factor if factor >= 1 else 1 / factor
-    if size < 1e300 and math.isclose(size, round(size), rel_tol=1e-12):
-        return number * round(size) if factor >= 1 else number / round(size)
-    return number * factor
+def _scaled(literal: str, factor: float) -> float:
+    """Multiply a written number by a factor: "33.3 ms" is 0.0333 s, which neither 33.3 / 1e3 nor 33.3 * 1e-3 is."""
+    number, size = float(literal), factor if factor >= 1 else 1 / factor
+    whole = size < _LARGEST_WHOLE and math.isclose(size, round(size), rel_tol=1e-12)
+    if not (whole and 0 < abs(number) < math.inf and len(literal) < _LONGEST):
+        return number * factor
+    exact = Fraction(literal) * (Fraction(round(size)) if factor >= 1 else Fraction(1, round(size)))
+    try:
+        return float(exact)
+    except OverflowError:
+        return math.copysign(math.inf, number)
 
 
 def format_quantity(value: float, unit: str, digits: int = 4) -> str:

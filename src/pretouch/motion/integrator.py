@@ -17,6 +17,7 @@ __all__ = ["integrate", "trace_integration"]
 
 _GROWTH: Final = 64.0
 _FARTHEST: Final = 1e12
+_BLOCK: Final = 16
 
 
 def integrate(request: Request, rows: FloatArray, status: IntArray) -> None:
@@ -31,16 +32,18 @@ def integrate(request: Request, rows: FloatArray, status: IntArray) -> None:
 
     reach = _first_reach(request)
     pieces, limits = _pieces(request, reach)
-    solve_series(request.values, request.gain, pieces, limits, rows, status)
+    for start in range(0, len(rows), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
+        part = slice(start, start + _BLOCK)
+        solve_series(request.values[part], request.gain[part], pieces, limits, rows[part], status[part])
     while limits[2] and reach < _FARTHEST:
         again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, 1] >= reach))
         if not len(again):
             return
         reach *= _GROWTH
         pieces, limits = _pieces(request, reach)
-        part, part_status = np.empty((len(again), rows.shape[1])), np.empty(len(again), dtype=np.int64)
-        solve_series(request.values[again], request.gain[again], pieces, limits, part, part_status)
-        rows[again], status[again] = part, part_status
+        more, more_status = np.empty((len(again), rows.shape[1])), np.empty(len(again), dtype=np.int64)
+        solve_series(request.values[again], request.gain[again], pieces, limits, more, more_status)
+        rows[again], status[again] = more, more_status
 
 
 def trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:

@@ -22,7 +22,7 @@ from .uniform_motion import solve_uniform_motion
 
 __all__ = ["Motion", "find_contact", "solve_motion"]
 
-_HORIZON: Final = 3600.0
+_HORIZON: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +98,7 @@ def find_contact(
         solve_closed_form(request, rows, status)
     else:
         integrate(request, rows, status)
+    _hold_overflow(request, rows, status)
     return _result(request, rows, status)
 
 
@@ -161,6 +162,27 @@ def solve_motion(
     trace[:, -1, 0] = np.ravel(result.end.distance)
     trace[..., 1] = obstacle - trace[..., 0]
     return _motion(request, times, trace, result, samples)
+
+
+def _hold_overflow(request: Request, rows: FloatArray, status: IntArray) -> None:
+    """Report a run whose numbers leave the range of floats as unresolved, in the state in which it started."""
+    always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
+    bad = ~np.isfinite(rows[:, always_finite]).all(axis=1)
+    if bad.any():
+        v = request.values[bad]
+        start = dict.fromkeys(COLUMNS, np.zeros(len(v)))
+        start |= {
+            "distance": v[:, 5] - v[:, 3],
+            "displacement": v[:, 3],
+            "displacement_velocity": v[:, 4],
+            "relative_velocity": v[:, 6] - v[:, 4],
+            "largest_excursion": np.abs(v[:, 3]),
+            "largest_speed": np.abs(v[:, 4] + v[:, 8]),
+            "closest_distance": v[:, 5] - v[:, 3],
+            "settling_distance": np.full(len(v), np.inf),
+        }
+        rows[bad] = np.column_stack([start[name] for name in COLUMNS])
+        status[bad] = ContactStatus.UNRESOLVED
 
 
 def _result(request: Request, rows: FloatArray, status: IntArray) -> ContactResult:

@@ -24,7 +24,7 @@ __all__ = ["ORDER", "solve_series", "trace_series"]
 
 CONTACT, NEVER, HORIZON, LEFT_RANGE, UNRESOLVED = 0, 1, 2, 3, 4
 ORDER = 20
-_MAX_STEPS = 1_000_000
+_MAX_STEPS = 100_000  # about a quarter of a second
 _OVERLAP = 1e-9  # of a piece's width: how far its polynomial is used beyond its border
 
 
@@ -251,7 +251,7 @@ def _encounter(values: Any, gain: float, pieces: Any, limits: Any, work: Any, ro
         piece = pieces[index]
         _expand(values, gain, piece, time, unit, l, speed, work)
         c = work[0]
-        reach = _reach(work, scale)
+        reach = _reach(work, max(scale, l))
         tau = min(reach, (horizon - time) / unit)
         low, high = piece[0] - piece[1], piece[0] + piece[1]
         low -= _OVERLAP * piece[1] if index > 0 else 0.0

@@ -1,0 +1,1 @@
+"""Programs that measure; each prints what it measured, beside a peer run in the same call."""

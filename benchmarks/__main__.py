@@ -1,0 +1,7 @@
+"""Run every benchmark: `python -m benchmarks`."""
+
+from . import solving, starting
+
+if __name__ == "__main__":
+    starting.main()
+    solving.main()

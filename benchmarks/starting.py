@@ -1,0 +1,49 @@
+"""How long a fresh process takes: `import pretouch` beside `import numpy`, and whole commands."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+ROUNDS = 7
+
+
+def seconds(*arguments: str, folder: str) -> float:
+    """Time one fresh interpreter."""
+    start = time.perf_counter()
+    subprocess.run([sys.executable, *arguments], cwd=folder, stdout=subprocess.DEVNULL, check=True)
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    """Measure in turn, so that a drift of the machine meets all alike."""
+    scenario = str(ROOT / "examples" / "approach.toml")
+    cases = {
+        "import numpy": ("-c", "import numpy"),
+        "import pretouch": ("-c", "import pretouch"),
+        "every public name": ("-c", "from pretouch import *"),
+        "pretouch --help": ("-m", "pretouch", "--help"),
+        "pretouch design --json": ("-m", "pretouch", "design", scenario, "--json"),
+        "pretouch design, with report": ("-m", "pretouch", "design", scenario),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        for arguments in cases.values():  # compile, and warm the caches
+            seconds(*arguments, folder=folder)
+        times: dict[str, list[float]] = {name: [] for name in cases}
+        for _ in range(ROUNDS):
+            for name, arguments in cases.items():
+                times[name].append(seconds(*arguments, folder=folder))
+    base = statistics.median(times["import numpy"])
+    print(f"\nfresh processes, {ROUNDS} rounds in turn        min   median      max   over numpy")
+    for name, values in times.items():
+        median = statistics.median(values)
+        print(f"{name:32s} {min(values):6.3f} s {median:6.3f} s {max(values):6.3f} s   {median / base:8.1f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""Writing files without ever destroying one: atomic, never over a user's file unasked, own reports recognized."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import secrets
+from pathlib import Path
+from typing import Final
+
+from .errors import InvalidInputError, OutputExistsError
+
+__all__ = ["is_own_unchanged", "sign", "write_text"]
+
+_SIGNATURE: Final = re.compile(r'<meta name="generator" content="pretouch sha256:([0-9a-f]{64})">\n?')
+_HEAD: Final = re.compile(r"<head>\n?")
+_MARK: Final = '<meta name="generator" content="pretouch sha256:'
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
+    """Write a text file whole or not at all, in UTF-8, and never over another file unless asked to.
+
+    The text goes to a temporary file in the same folder first, so that a crash leaves no half file, and an
+    existing file is found out at the moment of writing, not before it.
+
+    Args:
+        path: where the file goes; its folder must exist.
+        text: what is written, its line ends as they are.
+        overwrite: whether a file that stands there may be replaced.
+
+    Returns:
+        The path.
+
+    Raises:
+        OutputExistsError: a file stands there and `overwrite` is false.
+        InvalidInputError: the folder does not exist or cannot be written.
+
+    Examples:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     print(write_text(f"{folder}/note.txt", "as it is").read_text())
+        as it is
+    """
+    asked = Path(path)
+    target = Path(os.path.realpath(asked))  # a link stays a link, its target is written
+    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+    try:
+        _write_through(temporary, text.encode())
+        try:
+            if overwrite:
+                temporary.replace(target)
+            else:
+                _move_to_free_name(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except FileExistsError:
+        raise OutputExistsError(
+            f"{asked}: this {'folder' if target.is_dir() else 'file'} exists and is not overwritten unasked; "
+            "choose another name with --output, or replace the file with --force (overwrite=True in Python)"
+        ) from None
+    except FileNotFoundError:
+        raise InvalidInputError(f"{asked}: the folder {asked.parent} does not exist; create it first") from None
+    except OSError as error:
+        raise InvalidInputError(f"{asked}: cannot be written ({error.strerror})") from None
+    return asked
+
+
+def _write_through(path: Path, content: bytes) -> None:
+    """Write a new file and wait until the disk has it."""
+    binary = getattr(os, "O_BINARY", 0)  # on Windows only
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | binary, 0o666)
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def _move_to_free_name(source: Path, target: Path) -> None:
+    """Give a file a name that must be free; raise FileExistsError, without a race, where it is taken."""
+    try:
+        os.link(source, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links: take the name first, then replace what is ours by now
+        os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        source.replace(target)
+
+
+def sign(html: str) -> str:
+    """Put a `generator` line into an HTML page that says: pretouch wrote this, and this is the hash of the rest.
+
+    Args:
+        html: a page with a `<head>`; a signature that it already carries is replaced.
+
+    Returns:
+        The page with its signature, which `is_own_unchanged` recognizes.
+
+    Raises:
+        InvalidInputError: the page has no `<head>`.
+
+    Examples:
+        >>> page = sign("<html><head><title>Fit</title></head></html>")
+        >>> 'content="pretouch sha256:' in page
+        True
+        >>> sign(page) == page
+        True
+    """
+    rest = _SIGNATURE.sub("", html)
+    head = _HEAD.search(rest)
+    if head is None:
+        raise InvalidInputError("html: found no <head>, expected a whole page")
+    return f'{rest[: head.end()]}{_MARK}{_digest(rest)}">\n{rest[head.end() :]}'
+
+
+def is_own_unchanged(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file is a report that pretouch signed and that nobody has changed since.
+
+    Args:
+        path: the file, which need not exist.
+
+    Returns:
+        True only for an intact, signed report; such a file may be replaced without asking.
+
+    Examples:
+        >>> is_own_unchanged("nothing-here.html")
+        False
+    """
+    try:
+        html = Path(path).read_bytes().decode()
+    except (OSError, UnicodeDecodeError):
+        return False
+    signatures = _SIGNATURE.findall(html)
+    return len(signatures) == 1 and signatures[0] == _digest(_SIGNATURE.sub("", html))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,49 @@
+"""The command line: verbs, version, and what happens around them."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from .design import design
+from .fit import fit
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="pretouch",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+app.command()(fit)
+app.command()(design)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version  # noqa: PLC0415 - only for this option
+
+        typer.echo(f"pretouch {version('pretouch')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Choose the gain of a proximity-sensor-based preemptive impact controller without one collision."""
+
+
+def main() -> None:
+    """Run the command line with the arguments of this process, and end the process with the exit status."""
+    try:
+        app(prog_name="pretouch")
+    except KeyboardInterrupt:
+        sys.exit(130)

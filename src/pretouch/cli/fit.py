@@ -1,0 +1,158 @@
+"""`pretouch fit`: the sensor curves that a calibration file supports."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pretouch._core.errors import InvalidInputError, UnitError
+from pretouch._core.units import to_si
+
+from .options import (
+    FloorSigmas,
+    Force,
+    Json,
+    Model,
+    NearFieldPeak,
+    NoObject,
+    Offset,
+    Output,
+    Report,
+    Saturation,
+    Select,
+)
+from .terminal import NO_RESULT, OK, Presentation, as_json, conclude, print_text
+
+if TYPE_CHECKING:
+    from pretouch.calibration import Calibration, CalibrationReport
+    from pretouch.config.fitting import FitRequest, OutputValue
+
+__all__ = ["fit"]
+
+
+def fit(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration (CSV).", show_default=False)],
+    *,
+    offset: Offset = "auto",
+    no_object: NoObject = None,
+    select: Select = None,
+    saturation: Saturation = "auto",
+    near_field_peak: NearFieldPeak = "auto",
+    model: Model = None,
+    floor_sigmas: FloorSigmas = 3.0,
+    json: Json = False,
+    output: Output = None,
+    report: Report = True,
+    force: Force = False,
+) -> None:
+    """Fit sensor models to a calibration (CSV).
+
+    Ranks the models and prints parameters with uncertainty, the usable window, the offset and a verdict; writes a
+    report with figures, STEM-fit.html in this folder. A file with several curves gives one row for each; choose one
+    with --select for its report. VALUE is a number in the unit of the output, or text such as "110 mV".
+
+    Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
+    """
+
+    def run() -> int:
+        from pretouch.config.fitting import FitRequest  # noqa: PLC0415 - `pretouch --help` stays quick
+
+        request = FitRequest(
+            path=file,
+            select=_labels(select or []),
+            no_object=_no_object(no_object),
+            offset=_output_or(offset, ("auto", "fit", "zero"), "--offset"),
+            saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
+            near_field_peak=near_field_peak
+            if near_field_peak in {"auto", "none"}
+            else to_si(near_field_peak, "m", name="--near-field-peak"),
+            models=tuple(model or ()),
+            floor_sigmas=floor_sigmas,
+        )
+        curves = request.read()
+        if len(curves) > 1:
+            return _several(request, curves, json, output)
+        return _one(request, curves[0], Presentation(json=json, output=output, report=report, force=force))
+
+    conclude(run, json_wanted=json)
+
+
+def _output_or(text: str, words: tuple[str, ...], name: str) -> str | OutputValue:
+    """Keep one of the words; read everything else as a sensor output."""
+    from pretouch.config.fitting import read_output  # noqa: PLC0415
+
+    return text if text in words else read_output(text, name=name)
+
+
+def _labels(texts: list[str]) -> dict[str, str]:
+    """Read `day=30` as a label."""
+    for text in texts:
+        if not re.fullmatch(r"[^=]+=.+", text):
+            raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
+    return {key.strip(): value.strip() for key, value in (text.split("=", 1) for text in texts)}
+
+
+def _no_object(text: str | None) -> Any:
+    """Read a value, or take the text as the path of a file."""
+    from pretouch.config.fitting import read_output  # noqa: PLC0415
+
+    if text is None:
+        return None
+    try:
+        return read_output(text, name="--no-object")
+    except UnitError:
+        if Path(text).exists() or Path(text).suffix:
+            return Path(text)
+        raise
+
+
+def _one(request: FitRequest, curve: Calibration, presentation: Presentation) -> int:
+    """Fit one curve: report on the terminal and as a file."""
+    found = request.rank(curve)
+
+    def write(path: Path, overwrite: bool) -> object:
+        from pretouch.report import write_fit_report  # noqa: PLC0415 - Matplotlib, only when needed
+
+        return write_fit_report(found, path, overwrite=overwrite)
+
+    label = re.sub(r"[^\w.-]+", "-", f"-{curve.label}") if request.select else ""
+    presentation.show(found, f"{request.path.stem}{label}-fit.html", write)
+    return NO_RESULT if found.best is None else OK
+
+
+def _several(request: FitRequest, curves: tuple[Calibration, ...], json: bool, output: Path | None) -> int:
+    """Fit several curves: a row or an object for each."""
+    if output is not None:
+        raise InvalidInputError(
+            f"--output: found {len(curves)} curves in {request.path.name}, expected one: choose it with --select, "
+            f"for example {' '.join(f'--select {part}' for part in curves[0].label.split(', '))}"
+        )
+    width = max(len(curve.label) for curve in curves)
+    usable, objects = 0, []
+    if not json:
+        print_text(f"{'curve':<{width}}  {'best model':<14}  {'RMSE ln xi':>10}  {'window [mm]':>13}  verdict")
+    for curve in curves:
+        found = request.rank(curve)
+        usable += found.best is not None
+        if json:
+            objects.append({"label": curve.label, **found.to_dict()})
+        else:
+            print_text(_row(curve.label, width, found))
+    if json:
+        print_text(as_json({"file": request.path.name, "usable": usable, "curves": objects}))
+    else:
+        print_text(f"\n{usable} of {len(curves)} curves usable; choose one with --select for its report and figures")
+    return OK if usable else NO_RESULT
+
+
+def _row(label: str, width: int, found: CalibrationReport) -> str:
+    """Lay out one curve as a row."""
+    best = found.best
+    model, error, window = "-", "-", "-"
+    if best is not None:
+        model, error = best.model, f"{best.rmse_log_output:.4f}"
+        window = f"{1e3 * found.window.l_min:.4g} to {1e3 * found.window.l_max:.4g}"
+    return f"{label:<{width}}  {model:<14}  {error:>10}  {window:>13}  {found.verdict}"

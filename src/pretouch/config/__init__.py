@@ -1,0 +1,6 @@
+"""The scenario file: TOML with units, checked against a schema, to a design problem."""
+
+from .loading import load_scenario
+from .problem import DesignProblem, ScenarioSource
+
+__all__ = ["DesignProblem", "ScenarioSource", "load_scenario"]

@@ -1,0 +1,157 @@
+"""A calibration that is fitted on the way: what a scenario file and the command line say about it, made one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from pretouch._core.errors import CalibrationDataError, InvalidInputError, UnitError
+from pretouch._core.units import to_si
+from pretouch.sensors import SensorModel
+
+if TYPE_CHECKING:
+    from pretouch.calibration import Calibration, CalibrationReport
+
+__all__ = ["FitRequest", "OutputValue", "fit_sensor_of", "read_output"]
+
+OutputValue: TypeAlias = tuple[float, str]
+"""A sensor output and its unit: V, counts, or the empty text where it is bare."""
+
+
+def read_output(value: float | str, *, name: str) -> OutputValue:
+    """Read a sensor output that may be bare, in V or in counts.
+
+    Args:
+        value: a number, or text such as `"110 mV"`.
+        name: what it is called in messages.
+
+    Returns:
+        The number, in V where it has that dimension, and its unit.
+
+    Raises:
+        UnitError: the value is no output.
+
+    Examples:
+        >>> read_output("110 mV", name="offset"), read_output(32, name="offset")
+        ((0.11, 'V'), (32.0, ''))
+    """
+    for unit in ("", "V", "counts"):
+        try:
+            return to_si(value, unit, name=name), unit
+        except (UnitError, ArithmeticError):
+            continue
+    raise UnitError(f"{name}: found {value!r}, expected a number or text in V or counts")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitRequest:
+    """What is asked of a calibration file.
+
+    Args:
+        path: the file.
+        select: value of each label column that tells the wanted curves from the others.
+        no_object: a reading without an object, or the file of such readings.
+        offset: `auto`, `fit`, `zero`, or the offset itself.
+        saturation: `auto`, `none`, or the output at which the sensor clips.
+        near_field_peak: `auto`, `none`, or the distance of the near-field peak [m].
+        models: the models to choose from; all where empty.
+        floor_sigmas: how many sigmas above the offset a usable signal lies.
+    """
+
+    path: Path
+    select: Mapping[str, str] = field(default_factory=dict)
+    no_object: OutputValue | Path | None = None
+    offset: str | OutputValue = "auto"
+    saturation: str | OutputValue = "auto"
+    near_field_peak: str | float = "auto"
+    models: tuple[str, ...] = ()
+    floor_sigmas: float = 3.0
+
+    def read(self) -> tuple[Calibration, ...]:
+        """Read the curves of the file that the labels select.
+
+        Returns:
+            The curves, at least one.
+
+        Raises:
+            CalibrationDataError: the file cannot be read, or holds no such curve.
+        """
+        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
+
+        no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
+        curves = read_calibrations(self.path, no_object=no_object)
+        wanted = {f"{key}={value}" for key, value in self.select.items()}
+        chosen = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
+        if not chosen:
+            labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
+            more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
+            raise CalibrationDataError(
+                f"select: found {', '.join(sorted(wanted))}, expected labels of a curve in {self.path.name} "
+                f"({labels}{more})"
+            )
+        if isinstance(self.no_object, tuple):
+            _in_unit_of(chosen[0], self.no_object, "no_object")
+        return chosen
+
+    def rank(self, calibration: Calibration) -> CalibrationReport:
+        """Fit every model to one curve.
+
+        Args:
+            calibration: one of the curves that `read` returned.
+
+        Returns:
+            The report.
+        """
+        from pretouch.calibration import rank_models  # noqa: PLC0415
+
+        chosen = {"models": self.models} if self.models else {}
+        offset, saturation = (
+            value if isinstance(value, str) else _in_unit_of(calibration, value, name)
+            for name, value in (("offset", self.offset), ("saturation", self.saturation))
+        )
+        return rank_models(
+            calibration,
+            **chosen,
+            offset=offset,
+            saturation=None if saturation == "none" else saturation,
+            near_field_peak=None if self.near_field_peak == "none" else self.near_field_peak,
+            floor_sigmas=self.floor_sigmas,
+        )
+
+
+def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
+    """Return the number of an output, refusing volts for a calibration in counts."""
+    number, unit = value
+    if unit and unit != calibration.unit:
+        raise UnitError(
+            f"{name}: found {number:g} {unit}, expected the unit of the calibration, "
+            f"{calibration.unit or 'which is bare'}"
+        )
+    return number
+
+
+def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
+    """Fit the one curve that a request selects.
+
+    Args:
+        request: what is asked.
+
+    Returns:
+        The best sensor and the report that it comes from.
+
+    Raises:
+        InvalidInputError: several curves are selected, or none of the models fits a usable signal.
+    """
+    curves = request.read()
+    if len(curves) > 1:
+        raise InvalidInputError(
+            f"select: found {len(curves)} curves in {request.path.name}, expected one: choose it by its labels, "
+            f"for example {{ {curves[0].label.replace('=', ' = ')} }}"
+        )
+    report = request.rank(curves[0])
+    if report.best is None:
+        reasons = "; ".join(report.reasons)
+        raise InvalidInputError(f"{request.path.name}: {report.verdict}{f' ({reasons})' if reasons else ''}")
+    return report.best.sensor, report

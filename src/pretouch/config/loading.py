@@ -1,0 +1,88 @@
+"""The one verb of this folder: a scenario file in, a design problem out."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+
+from pretouch._core.errors import ScenarioFileError
+
+from .building import Builder
+from .document import Document, listed
+from .problem import DesignProblem, ScenarioSource
+from .reading import read_sections
+from .sensor_sections import CalibratedSensor
+
+__all__ = ["load_scenario"]
+
+
+def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
+    """Read a scenario file (TOML); docs/scenario-file.md lists its sections and keys.
+
+    A sensor that is given by its calibration is fitted here; the path of the calibration is relative to the file.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Everything that `design_gain` takes; `.design()` calls it.
+
+    Raises:
+        ScenarioFileError: the file has mistakes. The message has one sentence for each: line, key, what was found,
+            what is expected.
+
+    Examples:
+        >>> import pathlib, tempfile
+        >>> text = '''
+        ... [sensor]
+        ... model = "exponential-1"
+        ... scale = 0.458
+        ... rate = "-61 1/m"
+        ... [admittance]
+        ... mass = "1 kg"
+        ... natural_frequency = "5 rad/s"
+        ... [obstacle]
+        ... position = "42.2 mm"
+        ... velocity = "-0.3 m/s"
+        ... [objective]
+        ... kind = "excursion"
+        ... position_scale = "0.5 m"
+        ... velocity_scale = "0.3 m/s"
+        ... [gain]
+        ... bounds = ["-10 N*s", "-0.01 N*s"]
+        ... '''
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = pathlib.Path(folder, "approach.toml")
+        ...     _ = file.write_text(text)
+        ...     problem = load_scenario(file)
+        >>> problem.scenario.distance, problem.bounds
+        (0.0422, (-10.0, -0.01))
+    """
+    document = Document.open(path)
+    sections, mistakes = read_sections(document)
+    builder = Builder(document, sections)
+    scenario, objective, bounds = builder.scenario(), builder.objective(), builder.bounds()
+    impact, constraints = builder.impact(), builder.constraints()
+    method, horizon = builder.motion()
+    if mistakes + builder.mistakes and isinstance(sections.get("sensor"), CalibratedSensor):
+        raise ScenarioFileError(listed(document.path, mistakes + builder.mistakes))  # not worth a fit
+    sensor, calibration = builder.sensor()
+    if sensor is not None and scenario is not None:
+        builder.check_range(sensor, scenario)
+    mistakes += builder.mistakes
+    if mistakes or scenario is None or sensor is None or objective is None or bounds is None:
+        raise ScenarioFileError(listed(document.path, mistakes))
+    return DesignProblem(
+        scenario=scenario,
+        sensor=sensor,
+        objective=objective,
+        bounds=bounds,
+        constraints=constraints,
+        impact=impact,
+        method=method,
+        horizon=horizon,
+        calibration=calibration,
+        source=ScenarioSource(
+            path=document.path, text=document.text, sha256=hashlib.sha256(document.content).hexdigest()
+        ),
+    )

@@ -1,0 +1,183 @@
+"""The values that a scenario file may hold, and what is said where one does not fit."""
+
+from __future__ import annotations
+
+import json
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, TypeAlias
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from pretouch._core.errors import UnitError
+from pretouch._core.units import parse_unit, to_si
+
+__all__ = ["Quantity", "Sign", "UnfitValueError", "printable", "shown"]
+
+Sign: TypeAlias = Literal["any", "nonzero", "positive", "nonnegative", "negative"]
+
+_HOLDS: Final[Mapping[str, Callable[[float, float], bool]]] = {
+    "nonzero": operator.ne,
+    "positive": operator.gt,
+    "nonnegative": operator.ge,
+    "negative": operator.lt,
+}
+_NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_OUTPUT_UNITS: Final = ("V", "counts", "")
+_LONGEST: Final = 60
+
+
+class UnfitValueError(ValueError):
+    """A value that a key does not take.
+
+    Args:
+        sentence: says what is expected; what was found is put before it, unless it starts otherwise.
+        key: the key inside the section, where the whole section is checked.
+    """
+
+    def __init__(self, sentence: str, key: str | None = None) -> None:
+        super().__init__(sentence)
+        self.key = key
+
+
+def shown(value: Any) -> str:
+    """Write a value much as it stands in the file, shortened where it is long.
+
+    Args:
+        value: what `tomllib` read.
+
+    Returns:
+        The text for a message.
+
+    Examples:
+        >>> shown("10 N/m"), shown(True), shown([1, 2])
+        ('"10 N/m"', 'true', 'a list of 2 values')
+    """
+    if isinstance(value, str):
+        text = json.dumps(value, ensure_ascii=False)
+    elif isinstance(value, bool):
+        text = str(value).lower()
+    elif isinstance(value, Mapping):
+        text = "a table"
+    elif isinstance(value, Sequence):
+        text = f"a list of {len(value)} value{'' if len(value) == 1 else 's'}"
+    elif isinstance(value, int) and abs(value) > 10**20:
+        text = "a very large integer"
+    else:
+        text = str(value)
+    text = printable(text)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 4]}...{text[-1]}"
+
+
+def printable(text: str) -> str:
+    r"""Escape what would break the line of a message or steer a terminal.
+
+    Args:
+        text: any text.
+
+    Returns:
+        The text on one line.
+
+    Examples:
+        >>> print(printable("1\x9b2 µm"))
+        1\x9b2 µm
+    """
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """The type of a field that holds one quantity: text with its unit, or a bare number in SI.
+
+    Args:
+        unit: the SI unit that is expected; the empty text for a pure number; "output" for a sensor output, which
+            may be in V, in counts or bare.
+        example: the value that messages show where the key is missing, as TOML.
+        sign: what must hold.
+        infinite: whether it may be infinite.
+        words: texts that may stand in its place and are kept as they are.
+
+    Examples:
+        >>> Quantity(unit="m", example='"42.2 mm"').read("42.2 mm")
+        0.0422
+    """
+
+    unit: str
+    example: str
+    sign: Sign = "any"
+    infinite: bool = False
+    words: tuple[str, ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    @property
+    def expected(self) -> str:
+        """What a message says is expected."""
+        return self._described("")
+
+    def _described(self, adjective: str) -> str:
+        if self.unit == "output":
+            text = f"a {adjective}sensor output, a number or text in V or counts"
+        else:
+            text = f"a {adjective}quantity in {self.unit}" if self.unit else f"a {adjective}number"
+        return text + "".join(f' or "{word}"' for word in self.words)
+
+    def read(self, value: Any) -> float | str:
+        """Turn what stands in the file into SI.
+
+        Args:
+            value: what `tomllib` read.
+
+        Returns:
+            The number in SI, or one of the words.
+
+        Raises:
+            UnfitValueError: the value is no such quantity.
+        """
+        if isinstance(value, str) and value in self.words:
+            return value
+        number = self._number(value)
+        if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
+            raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
+        if math.isinf(number) and not self.infinite:
+            raise UnfitValueError(f"expected {self._described('finite ')}")
+        return number
+
+    def _number(self, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            raise UnfitValueError(f"expected {self.expected}")
+        if isinstance(value, str):
+            value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" is what people write for "-61 1/m"
+        units = _OUTPUT_UNITS if self.unit == "output" else (self.unit,)
+        for unit in units[:-1]:
+            try:
+                return to_si(value, unit, name="")
+            except (ValueError, ArithmeticError, RecursionError):
+                continue
+        try:
+            return to_si(value, units[-1], name="")
+        except (ValueError, ArithmeticError, RecursionError) as error:
+            raise UnfitValueError(f"expected {self.expected}{_reason(value, error)}") from None
+
+
+def _reason(value: Any, error: Exception) -> str:
+    """Say what is wrong with a text, where that is more than another dimension."""
+    if not isinstance(value, str):
+        return ""
+    if re.search(r"\d,\d", value):
+        return " (with a decimal point in the place of the comma)"
+    match = re.fullmatch(rf"\s*{_NUMBER}\s*(\S.*?)\s*", value, re.DOTALL)
+    if match is None or not isinstance(error, UnitError):
+        return ""
+    try:
+        parse_unit(match.group(1))
+    except UnitError as unknown:
+        return f" ({unknown})"
+    except (ValueError, ArithmeticError, RecursionError):
+        pass
+    return ""

@@ -1,0 +1,16 @@
+"""Figures and self-contained HTML reports; Matplotlib and Jinja are loaded when something is drawn or written."""
+
+from .calibration_figures import calibration_figure
+from .design_figures import motion_figure, sensitivity_figure, trade_off_figure
+from .html import design_report_html, fit_report_html, write_design_report, write_fit_report
+
+__all__ = [
+    "calibration_figure",
+    "design_report_html",
+    "fit_report_html",
+    "motion_figure",
+    "sensitivity_figure",
+    "trade_off_figure",
+    "write_design_report",
+    "write_fit_report",
+]

@@ -1,0 +1,288 @@
+"""The panels of a calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+
+from .labels import label_inside, label_near
+from .style import BASELINE, CURVES, INK, LIMIT, QUIET, Scale, log_axis, scale_for, span
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pretouch.calibration.result import CalibrationReport, SensorFit
+
+__all__ = ["draw_log_output", "draw_readings", "draw_residuals", "draw_slope"]
+
+_WINDOW: Final = "#eef4f9"
+_FINE: Final = 120
+_TWO_SIGMA: Final = 2.0
+
+
+class _Points(NamedTuple):
+    """The averaged readings that were fitted: distance [m], ln(y - o), and the standard deviation of the latter."""
+
+    distance: FloatArray
+    log_output: FloatArray
+    deviation: FloatArray
+
+
+def draw_readings(axes: Axes, report: CalibrationReport) -> None:
+    """Draw every reading, the levels that bound the signal, the window and the fitted curves."""
+    scale = _begin(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
+    outputs = report.calibration.outputs
+    axes.set_ylabel(f"output [{_unit(report)}]", parse_math=False)
+    levels = [level for level, *_ in _levels(report)]
+    low, high = span(np.array([*outputs, *report.calibration.no_object, *levels]), 0.08)
+    axes.set_ylim(low, high)
+    groups = list(_groups(report))
+    for _, mask, marker, color, fill in groups:
+        x, y = report.calibration.distances[mask] / scale.factor, outputs[mask]
+        axes.plot(x, y, marker, color=color, markerfacecolor=fill, markersize=4.2, linestyle="None", zorder=4)
+    for fit, distance, color, style, width in _curves(report):
+        offset = fit.offset.value
+        axes.plot(
+            distance / scale.factor,
+            offset + fit.sensor.output(distance),
+            color=color,
+            linestyle=style,
+            linewidth=width,
+            zorder=3,
+        )
+    _draw_levels(axes, report)
+    for text, mask, _, color, _ in groups:
+        if not text:
+            continue
+        x, y = report.calibration.distances[mask] / scale.factor, outputs[mask]
+        label_near(axes, x, y, text, color=color, size=7.5)
+    if report.window.distances:
+        x, y = np.meshgrid(np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.0, 1.0]), np.linspace(0.94, 0.2, 12))
+        left, right = report.window.l_min / scale.factor, report.window.l_max / scale.factor
+        label_inside(
+            axes,
+            left + (right - left) * x.ravel(),
+            low + (high - low) * y.ravel(),
+            "usable window",
+            color=QUIET,
+            size=7.5,
+            fill=_WINDOW,
+        )
+
+
+def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
+    """Draw the levels that bound the signal; offset and floor share a label where they are too close for two."""
+    levels = list(_levels(report))
+    left, right = axes.get_xlim()
+    across = left + (right - left) * np.array([0.98, 0.8, 0.6, 0.4, 0.2])
+    low, high = axes.get_ylim()
+    close = len(levels) > 1 and levels[1][0] - levels[0][0] < 0.09 * (high - low) and report.offset is not None
+    for level, _, style, spread, _ in levels:
+        axes.axhline(level, color=LIMIT, linestyle=style, linewidth=1.0, zorder=2)
+        if spread:
+            axes.axhspan(*spread, color="#cfcfcf", linewidth=0, zorder=1)
+    if close:
+        text = f"{levels[0][1]}, and floor (dashed)"
+        levels[:2] = [(*levels[0][:1], text, *levels[0][2:])]
+    for level, text, _, _, side in levels:
+        label_near(axes, across, np.full(5, level), text, color=LIMIT, size=7.5, side=side, reach=34.0)
+
+
+def draw_log_output(axes: Axes, report: CalibrationReport) -> None:
+    """Draw the signal above the offset on a logarithmic axis: its slope there is what the controller feels."""
+    scale = _begin(axes, report, "What the controller feels: ln signal", zoom=True)
+    points = _points(report)
+    axes.set_ylabel(f"output \u2212 offset [{_unit(report)}], log. axis", parse_math=False)
+    value = np.exp(points.log_output)
+    low, high = float(value.min()), float(value.max())
+    log_axis(axes, "y", low / (high / low) ** 0.12, high * (high / low) ** 0.12)
+    spread = value * np.abs(np.expm1(_TWO_SIGMA * np.vstack([-points.deviation, points.deviation])))
+    _draw_points(axes, points.distance / scale.factor, value, spread)
+    for fit, distance, color, style, width in _curves(report):
+        axes.plot(
+            distance / scale.factor,
+            fit.sensor.output(distance),
+            color=color,
+            linestyle=style,
+            linewidth=width,
+            zorder=3,
+        )
+    _label_curves(axes, report, scale, lambda fit, distance: fit.sensor.output(distance))
+    label_near(
+        axes,
+        points.distance[::-1] / scale.factor,
+        (value + spread[1])[::-1],
+        "\u00b12 standard deviations",
+        color=QUIET,
+        size=7.5,
+    )
+
+
+def draw_slope(axes: Axes, report: CalibrationReport) -> None:
+    """Draw the slope g of the models beside the differences of neighboring readings."""
+    scale = _begin(axes, report, "Slope: the damping felt is D\u209a g", zoom=True)
+    points = _points(report)
+    axes.set_ylabel("slope g = d ln \u03be / dl [1/m]")
+    middle = (points.distance[1:] + points.distance[:-1]) / 2
+    step = np.diff(points.distance)
+    slope = np.diff(points.log_output) / step
+    spread = _TWO_SIGMA * np.hypot(points.deviation[1:], points.deviation[:-1]) / step
+    drawn = np.concatenate(
+        [fit.sensor.log_slope(d) for fit, d, *_ in _curves(report) if fit.model != "table"] or [slope]
+    )
+    low, high = span(np.concatenate([drawn, slope, [0.0]]))
+    reach = 1.2 * (float(drawn.max()) - float(drawn.min())) + 0.35 * float(np.abs(drawn).max())
+    axes.set_ylim(max(low, float(drawn.min()) - reach), min(high, float(drawn.max()) + reach))
+    axes.axhline(0, color=QUIET, linewidth=0.7, zorder=1.5)
+    _draw_points(axes, middle / scale.factor, slope, np.vstack([spread, spread]))
+    for fit, distance, color, style, width in _curves(report):
+        axes.plot(
+            distance / scale.factor,
+            fit.sensor.log_slope(distance),
+            color=color,
+            linestyle=style,
+            linewidth=width,
+            zorder=3,
+        )
+    _label_curves(axes, report, scale, lambda fit, distance: fit.sensor.log_slope(distance))
+
+
+def draw_residuals(axes: Axes, report: CalibrationReport) -> None:
+    """Draw what the models leave over in ln xi, within the noise or not."""
+    scale = _begin(axes, report, "Left over by the models", zoom=True)
+    points = _points(report)
+    axes.set_ylabel("residual of ln \u03be [1]")
+    bounds = _TWO_SIGMA * points.deviation
+    parts = [fit.residuals for fit in report.fits if fit.model != "table"] or [report.fits[0].residuals]
+    largest = float(np.max(np.abs(np.concatenate([*parts, np.minimum(bounds, 0.5)])))) or 1.0
+    axes.set_ylim(-1.3 * largest, 1.3 * largest)
+    axes.axhline(0, color=QUIET, linewidth=0.8, zorder=1.5)
+    axes.fill_between(points.distance / scale.factor, -bounds, bounds, color="#d9d9d9", linewidth=0, zorder=1)
+    for i, fit in enumerate(report.fits):
+        color, style = CURVES[i % len(CURVES)]
+        axes.plot(
+            fit.distances / scale.factor,
+            fit.residuals,
+            color=color,
+            linestyle=style,
+            linewidth=1.6 if i == 0 else 0.9,
+            marker="o" if i == 0 else "",
+            markersize=3.5,
+            zorder=4 - 0.1 * i,
+        )
+    label_near(axes, points.distance / scale.factor, bounds, "\u00b12 standard deviations", color=QUIET, size=7.5)
+    for i, fit in enumerate(report.fits):
+        order = np.argsort(-np.abs(fit.residuals), kind="stable")
+        label_near(
+            axes,
+            fit.distances[order] / scale.factor,
+            fit.residuals[order],
+            fit.model,
+            color=CURVES[i % len(CURVES)][0],
+            weight="bold" if i == 0 else "normal",
+            size=7.5,
+            reach=34.0,
+        )
+
+
+def _begin(axes: Axes, report: CalibrationReport, title: str, *, zoom: bool = False) -> Scale:
+    """Set title and distance axis, over all readings with the window shaded, or over the window alone."""
+    distances = report.calibration.distances
+    scale = scale_for("m", float(distances.max()))
+    axes.locator_params(nbins=6)
+    axes.set_title(title, y=1.0)
+    axes.set_xlabel(f"distance l [{scale.unit}]")
+    window = np.array(report.window.distances)
+    axes.set_xlim(*span((window if zoom else distances) / scale.factor, 0.06))
+    if len(window) and not zoom:
+        axes.axvspan(window[0] / scale.factor, window[-1] / scale.factor, color=_WINDOW, linewidth=0, zorder=0)
+    return scale
+
+
+def _unit(report: CalibrationReport) -> str:
+    """Return the unit of the outputs in letters that the figure's font has."""
+    plain = "".join(c if ord(c) < 0x250 or c in "\u00b5\u03bc\u2126\u03a9" else "?" for c in report.calibration.unit)
+    return plain.strip() or "1"
+
+
+def _curves(report: CalibrationReport) -> Iterator[tuple[SensorFit, FloatArray, str, Any, float]]:
+    """Yield each fit with the distances at which it is drawn and its line, the best one last and thickest."""
+    for i, fit in reversed(list(enumerate(report.fits))):
+        low, high = fit.sensor.valid_range
+        first, last = max(low, report.window.l_min), min(high, report.window.l_max)
+        color, style = CURVES[i % len(CURVES)]
+        yield fit, np.linspace(first, last, _FINE), color, style, 1.9 if i == 0 else 1.1
+
+
+def _points(report: CalibrationReport) -> _Points:
+    """Return the averaged readings of the best fit, from its curve and its residuals."""
+    fit = report.fits[0]
+    distance = np.asarray(fit.distances)
+    log_output = np.asarray(fit.sensor.log_output(distance)) + fit.residuals
+    repeats = np.array([max(1, int(np.sum(report.calibration.distances == d))) for d in distance])
+    signal = np.exp(log_output)
+    variance = (fit.noise.output / signal) ** 2 / repeats + fit.noise.relative**2
+    return _Points(distance, log_output, np.sqrt(variance))
+
+
+def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -> None:
+    low, high = axes.get_ylim()
+    floor = np.maximum(y - spread[0], low / 10 if axes.get_yscale() == "log" else -np.inf)
+    axes.vlines(x, floor, y + spread[1], color=INK, linewidth=0.8, zorder=3.5)
+    axes.set_ylim(low, high)
+    axes.plot(x, y, "o", color=INK, markerfacecolor="white", markersize=4.0, zorder=4)
+
+
+def _levels(report: CalibrationReport) -> Iterator[tuple[float, str, Any, tuple[float, float] | None, int]]:
+    """Yield the levels that bound the signal: value, name, line, its interval, and the side of its label."""
+    window, offset = report.window, report.offset
+    if offset is not None:
+        spread = (offset.low, offset.high) if np.isfinite([offset.low, offset.high]).all() else None
+        yield offset.value, f"offset, {offset.kind}", "-", spread, -1
+    if np.isfinite(window.floor):
+        yield window.floor, "floor of the signal", (0, (4, 2)), None, 1
+    if window.saturation is not None:
+        yield window.saturation, "clipping level", ":", None, 1
+
+
+def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, str, str]]:
+    """Yield the readings by what became of them: name, mask, marker, color and fill."""
+    distances, outputs = report.calibration.distances, report.calibration.outputs
+    window = report.window
+    outlier = np.zeros(len(outputs), dtype=np.bool_)
+    if report.best is not None and report.best.outliers:
+        outlier[list(report.best.outliers)] = True
+    clipped = outputs >= (np.inf if window.saturation is None else window.saturation)
+    used = np.isin(distances, window.distances) & ~outlier & ~clipped
+    faint = ~used & ~outlier & ~clipped & (outputs <= window.floor)
+    rest = ~used & ~outlier & ~clipped & ~faint
+    for name, mask, marker, color, fill in (
+        ("", used, "o", INK, "white"),
+        ("left out: fits no curve", outlier & ~clipped, "X", BASELINE, BASELINE),
+        ("clipped", clipped, "s", BASELINE, "white"),
+        ("no signal", faint, "v", QUIET, "white"),
+        ("outside the window", rest, "D", QUIET, "white"),
+    ):
+        if mask.any():
+            yield name, mask, marker, color, fill
+
+
+def _label_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any) -> None:
+    """Name each curve, the best one first."""
+    for i, (fit, distance, color, _, _) in enumerate(reversed(list(_curves(report)))):
+        places = (np.linspace(0.04, 0.96, 24) * (len(distance) - 1)).astype(int)
+        rotated = np.roll(places, -5 * i)
+        label_near(
+            axes,
+            distance[rotated] / scale.factor,
+            np.asarray(value(fit, distance))[rotated],
+            fit.model,
+            color=color,
+            weight="bold" if i == 0 else "normal",
+            size=7.5,
+            reach=52.0,
+        )

@@ -1,0 +1,242 @@
+"""Labels that stand beside what they name: each is put where it covers neither text nor curve."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.text import Annotation
+
+__all__ = ["label_inside", "label_near"]
+
+_DIRECTIONS: Final = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
+_GAPS: Final = (5.0, 11.0, 20.0, 34.0, 52.0, 75.0, 100.0)
+_ALIGN_X: Final[dict[int, Any]] = {1: "left", 0: "center", -1: "right"}
+_ALIGN_Y: Final[dict[int, Any]] = {1: "bottom", 0: "center", -1: "top"}
+_LEADERLESS: Final = 11.0
+_AIR: Final = 1.5
+_COVERING: Final = 4.0  # cost of covering one more point of a curve
+
+
+def label_near(
+    axes: Axes,
+    x: Any,
+    y: Any,
+    text: str,
+    *,
+    color: str,
+    size: float = 8.0,
+    weight: str = "normal",
+    reach: float = 100.0,
+    side: int = 1,
+) -> Annotation | None:
+    """Write a label beside a point or a curve, where it covers no other label and as little of the curves as can be.
+
+    The limits of the axes must be final.
+
+    Args:
+        axes: where to write.
+        x: horizontal data coordinates of the points that may be labeled, the preferred ones first.
+        y: their vertical data coordinates.
+        text: the label; a `$` in it is a dollar.
+        color: its color.
+        size: its font size [pt].
+        weight: its font weight.
+        reach: how far off it may stand [pt].
+        side: 1 where it stands above if it can, -1 below.
+
+    Returns:
+        The label, with a thin leader line where it stands farther off; None where no place is free.
+    """
+    label = _new_label(axes, text, color=color, fontsize=size, fontweight=weight)
+    anchors = _display(axes, x, y)
+    places, boxes = _candidates(anchors, axes.figure.dpi / 72, *_size(label), side)
+    taken = _taken(axes, label)
+    free = _free(axes, boxes, taken) & (places[:, 3] <= reach)
+    choice = _best_place(axes, anchors, places, boxes, taken=taken, free=np.flatnonzero(free))
+    if choice < 0:
+        label.remove()
+        return None
+    _settle(axes, label, anchors[int(places[choice, 0])], places[choice, 1:4])
+    return label
+
+
+def _best_place(
+    axes: Axes, anchors: FloatArray, places: FloatArray, boxes: FloatArray, *, taken: FloatArray, free: Any
+) -> int:
+    """Return the place of least cost among the free ones, -1 where there is none."""
+    marks = _marks(axes)
+    best, choice = np.inf, -1
+    for i in free[np.argsort(places[free, 4], kind="stable")]:
+        if places[i, 4] >= best:
+            break
+        cost = places[i, 4] + _COVERING * _covered(boxes[i], marks)
+        if cost < best and not _crosses(anchors[int(places[i, 0])], boxes[i], places[i, 3], taken):
+            best, choice = cost, int(i)
+    return choice
+
+
+def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: float, fill: str) -> Annotation | None:
+    """Write a label centered on one of several points, upright where there is no room across.
+
+    Args:
+        axes: where to write; its limits must be final.
+        x: horizontal data coordinates of the points, the preferred ones first; the label stays between the smallest
+            and the largest of them.
+        y: their vertical data coordinates.
+        text: the label.
+        color: its color.
+        size: its font size [pt].
+        fill: the color behind it.
+
+    Returns:
+        The label; None where no place is free.
+    """
+    box = {"facecolor": fill, "edgecolor": "none", "pad": 1.0}
+    label = _new_label(axes, text, color=color, fontsize=size, ha="center", va="center", bbox=box, zorder=1)
+    anchors = _display(axes, x, y)
+    width, height = _size(label)
+    if width + 4 > np.ptp(anchors[:, 0]):
+        label.set_rotation(90)
+        width, height = height, width
+    half = np.array([width, height]) / 2 + 1
+    boxes = np.column_stack([anchors - half, anchors + half])
+    low, high = anchors[:, 0].min() - 1, anchors[:, 0].max() + 1
+    free = _free(axes, boxes, _taken(axes, label)) & (boxes[:, 0] >= low) & (boxes[:, 2] <= high)
+    if not free.any():
+        label.remove()
+        return None
+    marks = _marks(axes)
+    costs = np.array([_covered(box, marks) for box in boxes]) + 0.5 * np.arange(len(boxes))
+    costs[~free] = np.inf
+    label.xycoords = "data"
+    label.xy = tuple(axes.transData.inverted().transform(anchors[int(np.argmin(costs))]))
+    return label
+
+
+def _new_label(axes: Axes, text: str, **style: Any) -> Annotation:
+    return axes.annotate(
+        text,
+        (0, 0),
+        xytext=(0, 0),
+        xycoords="figure pixels",
+        textcoords="offset points",
+        parse_math=False,
+        annotation_clip=False,
+        **{"zorder": 6, **style},
+    )
+
+
+def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray) -> bool:
+    """Tell whether the leader from an anchor to a box would cross a label."""
+    if gap <= _LEADERLESS or not len(taken):
+        return False
+    end = np.clip(anchor, box[:2], box[2:])
+    path = anchor + np.linspace(0.0, 1.0, 25)[:, None] * (end - anchor)
+    inside = (path[:, None] > taken[:, :2] - _AIR) & (path[:, None] < taken[:, 2:] + _AIR)
+    return bool(inside.all(axis=2).any())
+
+
+def _candidates(
+    anchors: FloatArray, dots: float, width: float, height: float, side: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return every place around every anchor: (anchor, dx, dy, gap, cost) and its box in pixels."""
+    rank, turn, nth = np.indices((len(anchors), len(_DIRECTIONS), len(_GAPS))).reshape(3, -1)
+    gap = np.array(_GAPS)[nth]
+    way = np.array(_DIRECTIONS)[turn] * np.array([1, side])
+    cost = 0.5 * rank + 0.15 * turn + gap / 8
+    reach = gap * dots / np.where(way.all(axis=1), np.sqrt(2), 1.0)
+    corner = anchors[rank] + way * reach[:, None]
+    size = np.array([width, height])
+    low = corner + np.where(way > 0, 0.0, np.where(way < 0, -1.0, -0.5)) * size
+    return np.column_stack([rank, way, gap, cost]), np.column_stack([low, low + size])
+
+
+def _free(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
+    """Tell which boxes lie inside the axes and on no other label."""
+    (x0, y0), (x1, y1) = axes.bbox.get_points()
+    inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
+    apart = (
+        (boxes[:, None, 0] > taken[:, 2] + _AIR)
+        | (boxes[:, None, 2] < taken[:, 0] - _AIR)
+        | (boxes[:, None, 1] > taken[:, 3] + _AIR)
+        | (boxes[:, None, 3] < taken[:, 1] - _AIR)
+    )
+    return inside & apart.all(axis=1)
+
+
+def _settle(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> None:
+    dx, dy, gap = int(place[0]), int(place[1]), float(place[2])
+    reach = gap / (np.sqrt(2) if dx and dy else 1)
+    label.xy = tuple(axes.transData.inverted().transform(anchor))
+    label.xycoords = "data"
+    label.set_position((dx * reach, dy * reach))
+    label.set_horizontalalignment(_ALIGN_X[dx])
+    label.set_verticalalignment(_ALIGN_Y[dy])
+    if gap > _LEADERLESS:
+        dots = axes.figure.dpi / 72 * np.array([dx * reach, dy * reach])
+        ends = axes.transData.inverted().transform(anchor + np.outer([4.0 / gap, 1 - 2.0 / gap], dots))
+        axes.plot(*ends.T, color=label.get_color(), linewidth=0.6, scalex=False, scaley=False, zorder=2.5)
+
+
+def _display(axes: Axes, x: Any, y: Any) -> FloatArray:
+    points = np.column_stack([np.atleast_1d(np.asarray(x, float)), np.atleast_1d(np.asarray(y, float))])
+    pixels = np.asarray(axes.transData.transform(points[np.isfinite(points).all(axis=1)]))
+    low, high = axes.bbox.get_points()
+    return np.asarray(pixels[((pixels >= low - 1) & (pixels <= high + 1)).all(axis=1)])
+
+
+def _size(label: Annotation) -> tuple[float, float]:
+    extent = label.get_window_extent(_renderer(label))
+    return extent.width, extent.height
+
+
+def _renderer(artist: Any) -> Any:
+    figure = artist.get_figure(root=True)
+    if not hasattr(figure.canvas, "get_renderer"):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+
+        FigureCanvasAgg(figure)
+    return figure.canvas.get_renderer()
+
+
+def _taken(axes: Axes, new: Annotation) -> FloatArray:
+    """Return the boxes of the labels that stand already, in pixels."""
+    texts = [t for t in axes.texts if t is not new and t.get_text()]
+    return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)
+
+
+def _marks(axes: Axes) -> FloatArray:
+    """Return points along everything that is drawn as a line or a marker, in pixels, close to each other."""
+    parts = [np.empty((0, 2))]
+    for line in axes.lines:
+        points = line.get_transform().transform(np.column_stack(line.get_data(orig=False)))
+        points = points[np.isfinite(points).all(axis=1)]
+        parts.append(_dense(points) if line.get_linestyle() not in {"None", ""} else points)
+    for collection in axes.collections:
+        segments: list[Any] = getattr(collection, "get_segments", list)()
+        parts.extend(_dense(np.asarray(axes.transData.transform(segment))) for segment in segments)
+    return np.concatenate(parts)
+
+
+def _dense(points: FloatArray) -> FloatArray:
+    """Put points between those that lie far apart, so that a label is not put on a long straight line."""
+    if len(points) < 2:
+        return points
+    steps = np.abs(np.diff(points, axis=0)).max(axis=1)
+    along = np.concatenate([[0.0], np.cumsum(np.minimum(steps, 2000.0))])
+    if along[-1] == 0:
+        return points[:1]
+    fine = np.linspace(0.0, along[-1], int(along[-1] / 4) + 2)
+    return np.column_stack([np.interp(fine, along, points[:, i]) for i in (0, 1)])
+
+
+def _covered(box: FloatArray, marks: FloatArray) -> float:
+    """Return how many points of curves a label would cover, as a cost."""
+    x, y = marks[:, 0], marks[:, 1]
+    return float(np.count_nonzero((x > box[0] - 1) & (x < box[2] + 1) & (y > box[1] - 1) & (y < box[3] + 1)))

@@ -1,0 +1,253 @@
+"""How every figure looks: colors that survive greyscale, units that suit a reader, bytes that repeat.
+
+Nothing here imports matplotlib before a figure is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from pretouch._core.numbers import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "BASELINE",
+    "BLOCKED",
+    "CHOSEN",
+    "CURVES",
+    "INK",
+    "LIMIT",
+    "QUIET",
+    "Scale",
+    "draw_svg",
+    "drawing",
+    "log_axis",
+    "log_ticks",
+    "minus",
+    "new_figure",
+    "pretty_unit",
+    "scale_for",
+    "span",
+]
+
+# Okabe & Ito's palette (2008), ordered so that neighbors differ in luminance as well as in hue
+CHOSEN: Final = "#0072b2"
+BASELINE: Final = "#d55e00"
+LIMIT: Final = "#333333"
+INK: Final = "#222222"
+QUIET: Final = "#767676"
+BLOCKED: Final = "#ececec"
+CURVES: Final = (
+    ("#0072b2", "-"),
+    ("#d55e00", (0, (5, 1.6))),
+    ("#009e73", (0, (6, 1.5, 1.2, 1.5))),
+    ("#8a4f7d", (0, (1.4, 1.2))),
+    ("#222222", (0, (3, 1.2, 1, 1.2, 1, 1.2))),
+)
+
+_GROUPS: Final = frozenset(
+    (
+        *("axes", "figure", "font", "hatch", "lines", "markers", "mathtext", "patch", "path", "savefig", "scatter"),
+        *("svg", "text", "xaxis", "xtick", "yaxis", "ytick"),
+    )
+)
+_SETTINGS: Final[dict[str, Any]] = {
+    "axes.edgecolor": QUIET,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.use_mathtext": False,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 8.5,
+    "axes.linewidth": 0.7,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 7.0,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "bold",
+    "axes.unicode_minus": True,
+    "figure.dpi": 100.0,
+    "figure.facecolor": "white",
+    "font.family": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "hatch.linewidth": 0.5,
+    "lines.linewidth": 1.7,
+    "savefig.dpi": 150,
+    "savefig.facecolor": "white",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "pretouch",
+    "text.color": INK,
+    "xtick.color": QUIET,
+    "xtick.labelcolor": INK,
+    "xtick.labelsize": 8.0,
+    "xtick.major.size": 3.0,
+    "ytick.color": QUIET,
+    "ytick.labelcolor": INK,
+    "ytick.labelsize": 8.0,
+    "ytick.major.size": 3.0,
+}
+
+
+class Scale(NamedTuple):
+    """The unit in which a quantity is shown: divide SI by `factor` to get numbers in `unit`."""
+
+    factor: float
+    unit: str
+
+    def text(self, value: float, digits: int = 3, largest: float = 1.0) -> str:
+        """Write an SI value in this unit, as 0 where it is nothing beside the largest one that is shown."""
+        shown = 0.0 if abs(value) < _NOTHING * abs(largest) else value / self.factor
+        size = digits - 1 - math.floor(math.log10(abs(shown))) if shown and math.isfinite(shown) else 0
+        number = "0" if not shown else f"{shown:.{size}f}" if 0 <= size <= 6 else f"{shown:.{digits}g}"
+        return minus(f"{number} {self.unit}".strip())
+
+
+_NOTHING: Final = 1e-6  # of the largest number shown: no picture tells this from zero
+_SMALLER: Final = {
+    "m": (("mm", 1e-3), ("µm", 1e-6)),
+    "s": (("ms", 1e-3), ("µs", 1e-6)),
+    "m/s": (("mm/s", 1e-3), ("µm/s", 1e-6)),
+    "N": (("mN", 1e-3), ("µN", 1e-6)),
+    "N*s": (("mN s", 1e-3), ("µN s", 1e-6)),
+}
+_LONGEST_IN_UNIT: Final = {"m": 1.0, "s": 1.0, "m/s": 0.1, "N": 0.1, "N*s": 1.0}
+
+
+def scale_for(unit: str, largest: float) -> Scale:
+    """Choose the unit that shows numbers up to a largest magnitude best.
+
+    Args:
+        unit: SI unit.
+        largest: the largest magnitude that is shown, in SI.
+
+    Returns:
+        The unit to show it in: millimeters below 1 m, milliseconds below 1 s, and so on.
+
+    Examples:
+        >>> scale_for("m", 0.0422)
+        Scale(factor=0.001, unit='mm')
+    """
+    chosen = Scale(1.0, pretty_unit(unit))
+    limit = _LONGEST_IN_UNIT.get(unit, 0.0)
+    for smaller, factor in _SMALLER.get(unit, ()):
+        if 0 < abs(largest) < limit:
+            chosen = Scale(factor, smaller)
+        limit = _LONGEST_IN_UNIT[unit] * factor
+    return chosen
+
+
+def minus(text: str) -> str:
+    """Write hyphens as minus signs, for text in pictures; text that may be copied keeps what `to_si` reads."""
+    return text.replace("-", "\u2212")
+
+
+def pretty_unit(unit: str) -> str:
+    """Write a unit as a person does: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
+    return unit.replace("*", " ").replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Hold pretouch's settings for a while, whatever the user's own are, and give those back."""
+    from matplotlib import rc_context, rcParams, rcParamsDefault  # noqa: PLC0415
+
+    plain = {k: v for k, v in rcParamsDefault.items() if k.split(".")[0] in _GROUPS and rcParams[k] != v}
+    settings: Any = {**plain, **_SETTINGS}
+    with rc_context(settings):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Make an empty figure of a size in inches, without pyplot and without a display."""
+    from .canvas import ReportFigure  # noqa: PLC0415 - matplotlib is loaded when a figure is drawn
+
+    return ReportFigure(figsize=(width, height))
+
+
+def draw_svg(figure: Figure, name: str) -> str:
+    """Draw a figure as an SVG element for an HTML page; the same figure gives the same text.
+
+    Args:
+        figure: the figure.
+        name: what sets its identifiers apart from those of other figures on the page.
+
+    Returns:
+        The element alone: no namespaces, which HTML does not need, no metadata, no identifiers that nothing refers to.
+    """
+    content = StringIO()
+    figure.savefig(content, format="svg")
+    text = content.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :].strip(), flags=re.DOTALL)
+    text = re.sub(r' xmlns(?::\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
+    text = re.sub(r'<g id="[^"]*">', "<g>", text)
+    return re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{name}-", text)
+
+
+def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
+    """Make an axis logarithmic from low to high, with few ticks that are written as plain numbers."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator  # noqa: PLC0415
+
+    locator = FixedLocator(log_ticks(low, high)) if high > 4 * low else MaxNLocator(5)
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)
+    axis.set_major_locator(locator)
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _short(value: float) -> str:
+    """Write a tick in five letters or so: 0.001, 0.3, 1000, 3e\u22124."""
+    text = f"{value:g}"
+    if len(text) <= 5:
+        return minus(text)
+    mantissa, exponent = f"{value:.3e}".split("e")
+    return minus(f"{float(mantissa):g}e{int(exponent)}")
+
+
+def log_ticks(low: float, high: float, most: int = 7) -> list[float]:
+    """Choose up to `most` round numbers between two positive numbers.
+
+    Args:
+        low: lower end > 0.
+        high: upper end > low.
+        most: the largest number of ticks.
+
+    Returns:
+        The finest of 1-2-...-9, 1-2-5, 1-3, decades and every n-th decade that is no longer than `most`.
+
+    Examples:
+        >>> log_ticks(0.01, 10)
+        [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0]
+        >>> log_ticks(0.1, 2)
+        [0.1, 0.2, 0.5, 1.0, 2.0]
+    """
+    first, last = math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1
+    ticks: list[float] = []
+    steps: tuple[tuple[float, ...], ...] = (tuple(range(1, 10)), (1, 2, 5), (1, 3), (1,))
+    for mantissas in steps:
+        numbers = [float(f"{m}e{k}") for k in range(first, last + 1) for m in mantissas]
+        ticks = [n for n in numbers if low * (1 - 1e-9) <= n <= high * (1 + 1e-9)]
+        if len(ticks) <= most:
+            return ticks
+    return ticks[:: math.ceil(len(ticks) / most)]
+
+
+def span(values: FloatArray, pad: float = 0.06) -> tuple[float, float]:
+    """Return limits that hold all finite values with some air around them."""
+    import numpy as np  # noqa: PLC0415
+
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return 0.0, 1.0
+    low, high = float(known.min()), float(known.max())
+    air = pad * (high - low) or 0.5 * abs(high) or 1.0
+    return low - air, high + air

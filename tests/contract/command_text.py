@@ -1,0 +1,91 @@
+"""Files, and the command run beside them, for the tests of the command line."""
+
+from __future__ import annotations
+
+import json
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pretouch._core.files import sign, write_text
+from pretouch.cli import main
+
+SCENARIO = """\
+[sensor]
+model = "exponential-1"
+scale = 0.458
+rate = "-61 1/m"
+[admittance]
+mass = "1 kg"
+damping = "10 N*s/m"
+stiffness = "25 N/m"
+[obstacle]
+position = "42.2 mm"
+velocity = "-0.3 m/s"
+[objective]
+kind = "excursion"
+position_scale = "0.5 m"
+velocity_scale = "0.3 m/s"
+[gain]
+bounds = ["-10 N*s", "-0.01 N*s"]
+[constraints]
+excursion = "0.2 m"
+"""
+PAGE = "<html><head><title>report</title></head><body>{}</body></html>"
+
+
+def curve(rate=-60.0, label="", offset=0.1, noise=0.002, seed=1):
+    generator = np.random.default_rng(seed)
+    rows = []
+    for distance in np.repeat(np.arange(0, 60, 4), 3):
+        output = offset + 2 * np.exp(rate * distance * 1e-3) + noise * generator.standard_normal()
+        rows.append(f"{label}{distance},{output:.4f}")
+    rows += [f"{label}inf,{offset + noise * generator.standard_normal():.4f}" for _ in range(8)]
+    return rows
+
+
+def strict(text):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def lay_out(tmp_path, monkeypatch):
+    """Write a scenario and calibrations into a folder, which becomes the working folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("approach.toml").write_text(SCENARIO)
+    Path("sensor.csv").write_text("\n".join(["distance [mm],output [V]", *curve()]) + "\n")
+    two = ["unit,distance [mm],output [V]", *curve(label="a,"), *curve(rate=-50.0, label="b,", seed=2)]
+    Path("two.csv").write_text("\n".join(two) + "\n")
+    flat = ["distance [mm],output [V]", *(f"{d},{0.1 + 0.001 * (-1) ** d}" for d in range(12)), "inf,0.1", "inf,0.101"]
+    Path("flat.csv").write_text("\n".join(flat) + "\n")
+    return tmp_path
+
+
+def command(monkeypatch, capsys):
+    """Return what runs `pretouch` in this process and tells its exit status, stdout and stderr."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["pretouch", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        captured = capsys.readouterr()
+        return ended.value.code, captured.out, captured.err
+
+    return run
+
+
+def stand_in_for_reports(monkeypatch):
+    """Stand in for the report, which has its own tests: what is under test here is where it may be written."""
+    module = types.ModuleType("pretouch.report")
+
+    def write(result, path, *, overwrite=False, **_):
+        return write_text(path, sign(PAGE.format(type(result).__name__)), overwrite=overwrite)
+
+    module.write_design_report = write
+    module.write_fit_report = write
+    monkeypatch.setitem(sys.modules, "pretouch.report", module)

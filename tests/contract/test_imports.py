@@ -1,0 +1,60 @@
+"""The front door: what importing pretouch loads, and what it offers."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+
+import pretouch
+
+HEAVY = {"scipy", "numba", "matplotlib", "pydantic", "typer", "jinja2"}
+
+
+@pytest.mark.parametrize("module", ["pretouch", "pretouch.sensors", "pretouch.motion", "pretouch.design"])
+def test_importing_loads_nothing_heavy(module: str) -> None:
+    code = f"import sys, {module}; print(*sys.modules)"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    loaded = {name.partition(".")[0] for name in answer.stdout.split()}
+    assert "pretouch" in loaded
+    assert not loaded & HEAVY
+
+
+def test_the_check_above_would_see_what_is_loaded() -> None:
+    code = "import sys, scipy.interpolate; print(*sys.modules)"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert "scipy" in {name.partition(".")[0] for name in answer.stdout.split()}
+
+
+def test_the_public_names_are_sorted_and_each_once() -> None:
+    assert list(pretouch.__all__) == sorted(set(pretouch.__all__))
+
+
+@pytest.mark.parametrize("name", pretouch.__all__)
+def test_every_public_name_is_there_documented_and_offered_to_completion(name: str) -> None:
+    value = getattr(pretouch, name)
+    assert name in dir(pretouch)
+    assert (inspect.getdoc(value) or "").strip()
+    if inspect.isclass(value):  # dataclasses write a docstring of their signature where there is none
+        assert value.__doc__
+        assert not value.__doc__.startswith(f"{value.__name__}(")
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="nonsense"):
+        pretouch.nonsense  # noqa: B018
+
+
+def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
+    for folder in ("sensors", "motion", "design", "calibration", "config", "report"):
+        module = importlib.import_module(f"pretouch.{folder}")
+        for name in set(module.__all__) & set(pretouch.__all__):
+            assert getattr(pretouch, name) is getattr(module, name)
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert pretouch.__version__ == version("pretouch")

@@ -1,0 +1,98 @@
+"""What the README shows is what happens: its commands print that, its Python runs, its links lead somewhere."""
+
+from __future__ import annotations
+
+import doctest
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SESSIONS = re.findall(r"```console\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.mark.parametrize("session", SESSIONS, ids=[s.splitlines()[0] for s in SESSIONS])
+def test_a_session_prints_what_the_readme_shows(session: str) -> None:
+    command, _, expected = session.partition("\n")
+    assert command.startswith("$ pretouch ")
+    run = subprocess.run(
+        [sys.executable, "-m", "pretouch", *command.split()[2:]], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    checker = doctest.OutputChecker()
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    assert checker.check_output(expected, run.stdout, flags), run.stdout
+
+
+def test_there_are_sessions_to_check() -> None:
+    assert len(SESSIONS) == 2
+
+
+def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    (block,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    runner.run(parser.get_doctest(block, {}, "README.md", "README.md", 0))
+    assert runner.summarize().failed == 0
+
+
+def test_the_numbers_under_the_figure_are_those_of_the_example() -> None:
+    """141 ms at 0.3 m/s without, 464 ms at 0.079 m/s with, after 97 mm."""
+    import pretouch as pt
+
+    design = pt.load_scenario(ROOT / "examples" / "approach.toml").design()
+    before, after = design.no_mitigation.contact, design.result.contact
+    assert (round(before.time, 3), round(after.time, 3)) == (0.141, 0.464)
+    assert (round(before.relative_velocity, 3), round(after.relative_velocity, 3)) == (-0.3, -0.079)
+    assert round(after.largest_excursion, 3) == 0.097
+
+
+def test_every_make_target_of_the_readme_exists() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"^make (\w+)", README, re.MULTILINE)
+    assert targets == ["demo", "test"]
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", "CONTRIBUTING.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
+)
+def test_every_link_leads_to_a_file(page: str) -> None:
+    path = ROOT / page
+    for target in re.findall(r"\]\(([^)#]+?)\)", path.read_text(encoding="utf-8")):
+        if not target.startswith("http"):
+            assert (path.parent / target).exists(), target
+
+
+def test_the_synthetic_calibration_is_what_its_program_prints() -> None:
+    run = subprocess.run(
+        [sys.executable, str(ROOT / "examples" / "make_sensor_csv.py")], capture_output=True, text=True, check=True
+    )
+    assert run.stdout == (ROOT / "examples" / "sensor.csv").read_text(encoding="utf-8")
+
+
+def test_the_demonstration_writes_its_reports(tmp_path: Path) -> None:
+    """examples/demo.py from a copy, so that nothing of the checkout is touched."""
+    import shutil
+
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    run = subprocess.run(
+        [sys.executable, str(tmp_path / "examples" / "demo.py")],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+    )
+    assert run.returncode == 0, run.stderr
+    assert {p.name for p in (tmp_path / "demo-output").iterdir()} == {
+        "sensor-fit.html",
+        "approach-design.html",
+        "fingertip-design.html",
+    }

@@ -1,0 +1,346 @@
+"""What figures and HTML reports promise: legible, repeatable, self-contained, escaped, and modest."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from html.parser import HTMLParser
+from io import BytesIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from figure_checks import assert_legible, visible_texts
+from pretouch._core.errors import OutputExistsError
+from pretouch._core.files import is_own_unchanged
+from pretouch.calibration import Calibration, CalibrationReport, rank_models
+from pretouch.design import (
+    Constraint,
+    GainDesign,
+    Objective,
+    SpringImpact,
+    Term,
+    design_gain,
+    excursion_objective,
+    time_objective,
+)
+from pretouch.motion import Admittance, Obstacle, Plant, Scenario
+from pretouch.report import (
+    calibration_figure,
+    design_report_html,
+    fit_report_html,
+    motion_figure,
+    sensitivity_figure,
+    trade_off_figure,
+    write_design_report,
+    write_fit_report,
+)
+from pretouch.report.style import log_ticks, scale_for
+from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed
+
+POWER = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+ADMITTANCE = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+LETTER = Scenario(admittance=ADMITTANCE, obstacle=Obstacle(position=0.0422, velocity=-0.3))
+F1 = excursion_objective(position_scale=0.5, velocity_scale=0.3)
+BOUNDS = (-10.0, -0.01)
+VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
+
+
+def limits(**given: float) -> list[Constraint]:
+    return [Constraint(name=name, limit=limit) for name, limit in given.items()]
+
+
+THROW = Scenario(admittance=ADMITTANCE, obstacle=Obstacle(position=0.0422), plant=Plant(velocity=1.2))
+AWAY = Scenario(admittance=ADMITTANCE, obstacle=Obstacle(position=0.0422, velocity=0.3))
+REACH = Scenario(admittance=ADMITTANCE, obstacle=Obstacle(position=-0.035), plant=Plant(position=-0.1))
+FINGER = ExponentialFirstOrder(scale=1.25, rate=-63.46)
+IMPACT = Objective(
+    terms=(Term(quantity="impact_force", scale=10.0), Term(quantity="largest_travel", scale=0.1)),
+    name="<gentle & quick>",
+)
+DESIGNS: dict[str, Callable[[], GainDesign]] = {
+    "letter": lambda: design_gain(LETTER, POWER, F1, bounds=BOUNDS),
+    "constrained": lambda: design_gain(
+        LETTER, POWER, F1, bounds=BOUNDS, constraints=limits(excursion=0.08, virtual_force=20.0)
+    ),
+    "infeasible": lambda: design_gain(
+        LETTER, POWER, F1, bounds=BOUNDS, constraints=limits(excursion=0.05, relative_velocity=0.05)
+    ),
+    "no-contact": lambda: design_gain(AWAY, POWER, F1, bounds=BOUNDS),
+    "contact for weak gains only": lambda: design_gain(THROW, POWER, F1, bounds=BOUNDS),
+    "time": lambda: design_gain(REACH, FINGER, time_objective(time_scale=1.0, velocity_scale=0.01), bounds=BOUNDS),
+    "both signs": lambda: design_gain(LETTER, POWER, F1, bounds=(-2.0, 1.0)),
+    "impact": lambda: design_gain(
+        LETTER,
+        Recessed(sensor=POWER, recess=0.002),
+        IMPACT,
+        bounds=(-5.0, -0.05),
+        impact=SpringImpact(robot_mass=2.0, stiffness=1e4),
+        constraints=limits(impact_force=20.0, time=0.6, drive_force=30.0),
+    ),
+}
+
+
+@pytest.fixture(scope="module", params=DESIGNS)
+def design(request: pytest.FixtureRequest) -> GainDesign:
+    return DESIGNS[request.param]()
+
+
+@pytest.fixture(scope="module")
+def letter() -> GainDesign:
+    return DESIGNS["letter"]()
+
+
+def measured(label: str = "", unit: str = "V", *, offset: float = 0.25) -> Calibration:
+    """Make readings that clip near the sensor, fade far from it, repeat, and hold one that is wrong."""
+    random = np.random.default_rng(1)
+    distances = np.repeat(np.arange(0.0, 0.081, 0.005), 4)
+    signal = offset + 1.30e-5 / (distances + 0.0419) ** 3.32 + random.normal(0.0, 0.004, len(distances))
+    outputs = np.round(np.minimum(signal, 0.55), 3)
+    outputs[20] += 0.12
+    no_object = np.round(offset + random.normal(0.0, 0.004, 20), 3)
+    return Calibration(distances=distances, outputs=outputs, unit=unit, no_object=no_object, label=label)
+
+
+@pytest.fixture(scope="module")
+def usable() -> CalibrationReport:
+    return rank_models(measured(), ("inverse-power", "exponential-1"))
+
+
+@pytest.fixture(scope="module")
+def useless() -> CalibrationReport:
+    noise = np.random.default_rng(0).normal(1.0, 0.01, 10)
+    return rank_models(Calibration(distances=np.arange(10) * 0.01, outputs=noise, unit="V"))
+
+
+class _Balance(HTMLParser):
+    """Collects what is wrong with a page, its identifiers, and everything that it would fetch or run."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.faults: list[str] = []
+        self.ids: list[str] = []
+        self.fetched: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        self._look(tag, attrs)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._look(tag, attrs)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open[-1] != tag:
+            self.faults.append(f"</{tag}> at {self.getpos()} closes {self.open[-1:]}")
+        else:
+            self.open.pop()
+
+    def handle_data(self, data: str) -> None:
+        if not {"style", "svg"} & set(self.open):
+            self.text.append(data)
+
+    def _look(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in {"script", "link", "iframe", "object", "embed", "img"}:
+            self.fetched.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name.startswith("on") or (name in {"src", "href"} and not (value or "").startswith("#")):
+                self.fetched.append(f"{name}={value}")
+
+
+def parse(page: str) -> _Balance:
+    parser = _Balance()
+    parser.feed(page)
+    parser.close()
+    return parser
+
+
+def assert_sound(page: str) -> _Balance:
+    parser = parse(page)
+    assert parser.faults == []
+    assert parser.open == []
+    assert parser.fetched == []
+    assert len(parser.ids) == len(set(parser.ids))
+    assert "http" not in page
+    assert not re.search(r"@import|url\((?!#)", page)
+    words = " ".join(parser.text).lower()
+    assert "safe" not in words
+    assert "complian" not in words
+    return parser
+
+
+@pytest.mark.parametrize("draw", [trade_off_figure, motion_figure, sensitivity_figure])
+def test_design_figures_are_legible(draw: Any, design: GainDesign) -> None:
+    assert_legible(draw(design))
+
+
+def test_calibration_figures_are_legible(usable: CalibrationReport, useless: CalibrationReport) -> None:
+    assert_legible(calibration_figure(usable))
+    assert_legible(calibration_figure(useless))
+
+
+def test_figures_show_the_numbers_of_the_design(letter: GainDesign) -> None:
+    texts = " ".join(text for text, _ in visible_texts(trade_off_figure(letter)))
+    assert "\u22120.7463 N s" in texts
+    assert "0.1070" in texts
+    texts = " ".join(text for text, _ in visible_texts(motion_figure(letter)))
+    assert "464 ms" in texts
+    assert "141 ms" in texts
+
+
+def test_trade_off_names_what_blocks_a_gain() -> None:
+    texts = " ".join(text for text, _ in visible_texts(trade_off_figure(DESIGNS["infeasible"]())))
+    assert "broken: relative velocity" in texts
+    assert "broken: excursion" in texts
+    assert "no contact" in " ".join(text for text, _ in visible_texts(trade_off_figure(DESIGNS["no-contact"]())))
+
+
+@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+def test_the_same_design_gives_the_same_bytes(kind: str, letter: GainDesign) -> None:
+    def drawn() -> bytes:
+        content = BytesIO()
+        trade_off_figure(letter).savefig(content, format=kind)
+        return content.getvalue()
+
+    assert drawn() == drawn()
+
+
+def test_figures_neither_follow_nor_change_the_settings_of_the_user(letter: GainDesign) -> None:
+    def drawn() -> bytes:
+        content = BytesIO()
+        motion_figure(letter).savefig(content, format="svg")
+        return content.getvalue()
+
+    plain = drawn()
+    with mpl.rc_context({"font.size": 20, "axes.facecolor": "black", "lines.linewidth": 9, "axes.grid": True}):
+        before = dict(mpl.rcParams)
+        assert drawn() == plain
+        assert dict(mpl.rcParams) == before
+
+
+def test_figures_show_themselves_in_a_notebook(letter: GainDesign) -> None:
+    figure = trade_off_figure(letter)
+    assert isinstance(figure, Figure)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_importing_reports_loads_no_drawing_library() -> None:
+    code = "import sys, pretouch.report; sys.exit(bool({'matplotlib', 'jinja2'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_design_reports_are_sound_for_every_status(design: GainDesign) -> None:
+    words = " ".join(assert_sound(design_report_html(design)).text)
+    assert "Method and assumptions" in words
+    assert {"optimal": "optimal gain found", "infeasible": "infeasible", "no-contact": "no contact"}[
+        design.status.value
+    ] in words
+    for warning in design.warnings:
+        assert warning in words
+
+
+def test_design_report_contains_the_numbers_of_the_design(letter: GainDesign) -> None:
+    words = " ".join(parse(design_report_html(letter)).text)
+    for number in (
+        "-0.7463 N s",
+        "0.10698",
+        "-96.87 mm",
+        "-0.07906 m/s",
+        "463.6 ms",
+        "0.3 m/s",
+        "-73.6 %",
+        "59.14 N s/m",
+    ):
+        assert number in words
+
+
+def test_infeasible_report_names_the_limits_and_what_is_achievable() -> None:
+    design = DESIGNS["infeasible"]()
+    words = " ".join(parse(design_report_html(design)).text)
+    assert "excursion" in words
+    assert "relative velocity" in words
+    assert "50 mm" in words
+    assert "0.05 m/s" in words
+
+
+def test_fit_reports_are_sound(usable: CalibrationReport, useless: CalibrationReport) -> None:
+    words = " ".join(assert_sound(fit_report_html(usable)).text)
+    assert usable.best is not None
+    assert usable.best.model in words
+    assert usable.window.end_reason in words
+    assert "0.473 V at 25 mm" in words
+    assert 'model = "inverse-power"' in words
+    words = " ".join(assert_sound(fit_report_html(useless)).text)
+    assert "no usable signal" in words
+
+
+def test_reports_repeat_and_recognize_themselves(letter: GainDesign, tmp_path: Path) -> None:
+    page = design_report_html(letter)
+    assert page == design_report_html(letter)
+    path = write_design_report(letter, tmp_path / "design.html")
+    assert path.read_text(encoding="utf-8") == page
+    assert is_own_unchanged(path)
+
+
+def test_reports_do_not_overwrite_unasked(usable: CalibrationReport, tmp_path: Path) -> None:
+    path = tmp_path / "fit.html"
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputExistsError, match=r"fit\.html"):
+        write_fit_report(usable, path)
+    assert path.read_text(encoding="utf-8") == "mine"
+    write_fit_report(usable, path, overwrite=True)
+    assert is_own_unchanged(path)
+
+
+EVIL = "<script>alert('$x^2$ & \u96fb\u5727')</script>\"'"
+
+
+def test_reports_escape_what_users_wrote(letter: GainDesign) -> None:
+    report = rank_models(measured(label=EVIL, unit=EVIL), ("exponential-1",))
+    page = fit_report_html(report)
+    assert_sound(page)
+    assert "<script" not in page
+    source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
+    page = design_report_html(letter, calibration=report, source=source)
+    assert_sound(page)
+    assert "<script" not in page
+    assert "alert(" in " ".join(parse(page).text)
+    custom = design_report_html(DESIGNS["impact"]())
+    assert "<gentle" not in custom
+
+
+def test_source_may_be_an_object_or_a_mapping(letter: GainDesign) -> None:
+    text = "[sensor]\n"
+    found = SimpleNamespace(path=Path("/home/me/approach.toml"), text=text, sha256="0123abcd")
+    page = design_report_html(letter, source=found)
+    assert "approach.toml" in page
+    assert "/home/me" not in page
+    assert "0123abcd" in page
+    hashed = design_report_html(letter, source={"name": "approach.toml", "text": text})
+    assert re.search(r'class="hash">[0-9a-f]{64}<', hashed)
+
+
+@pytest.mark.parametrize(
+    ("unit", "largest", "shown"),
+    [("m", 0.04, "mm"), ("m", 2.0, "m"), ("s", 0.4, "ms"), ("m/s", 0.3, "m/s"), ("N", 5.0, "N"), ("m", 0.0, "m")],
+)
+def test_quantities_are_shown_in_units_that_suit_them(unit: str, largest: float, shown: str) -> None:
+    assert scale_for(unit, largest).unit == shown
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.01, 10.0), (1e-6, 1e6), (0.3, 2.5), (1.0, 5.0)])
+def test_logarithmic_axes_have_some_ticks_and_not_too_many(low: float, high: float) -> None:
+    ticks = log_ticks(low, high)
+    assert 2 <= len(ticks) <= 7
+    assert all(low <= tick <= high for tick in ticks)

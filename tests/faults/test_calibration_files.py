@@ -1,0 +1,206 @@
+"""Calibration files as they come, good and bad; each mistake gets one sentence with its line."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from pretouch._core.errors import CalibrationDataError, ResultUnavailableError
+from pretouch.calibration import Calibration, fit_sensor, rank_models, read_calibration, read_calibrations
+
+PLAIN = "distance [mm],output [V]\n0,2.0\n10,1.0\n42.2,0.5\n"
+
+
+def write(tmp_path, text, encoding="utf-8", name="sensor.csv"):
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding) if isinstance(text, str) else text)
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLAIN,
+        PLAIN.replace(",", ";"),
+        PLAIN.replace(",", "\t"),
+        "distance [mm];output [V]\r\n0;2,0\r\n10;1,0\r\n42,2;0,5\r\n",
+        "distance [mm]\toutput [V]\n0\t2,0\n10\t1,0\n42,2\t0,5\n",
+        "# a sensor\n\n" + PLAIN.replace("10,", "# in between\n\n10,"),
+        "\ufeff" + PLAIN,
+        "output (V),distance (mm)\n2.0,0\n1.0,10\n0.5,42.2\n",
+        "l [cm],xi [mV]\n0,2000\n1,1e3\n4.22,500\n",
+        "range [m],voltage [V]\n0,2\n0.01,1\n0.0422,.5\n",
+        "foo [mm],bar [V]\n0,2\n10,1\n42.2,.5\n",
+        '"distance [mm]","output [V]"\n"0","2"\n"10","1"\n"42.2","0.5"\n',
+        "distance [mm],output [V],\n0,2,\n10,1,\n42.2,0.5,\n",
+    ],
+)
+def test_every_common_layout_gives_the_same_numbers(tmp_path, text):
+    measured = read_calibration(write(tmp_path, text))
+    assert measured.distances.tolist() == [0.0, 0.01, 0.0422]  # exactly: 42.2 mm is the float nearest to 0.0422
+    assert measured.outputs.tolist() == pytest.approx([2.0, 1.0, 0.5], rel=1e-15)
+    assert measured.unit == "V"
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "cp1252", "utf-8-sig"])
+def test_other_encodings_are_read_and_recorded(tmp_path, encoding):
+    measured = read_calibration(write(tmp_path, "# Gerät\n" + PLAIN, encoding))
+    assert measured.source.encoding == encoding
+
+
+def test_the_provenance_names_the_very_bytes(tmp_path):
+    path = write(tmp_path, PLAIN + "20,nan\n30,\n")
+    source = read_calibration(path).source
+    assert source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert (source.file, source.distance_column, source.output_column) == (
+        "sensor.csv",
+        "distance [mm]",
+        "output [V]",
+    )
+    assert (source.rows, source.dropped) == (5, 2)
+
+
+@pytest.mark.parametrize("word", ["inf", "", "none", "No object", "∞"])
+def test_rows_without_an_object_are_no_object_readings(tmp_path, word):
+    measured = read_calibration(write(tmp_path, PLAIN + f"{word},0.1\n{word},0.2\n"))
+    assert measured.no_object.tolist() == [0.1, 0.2]
+    assert len(measured.distances) == 3
+
+
+def test_no_object_readings_come_as_number_list_or_file(tmp_path):
+    path = write(tmp_path, PLAIN)
+    bare = write(tmp_path, "0.1\n0.2\n", name="bare.csv")
+    headed = write(tmp_path, "output [mV]\n100\n200\n", name="headed.csv")
+    assert read_calibration(path, no_object=0.1).no_object.tolist() == [0.1]
+    for given in ([0.1, 0.2], np.array([0.1, 0.2]), bare, str(headed)):
+        assert read_calibration(path, no_object=given).no_object.tolist() == pytest.approx([0.1, 0.2], rel=1e-15)
+    with pytest.raises(CalibrationDataError, match="found the unit 'counts', expected 'V'"):
+        read_calibration(path, no_object=write(tmp_path, "output [counts]\n1\n", name="wrong.csv"))
+
+
+def test_further_columns_tell_curves_apart(tmp_path):
+    path = write(tmp_path, "day,distance [mm],side,output [counts]\n1,0,a,9\n1,1,a,8\n1,0,b,7\n2,0,b,6\n,inf,,1\n")
+    curves = read_calibrations(path)
+    assert [c.label for c in curves] == ["day=1, side=a", "day=1, side=b", "day=2, side=b"]
+    assert all(c.no_object.tolist() == [1.0] for c in curves)
+    assert read_calibration(path, select={"day": 2}).outputs.tolist() == [6.0]
+    assert len(read_calibrations(path, labels=["day"])) == 2
+    with pytest.raises(CalibrationDataError, match=r"found 3 curves, expected one.*day: 1, 2; side: a, b"):
+        read_calibration(path)
+    with pytest.raises(CalibrationDataError, match="select: found 'size', expected a label column"):
+        read_calibration(path, select={"size": "1"})
+
+
+def test_an_output_without_unit_is_taken_as_counts_and_said_so(tmp_path):
+    measured = read_calibration(write(tmp_path, "distance [mm],output\n0,9\n1,8\n"))
+    assert measured.unit == "counts"
+    assert "no unit" in measured.source.notes[0]
+    assert not read_calibration(write(tmp_path, "distance [mm],output\n0,9.5\n1,8\n")).unit
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "found no rows"),
+        ("# nothing\n\n", "found no rows"),
+        ("0,1\n1,2\n", r"line 1: found numbers where the header is expected"),
+        ("distance [mm],output [V]\n", "found no rows below the header"),
+        ("distance,output [V]\n0,1\n", r"line 1: found 'distance', a distance without a unit.*distance \[mm\]"),
+        ("distance [V],output [V]\n0,1\n", "line 1: found the unit 'V', expected a length"),
+        ("# c\ndistance [mm],output [V]\n0,1\n1,x\n", r"line 4: found 'x' in column 'output \[V\]', expected a number"),
+        ("distance [mm],output [V]\n0,1\nten,1\n", r"line 3: found 'ten' in column 'distance \[mm\]'"),
+        ("distance [mm],output [V]\n0,1\n-1,1\n", "line 3: found the distance -1, which must not be negative"),
+        ("distance [mm],output [V]\n0,1,5\n", "line 2: found 3 cells, expected 2.*semicolons"),
+        ("distance [mm],output [V]\n0,inf\n", "line 2: found 'inf'"),
+        ("distance [mm];output [V]\n0;1.000,5\n", "line 2: found '1.000,5'"),
+        ("distance [mm],range [mm],output [V]\n0,1,2\n", "two columns that may be the distance"),
+        ("a,b,c\n0,1,2\n", "expected one named distance and one named output"),
+        ("distance [mm]\n0\n", "line 1: found one column"),
+        ("distance [mm],output [V]\ninf,1\n", "found no reading with an object in range"),
+        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "one reading per curve"),
+        (b"\x00\x01\x02", "binary data"),
+    ],
+)
+def test_a_mistake_is_named_with_its_line(tmp_path, text, message):
+    with pytest.raises(CalibrationDataError, match=message) as error:
+        read_calibration(write(tmp_path, text))
+    assert "sensor.csv" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(CalibrationDataError, match=r"absent\.csv: cannot be read"):
+        read_calibration(tmp_path / "absent.csv")
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"distances": [0, 1], "outputs": [1]}, "found 1 values for 2 distances"),
+        ({"distances": [], "outputs": []}, "expected at least one reading"),
+        ({"distances": [-0.1], "outputs": [1]}, "must not be negative"),
+        ({"distances": [0.1], "outputs": [np.nan]}, "must be finite"),
+        ({"distances": [[0.1]], "outputs": [[1]]}, "expected one column"),
+        ({"distances": [0.1], "outputs": [1], "no_object": ["a"]}, "expected a number"),
+    ],
+)
+def test_columns_that_are_no_calibration_are_refused(fields, message):
+    with pytest.raises(CalibrationDataError, match=message):
+        Calibration(**fields)
+
+
+def flat(level=50.0, noise=0.0, points=12):
+    rng = np.random.default_rng(3)
+    return Calibration(
+        distances=np.arange(points) * 0.01, outputs=level + noise * rng.standard_normal(points), unit="counts"
+    )
+
+
+@pytest.mark.parametrize(
+    "measured",
+    [
+        flat(),
+        flat(noise=3.0),
+        flat(level=0.0),
+        Calibration(distances=[0.0], outputs=[1.0]),
+        Calibration(distances=[0.0, 0.01, 0.02], outputs=[3.0, 2.0, 1.0]),
+        Calibration(distances=np.arange(9) * 0.01, outputs=np.arange(9.0), no_object=[0.0, 0.1, 0.2]),
+        Calibration(distances=np.arange(9) * 0.01, outputs=[1020.0] * 9, unit="counts", no_object=[1020, 1020, 1016]),
+        Calibration(distances=np.zeros(20), outputs=np.arange(20.0)),
+    ],
+    ids=["constant", "noise", "zero", "one point", "three points", "rising", "stuck", "one distance"],
+)
+def test_what_is_no_signal_is_called_so(measured):
+    report = rank_models(measured)
+    assert report.verdict == "no usable signal"
+    assert report.best is None
+    assert report.reasons
+    found = json.loads(json.dumps(report.to_dict(), allow_nan=False))
+    assert {"verdict", "reasons", "best", "window", "offset", "noise", "models"} <= set(found)
+    assert {"value", "standard_error", "kind"} <= set(found["offset"])
+    assert (found["best"], found["models"]) == (None, [])
+    assert "no usable signal" in str(report)
+    assert "no usable signal" in report._repr_html_()
+    with pytest.raises(ResultUnavailableError, match="cannot be fitted"):
+        fit_sensor(measured)
+
+
+def test_a_report_reads_well_and_is_plain_json():
+    distance = np.repeat(np.arange(10) * 0.005, 3)
+    rng = np.random.default_rng(4)
+    measured = Calibration(
+        distances=distance,
+        outputs=0.1 + np.exp(-50 * distance) + 0.002 * rng.standard_normal(30),
+        unit="V",
+        no_object=[0.1, 0.102, 0.098],
+    )
+    report = rank_models(measured)
+    found = json.loads(json.dumps(report.to_dict(), allow_nan=False))
+    assert found["best"] == report.best.model
+    assert found["window"] == [0.0, 0.045]
+    keys = {"name", "parameters", "intervals", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc"}
+    assert all(keys | {"cross_validation", "runs_p_value"} <= set(model) for model in found["models"])
+    assert all(len(line) == len(line.rstrip()) for line in str(report).splitlines())
+    assert "1/m" in str(report.best)
+    assert "<script" not in report._repr_html_()

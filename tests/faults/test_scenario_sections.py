@@ -1,0 +1,195 @@
+"""Every section of a scenario file: as it may be, and what contradicts itself in it."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+from scenario_text import ADMITTANCE, OBJECTIVE, SENSOR, WHOLE, line_of, refusal, replaced, writer
+
+from pretouch._core.errors import ScenarioFileError
+from pretouch.config import load_scenario
+from pretouch.config.schema import SECTIONS, keys_of, quantity_of_key
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, MittagLeffler, Recessed, Table
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    return writer(tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def message(write):
+    return lambda text: refusal(write(text))
+
+
+def test_every_model_is_built(write):
+    def sensor(text):
+        return load_scenario(write("[sensor]\n" + text + WHOLE.replace(SENSOR, ""))).sensor
+
+    assert sensor('model = "exponential-1"\nscale = "458 mV"\nrate = "-61.0 /m"\n') == ExponentialFirstOrder(
+        scale=0.458, rate=-61.0
+    )
+    assert sensor(
+        'model = "exponential-2"\nscale = 0.48\nrate = "-0.074 1/mm"\ncurvature = "474 /m^2"\n'
+        'maximum_distance = "70 mm"\n'
+    ) == ExponentialSecondOrder(scale=0.48, rate=-74.0, curvature=474.0, maximum_distance=0.07)
+    assert sensor('model = "mittag-leffler"\nscale = "2 counts"\nrate = -60\norder = 0.9\n') == MittagLeffler(
+        scale=2.0, rate=-60.0, order=0.9
+    )
+    assert sensor('model = "table"\ndistances = ["0 mm", "5 cm"]\noutputs = ["4 V", "200 mV"]\n') == Table(
+        distances=(0.0, 0.05), outputs=(4.0, 0.2)
+    )
+    recessed = sensor('model = "exponential-1"\nscale = 1\nrate = -60\nrecess = "5 mm"\nmaximum_distance = "inf m"\n')
+    assert recessed == Recessed(sensor=ExponentialFirstOrder(scale=1.0, rate=-60.0), recess=0.005)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "key", "says"),
+    [
+        ('model = "table"\ndistances = ["0 m", "1 cm"]\noutputs = ["4 V", "3 counts"]\n', "outputs", "one unit"),
+        ('model = "table"\ndistances = ["0 m", "1 cm"]\noutputs = ["4 V", "5 V"]\n', "outputs", "decreasing"),
+        ('model = "table"\ndistances = ["0 m"]\noutputs = ["4 V", "3 V"]\n', "distances", "a list of two or more"),
+        ('model = "table"\ndistances = ["0 m", 1, 2]\noutputs = ["4 V", "3 V"]\n', "outputs", "2 values for 3"),
+        ('model = "table"\ndistances = ["0 m", "1 s"]\noutputs = [2, 1]\n', "distances[1]", "a quantity in m"),
+        ('model = "exponential-1"\nscale = 1\nrate = 60\n', "rate", "a negative quantity in 1/m"),
+        ('model = "mittag-leffler"\nscale = 1\nrate = -60\norder = 2\n', "order", "(0, 1]"),
+        ('model = "exponential-1"\nscale = 1\nrate = -60\nrecess = "1 s"\n', "recess", "a quantity in m"),
+        ('model = "exponential-1"\nscale = 1\nrate = -6\nmaximum_distance = "0 m"\n', "maximum_distance", "exceed"),
+    ],
+)
+def test_a_sensor_that_is_none_is_refused_at_its_key(message, sensor, key, says):
+    text = "[sensor]\n" + sensor + WHOLE.replace(SENSOR, "")
+    told = message(text)
+    assert told.startswith(f"approach.toml, line {line_of(key.split('[')[0], text)}: sensor.{key}: ")
+    assert says in told
+
+
+def test_a_sensor_that_does_not_reach_contact_is_refused_with_the_way_out(message):
+    table = 'model = "table"\ndistances = ["5 mm", "50 mm"]\noutputs = ["4 V", "1 V"]\n'
+    told = message("[sensor]\n" + table + WHOLE.replace(SENSOR, ""))
+    assert "line 1: sensor: found a valid range that starts 5 mm in front of" in told
+    assert 'recess = "5 mm"' in told
+
+
+def test_an_encounter_that_starts_beyond_the_sensor_is_refused(message):
+    told = message(replaced("exponent = 3.32", 'exponent = 3.32\nmaximum_distance = "42 mm"'))
+    assert "obstacle.position: found a distance of 42.2 mm at the start, expected at most 42 mm" in told
+
+
+def test_natural_frequency_is_in_rad_per_second_and_never_in_hertz(write, message):
+    def admittance(text):
+        return WHOLE.replace(ADMITTANCE, "[admittance]\n" + text)
+
+    for given_as in ('"5 rad/s"', '"5 1/s"', "5"):
+        built = load_scenario(write(admittance(f'mass = "1 kg"\nnatural_frequency = {given_as}\n'))).scenario.admittance
+        assert (built.damping, built.stiffness) == (10.0, 25.0)
+    half = load_scenario(write(admittance("mass = 1\nnatural_frequency = 5\ndamping_ratio = 0.5\n"))).scenario
+    assert half.admittance.damping == 5.0
+    for given_as in ('"5 Hz"', '"5 kHz"'):
+        told = message(admittance(f"mass = 1\nnatural_frequency = {given_as}\n"))
+        assert f"line 8: admittance.natural_frequency: found {given_as}, expected an angular frequency in rad/s" in told
+        assert "2*pi" in told
+
+
+def test_objectives_and_impact_are_built(write, message):
+    def objective(text, more=""):
+        return WHOLE.replace(OBJECTIVE, "[objective]\n" + text) + more
+
+    impact = '[impact]\nrobot_mass = "4 kg"\nobstacle_mass = "inf"\nstiffness = "10 kN/m"\n'
+    hertz = '[impact]\nrobot_mass = "4 kg"\nobstacle_mass = 1\neffective_modulus = "10 MPa"\nradius = "10 mm"\n'
+    time = load_scenario(write(objective('kind = "time"\ntime_scale = "1 s"\nvelocity_scale = "obstacle speed"\n')))
+    assert [(t.quantity, t.scale) for t in time.objective.terms] == [
+        ("time", 1.0),
+        ("relative_velocity", "obstacle speed"),
+    ]
+    force = 'kind = "excursion"\nposition_scale = 1\nforce_scale = "100 N"\nforce_weight = 2\n'
+    spring = load_scenario(write(objective(force, impact)))
+    assert [(t.quantity, t.weight) for t in spring.objective.terms] == [("displacement", 1.0), ("impact_force", 2.0)]
+    assert spring.impact.obstacle_mass == math.inf
+    assert load_scenario(write(objective(force, hertz))).impact.radius == 0.01
+    told = message(objective(force))
+    assert "objective.force_scale: found impact_force without physical properties, expected [impact]" in told
+
+    terms = 'kind = "custom"\nterms = [\n  { quantity = "time", scale = "1 s" },\n  %s,\n]\n'
+    custom = load_scenario(write(objective(terms % '{ quantity = "largest_speed", scale = "1 m/s", weight = 3 }')))
+    assert [(t.quantity, t.scale, t.weight) for t in custom.objective.terms] == [
+        ("time", 1.0, 1.0),
+        ("largest_speed", 1.0, 3.0),
+    ]
+    for wrong, says in [
+        ('{ quantity = "largest_speed", scale = "1 m" }', 'scale: found "1 m", expected a quantity in m/s'),
+        ('{ quantity = "speed", scale = 1 }', 'quantity: found "speed", expected one of "time"'),
+        ('{ quantity = "time" }', "scale: missing"),
+        ('{ quantity = "time", scale = 1, wait = 2 }', "wait: found an unknown key, expected one of quantity, scale"),
+        ('"time"', 'found "time", expected a table such as'),
+    ]:
+        told = message(objective(terms % wrong))
+        assert told.startswith("approach.toml, line 18: objective.terms[1]")
+        assert says in told
+
+
+def test_the_speed_of_an_obstacle_at_rest_is_no_scale(message):
+    text = replaced('"-0.3 m/s"', "0", replaced('velocity_scale = "0.3 m/s"', 'velocity_scale = "obstacle speed"'))
+    assert 'line 17: objective.velocity_scale: found "obstacle speed" for an obstacle at rest' in message(text)
+
+
+def test_a_limit_that_needs_the_physical_mass_says_so(message):
+    told = message(WHOLE + 'impact_force = "10 N"\n')
+    assert "line 27: constraints.impact_force: found impact_force without physical properties" in told
+
+
+def test_method_and_horizon(write, message):
+    problem = load_scenario(write(WHOLE + '[motion]\nmethod = "integration"\nhorizon = "2 min"\n'))
+    assert (problem.method, problem.horizon) == ("integration", 120.0)
+    assert 'did you mean "integration"?' in message(WHOLE + '[motion]\nmethod = "integrate"\n')
+
+
+def test_what_only_the_design_finds_out_is_placed_too(write):
+    problem = load_scenario(write(WHOLE + '[motion]\nmethod = "closed-form"\n'))
+    with pytest.raises(ScenarioFileError, match=r"^approach\.toml, line 28: motion\.method: "):
+        problem.design()
+
+
+def documented():
+    """Read the tables of docs/scenario-file.md: section -> key -> (unit, default)."""
+    text = (Path(__file__).parents[2] / "docs" / "scenario-file.md").read_text(encoding="utf-8")
+    found = {}
+    for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        if match := re.match(r"\[(\w+)\]", part):
+            rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \|", part, flags=re.MULTILINE)
+            assert len(rows) == len({key for key, _, _ in rows})
+            found[match.group(1)] = {key: (unit.strip(), default.strip()) for key, unit, default in rows}
+    return found
+
+
+def test_the_reference_lists_every_section_and_key_and_no_other():
+    assert {name: set(keys) for name, keys in documented().items()} == {name: set(keys_of(name)) for name in SECTIONS}
+
+
+@pytest.mark.parametrize("section", list(SECTIONS))
+def test_the_reference_gives_every_unit_and_default(section):
+    for key, (unit, default) in documented()[section].items():
+        # a key that several variants take means the same in each; `model` is optional beside a calibration only
+        variant = next(v for v in SECTIONS[section].values() if key in v.model_fields)
+        field, quantity = variant.model_fields[key], quantity_of_key(variant, key)
+        if quantity is not None:
+            assert unit == (quantity.unit or "number"), key
+        elif key != "no_object":
+            assert unit in {"text", "list", "table"}, key
+        if field.is_required():
+            assert default == "required", key
+        elif field.default_factory or field.default is None:
+            assert default == "none", key
+        elif isinstance(field.default, str):
+            assert default == f'`"{field.default}"`', key
+        else:
+            assert float(default) == field.default, key
+
+
+def test_the_example_of_the_reference_is_read(write):
+    text = (Path(__file__).parents[2] / "docs" / "scenario-file.md").read_text(encoding="utf-8")
+    example = re.search(r"```toml\n(.*?)```", text, flags=re.DOTALL).group(1)
+    assert load_scenario(write(example)).bounds == (-10.0, -0.01)

@@ -1,0 +1,74 @@
+"""What every figure must keep: units on its axes, nothing outside the canvas, no text on other text."""
+
+from __future__ import annotations
+
+import re
+from itertools import combinations
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+UNIT = re.compile(r"\[[^\]]+\]")
+TOUCH = 1.0  # pixels at 100 dpi by which two boxes may share their air
+
+
+def visible_texts(figure: Figure) -> list[tuple[str, Bbox]]:
+    """Draw a figure and return every text that a reader sees, with its box in pixels."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    texts = [text for axes in figure.axes for text in _texts_of(axes)]
+    shown = [text for text in texts if text.get_visible() and text.get_text().strip()]
+    return [(text.get_text(), text.get_window_extent(renderer)) for text in shown]
+
+
+def _texts_of(axes: Axes) -> list[Text]:
+    found = [axes.title, axes._left_title, axes._right_title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        air = 1e-9 * (high - low)
+        found += [t.label1 for t in axis.get_major_ticks() if low - air <= t.get_loc() <= high + air]
+        found.append(axis.get_offset_text())
+    return found
+
+
+def overlaps(figure: Figure) -> list[tuple[str, str]]:
+    """Return the pairs of texts that cover each other."""
+    texts = visible_texts(figure)
+    return [
+        (a, b)
+        for (a, box_a), (b, box_b) in combinations(texts, 2)
+        if min(box_a.x1, box_b.x1) - max(box_a.x0, box_b.x0) > TOUCH
+        and min(box_a.y1, box_b.y1) - max(box_a.y0, box_b.y0) > TOUCH
+    ]
+
+
+def outside(figure: Figure) -> list[str]:
+    """Return the texts that leave the canvas."""
+    texts = visible_texts(figure)
+    width, height = figure.get_size_inches() * figure.dpi
+    return [
+        text for text, box in texts if box.x0 < -0.5 or box.y0 < -0.5 or box.x1 > width + 0.5 or box.y1 > height + 0.5
+    ]
+
+
+def labels_without_unit(figure: Figure) -> list[str]:
+    """Return the axis labels that name no unit in brackets."""
+    labels = [label for axes in figure.axes for label in (axes.get_xlabel(), axes.get_ylabel())]
+    return [label for label in labels if not UNIT.search(label)]
+
+
+def is_blank(figure: Figure) -> bool:
+    """Tell whether a figure shows no curve and no text."""
+    return not any(axes.lines or axes.patches or axes.texts for axes in figure.axes)
+
+
+def assert_legible(figure: Figure) -> None:
+    """Fail where a reader would miss a unit or could not read a text."""
+    assert not is_blank(figure)
+    assert labels_without_unit(figure) == []
+    assert outside(figure) == []
+    assert overlaps(figure) == []

@@ -145,7 +145,7 @@ def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | Non
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:
                 function(probe)
-            except Exception as error:  # noqa: BLE001 - whatever the function of a user raises
+            except Exception as error:
                 return f"{type(error).__name__}: {error}"
     return None
 

@@ -22,9 +22,9 @@ __all__ = ["MittagLeffler", "mittag_leffler"]
 # more would only amplify rounding, by exp(mu).
 _NODES: Final = 18
 # The rounding of that sum stays while E falls like exp(z): beyond these, a sum of positive terms takes over.
-_NEAR_ONE: Final = 0.6
+_NEAR_ONE: Final = 0.68  # with poles at |Im v| = pi (1 - alpha), inside d = alpha pi / 2 only for alpha > 2 / 3
 _FAR: Final = 1.0
-_STEP: Final = 0.15  # leaves exp(-2 pi d / step) <= 7e-18: the integrand is bounded for |Im v| <= d = alpha pi / 2
+_STEP: Final = 0.15  # leaves exp(-2 pi d / step) < 1e-19: the integrand is bounded for |Im v| <= d
 _CHUNK: Final = 4096  # arguments at a time: one needs some 350 nodes
 
 

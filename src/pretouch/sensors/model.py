@@ -17,7 +17,16 @@ __all__ = ["SensorModel", "parameter"]
 
 
 def parameter(symbol: str, unit: str, default: Any = None) -> Any:
-    """Declare a dataclass field that is a parameter of the curve, with its symbol and SI unit."""
+    """Declare a dataclass field that is a parameter of the curve, with its symbol and SI unit.
+
+    Args:
+        symbol: how the literature writes it.
+        unit: its SI unit; the empty text for a pure number, or one that follows the output's.
+        default: its value where none is given; None where one must be.
+
+    Returns:
+        The field; its value is checked to be one finite number.
+    """
     metadata = {"symbol": symbol, "unit": unit}
     return field(metadata=metadata) if default is None else field(metadata=metadata, default=default)
 

@@ -1,0 +1,168 @@
+"""Readings to one averaged curve, and what they say about the noise of a reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+
+from .data import Calibration
+
+__all__ = ["AveragedCurve", "ReadingNoise", "average", "reading_noise", "resolution"]
+
+_MAD_TO_SIGMA = 1.4826  # of a normal distribution
+_BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or a doubled reading is far beyond
+_CLEAR_OF_ZERO = 5  # in steps of the converter
+_FEWEST_REPEATS = 3  # degrees of freedom from which a scatter is taken as known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AveragedCurve:
+    """The mean output at each distinct distance.
+
+    Args:
+        distance: distinct distances [m], increasing, shape (N,).
+        output: mean of the readings there, shape (N,).
+        count: how many readings that mean is of, shape (N,).
+        bad_readings: indices of single readings, among repeats, that were left out of the means.
+    """
+
+    distance: FloatArray
+    output: FloatArray
+    count: IntArray
+    bad_readings: tuple[int, ...] = ()
+
+    def part(self, mask: BoolArray) -> AveragedCurve:
+        """Return the points where `mask` holds."""
+        return AveragedCurve(distance=self.distance[mask], output=self.output[mask], count=self.count[mask])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingNoise:
+    """Standard deviation of one reading far from the object; `sigma` is None where the readings do not tell.
+
+    `freedom` counts the degrees of freedom that tell it.
+    """
+
+    sigma: float | None
+    source: str
+    resolution: float
+    freedom: float = 0.0
+
+
+def resolution(calibration: Calibration) -> float:
+    """Find the step in which the outputs come (LSB), from their differences; 0 where there is none.
+
+    It is the approximate greatest common divisor of the differences, so it does not depend on the unit.
+
+    Args:
+        calibration: the readings.
+
+    Returns:
+        The step, in the unit of the outputs.
+    """
+    values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
+    if len(values) < 4:
+        return 0.0
+    steps = np.diff(values)
+    tolerance = 1e-9 * float(np.abs(values).max())
+    step = 0.0
+    for other in steps[steps > tolerance]:
+        a, b = float(other), step
+        while b > tolerance * 10:
+            a, b = b, abs(a - b * round(a / b))
+        step = a
+    span = float(values[-1] - values[0])
+    return step if step > 1e-5 * span else 0.0
+
+
+def average(calibration: Calibration) -> AveragedCurve:
+    """Average repeats; a reading that was lost (0) or lies far off its repeats is left out.
+
+    Args:
+        calibration: the readings.
+
+    Returns:
+        The averaged curve.
+    """
+    keep = ~_lost(calibration)
+    distance, place = np.unique(calibration.distances[keep], return_inverse=True)
+    groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
+    medians = np.array([np.median(calibration.outputs[g]) for g in groups])
+    repeated = [i for i, g in enumerate(groups) if len(g) >= 3]
+    if sum(len(groups[i]) - 1 for i in repeated) >= 6:
+        deviations = [np.abs(calibration.outputs[groups[i]] - medians[i]) for i in repeated]
+        spread = np.array([(_MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
+        dof = np.array([len(groups[i]) - 1 for i in repeated], dtype=np.float64)
+        signal = medians - min(medians.min(), *calibration.no_object, np.inf)
+        sigma, jitter = _two_components(spread, dof, signal[repeated])
+        floor = resolution(calibration)
+        for i, deviation in zip(repeated, deviations, strict=True):
+            limit = _BAD_READING_SIGMAS * max(float(np.hypot(sigma, jitter * signal[i])), floor)
+            keep[groups[i][deviation > limit]] = False
+    means = np.array([np.mean(calibration.outputs[g[keep[g]]]) for g in groups])
+    counts = np.array([int(keep[g].sum()) for g in groups])
+    bad = tuple(int(i) for i in np.flatnonzero(~keep))
+    return AveragedCurve(distance=distance, output=means, count=counts, bad_readings=bad)
+
+
+def _lost(calibration: Calibration) -> BoolArray:
+    """Find readings of exactly zero on a sensor whose other readings all stand clear of zero: they were lost."""
+    zero = calibration.outputs == 0
+    others = np.concatenate([calibration.outputs[~zero], calibration.no_object])
+    step = resolution(calibration)
+    few = 0 < zero.sum() <= max(1, len(zero) // 10)
+    clear = len(others) > 0 and step > 0 and others.min() >= _CLEAR_OF_ZERO * step
+    return zero if few and clear else np.zeros_like(zero)
+
+
+def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
+    """Estimate the noise of one reading from repeats and no-object readings, never below the quantization.
+
+    The variance of a reading is taken as sigma^2 + (c xi)^2, the two parts by maximum likelihood over the groups of
+    repeats; a strong signal that jitters does not raise the noise of the far field.
+
+    Args:
+        calibration: the readings.
+        curve: their averages.
+
+    Returns:
+        The noise; its `sigma` is None where fewer than three degrees of freedom tell.
+    """
+    step = resolution(calibration)
+    floor = step / np.sqrt(12.0)
+    keep = np.ones(len(calibration.outputs), dtype=bool)
+    keep[list(curve.bad_readings)] = False
+    groups = [calibration.outputs[keep & (calibration.distances == d)] for d in curve.distance]
+    background = float(np.mean(calibration.no_object)) if len(calibration.no_object) else float(curve.output.min())
+    signal = list(np.maximum(curve.output - background, 0.0))
+    groups.append(calibration.no_object)
+    signal.append(0.0)
+    used = [i for i, g in enumerate(groups) if len(g) > 1]
+    dof = np.array([len(groups[i]) - 1 for i in used], dtype=np.float64)
+    if dof.sum() < _FEWEST_REPEATS:
+        return ReadingNoise(sigma=None, source="", resolution=step)
+    variance = np.array([np.var(groups[i], ddof=1) for i in used])
+    sigma, _ = _two_components(variance, dof, np.array([signal[i] for i in used]))
+    source = "no-object readings" if used == [len(groups) - 1] else "repeats"
+    if sigma < floor:
+        source = f"quantization ({source} scatter less)"
+        return ReadingNoise(sigma=float(floor), source=source, resolution=step, freedom=float(dof.sum()))
+    if sigma <= 0:
+        return ReadingNoise(sigma=None, source="", resolution=step)
+    return ReadingNoise(sigma=sigma, source=source, resolution=step, freedom=float(dof.sum()))
+
+
+def _two_components(variance: FloatArray, dof: FloatArray, signal: FloatArray) -> tuple[float, float]:
+    """Maximum-likelihood sigma and c of variance = sigma^2 + (c xi)^2, with sigma in closed form for each ratio."""
+    top = float(signal.max())
+    ratios = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 61) / top]) if top > 0 else np.array([0.0])
+    shape = 1 + (ratios[:, None] * signal) ** 2
+    total = float(dof.sum())
+    sigma2 = (dof * variance / shape).sum(axis=1) / total
+    deviance = total * np.log(np.maximum(sigma2, 1e-300)) + (dof * np.log(shape)).sum(axis=1)
+    best = int(np.argmin(deviance))
+    sigma = float(np.sqrt(sigma2[best]))
+    return sigma, sigma * float(ratios[best])

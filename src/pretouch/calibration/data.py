@@ -1,0 +1,110 @@
+"""What was measured: distances, outputs, no-object readings, and where they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import CalibrationDataError
+from pretouch._core.numbers import FloatArray, finite
+
+__all__ = ["Calibration", "Provenance"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Where a calibration was read from, and every decision that reading it took.
+
+    Args:
+        file: name of the file.
+        sha256: SHA-256 of its bytes, in hexadecimal digits.
+        encoding: the text encoding it was read with.
+        delimiter: what separates its columns.
+        decimal_mark: `.` or `,`.
+        distance_column: header of the column taken as distance.
+        output_column: header of the column taken as output.
+        label_columns: headers of the columns that tell the curves of the file apart.
+        rows: rows of numbers that belong to this curve, dropped ones included.
+        dropped: rows whose output was empty or NaN; they are not used.
+        notes: what had to be assumed, in sentences.
+    """
+
+    file: str
+    sha256: str
+    encoding: str
+    delimiter: str
+    decimal_mark: str
+    distance_column: str
+    output_column: str
+    label_columns: tuple[str, ...] = ()
+    rows: int
+    dropped: int
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Calibration:
+    """Readings of one sensor in front of one object, at known distances.
+
+    Args:
+        distances: l of every reading [m], shape (N,), not negative; repeats are repeated distances, in any order.
+        outputs: y of every reading, shape (N,), in `unit`.
+        unit: unit of the outputs, such as `V` or `counts`; empty where it has none.
+        no_object: readings with no object in range, shape (M,), in `unit`; may be empty.
+        label: what tells this curve from others of the same file, such as `day=30, sensor=1`.
+        source: the file it was read from; None for numbers that came from Python.
+
+    Raises:
+        CalibrationDataError: the columns differ in length, are empty, or hold numbers that are not finite, or a
+            distance is negative.
+
+    Examples:
+        >>> measured = Calibration(distances=[0.0, 0.01, 0.01], outputs=[2.0, 1.0, 1.2], unit="V")
+        >>> measured.distinct_distances
+        array([0.  , 0.01])
+    """
+
+    distances: FloatArray
+    outputs: FloatArray
+    unit: str = ""
+    no_object: FloatArray = field(default_factory=lambda: np.empty(0))
+    label: str = ""
+    source: Provenance | None = None
+
+    def __post_init__(self) -> None:
+        for name, unit in (("distances", "m"), ("outputs", self.unit), ("no_object", self.unit)):
+            object.__setattr__(self, name, _column(getattr(self, name), name, unit))
+        if len(self.distances) != len(self.outputs):
+            raise CalibrationDataError(f"outputs: found {len(self.outputs)} values for {len(self.distances)} distances")
+        if not len(self.distances):
+            raise CalibrationDataError("distances: found none, expected at least one reading with an object in range")
+        if self.distances.min() < 0:
+            raise CalibrationDataError(
+                f"distances: found {self.distances.min():g} m, which must not be negative: l is measured from the "
+                "sensor (or the contact surface) to the object"
+            )
+
+    @property
+    def distinct_distances(self) -> FloatArray:
+        """The distances [m] at which there are readings, in increasing order, each once."""
+        return np.unique(self.distances)
+
+    @property
+    def name(self) -> str:
+        """File and label, for titles."""
+        parts = [self.source.file if self.source else "", self.label]
+        return ", ".join(part for part in parts if part) or "calibration"
+
+
+def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
+    try:
+        column = np.atleast_1d(finite(values, name, unit))
+    except ValueError as error:
+        raise CalibrationDataError(str(error)) from None
+    if column.ndim != 1:
+        raise CalibrationDataError(f"{name}: found an array of shape {column.shape}, expected one column")
+    column = np.array(column, dtype=np.float64)
+    column.setflags(write=False)
+    return column

@@ -1,0 +1,271 @@
+"""What a calibration gives: estimates with their uncertainty, the fit of one model, the report over all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import FloatArray
+from pretouch.sensors import SensorModel
+
+from .data import Calibration
+
+__all__ = ["CalibrationReport", "Estimate", "NoiseEstimate", "OffsetEstimate", "SensorFit", "UsableWindow"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A number with its uncertainty.
+
+    Args:
+        value: the estimate, in SI.
+        standard_error: its standard error; infinite where the readings do not bound it.
+        low: lower end of the 95 % profile interval; -inf (0 for a positive quantity) where it has none.
+        high: upper end of the 95 % profile interval; inf where it has none.
+        unit: SI unit, empty for a pure number.
+    """
+
+    value: float
+    standard_error: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OffsetEstimate:
+    """The output with no object in range: what has to be subtracted before a logarithm is taken.
+
+    Args:
+        value: the offset o, in the unit of the outputs.
+        standard_error: its standard error; 0 where it was declared to be exact.
+        low: lower end of its 95 % interval.
+        high: upper end of its 95 % interval.
+        kind: `measured` (no-object readings), `fitted` (with the curve) or `declared`.
+    """
+
+    value: float
+    standard_error: float
+    low: float
+    high: float
+    kind: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseEstimate:
+    """The noise that weighs the readings: variance of y = output^2 + (relative xi)^2.
+
+    Args:
+        output: standard deviation of one reading where there is no signal, in the unit of the outputs.
+        relative: relative jitter of xi (positioning, reflectance, misfit), which repeats do not average out.
+        resolution: step in which the outputs come; 0 where none was found.
+        output_source: where `output` comes from.
+        relative_source: where `relative` comes from.
+    """
+
+    output: float
+    relative: float
+    resolution: float
+    output_source: str
+    relative_source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsableWindow:
+    """The distances at which the sensor can be used, and why they end where they do.
+
+    Args:
+        distances: the measured distances inside the window [m], increasing; empty where nothing stands above the floor.
+        start_reason: why the window starts where it does, in a sentence.
+        end_reason: why it ends where it does, in a sentence.
+        saturation: output from which readings count as clipped; None where no clipping was found or given.
+        floor: output below which a reading does not tell a signal from the offset.
+    """
+
+    distances: tuple[float, ...]
+    start_reason: str
+    end_reason: str
+    saturation: float | None
+    floor: float
+
+    @property
+    def l_min(self) -> float:
+        """The smallest usable distance [m]."""
+        return self._range[0]
+
+    @property
+    def l_max(self) -> float:
+        """The largest usable distance [m]."""
+        return self._range[1]
+
+    @property
+    def _range(self) -> tuple[float, float]:
+        if not self.distances:
+            raise ResultUnavailableError(f"this calibration has no usable window: {self.end_reason}")
+        return self.distances[0], self.distances[-1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SensorFit:
+    """One model fitted to one calibration. Residual quantities are over the points that were used.
+
+    Args:
+        model: name of the model.
+        sensor: the fitted curve, valid on the window.
+        parameters: estimate of each parameter, by name.
+        covariance: covariance of the parameters, in the order of `parameters`, with the share of the offset.
+        middle_slope: g in the middle of the window [1/m], which is known even where the parameters run away.
+        window: the usable window.
+        offset: the offset that was subtracted.
+        noise: the noise that weighs the readings.
+        distances: the distances that were used [m], shape (N,).
+        residuals: ln(y - o) - ln xi at these, shape (N,).
+        r_squared: share of the variance of xi that the model explains; for comparison with the letter only.
+        rmse_log_output: root mean square of `residuals`.
+        rmse_log_slope: root mean square difference between measured and modelled slope of ln xi, neighbor to
+            neighbor [1/m]; None below two points.
+        aicc: corrected Akaike criterion; only its differences within one ranking mean anything. None for a table,
+            or too few points.
+        cross_validation: root mean square error of ln xi at distances left out one by one; None where too few.
+        slope_shift: how far one standard error of the offset moves `middle_slope`, relative to it.
+        runs_p_value: chance of as few runs of equal signs in the residuals if these were independent; None without
+            two signs.
+        outliers: indices of the readings that were left out as fitting no curve.
+        identifiable: what the readings cannot tell apart, in sentences.
+        warnings: what to mind when using this fit, in sentences.
+    """
+
+    model: str
+    sensor: SensorModel
+    parameters: dict[str, Estimate]
+    covariance: FloatArray
+    middle_slope: Estimate
+    window: UsableWindow
+    offset: OffsetEstimate
+    noise: NoiseEstimate
+    distances: FloatArray
+    residuals: FloatArray
+    r_squared: float
+    rmse_log_output: float
+    rmse_log_slope: float | None
+    aicc: float | None
+    cross_validation: float | None
+    runs_p_value: float | None
+    slope_shift: float = 0.0
+    outliers: tuple[int, ...] = ()
+    identifiable: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything that JSON can hold, in SI: finite numbers, or None where there is none."""
+        return {
+            "name": self.model,
+            "parameters": {name: _plain(e.value) for name, e in self.parameters.items()},
+            "standard_errors": {name: _plain(e.standard_error) for name, e in self.parameters.items()},
+            "intervals": {name: [_plain(e.low), _plain(e.high)] for name, e in self.parameters.items()},
+            "units": {name: e.unit for name, e in self.parameters.items()},
+            "covariance": [[_plain(v) for v in row] for row in self.covariance.tolist()],
+            "middle_slope": _estimate(self.middle_slope),
+            "r_squared": _plain(self.r_squared),
+            "rmse_log_output": _plain(self.rmse_log_output),
+            "rmse_log_slope": _plain(self.rmse_log_slope),
+            "aicc": _plain(self.aicc),
+            "cross_validation": _plain(self.cross_validation),
+            "runs_p_value": _plain(self.runs_p_value),
+            "slope_shift": _plain(self.slope_shift),
+            "outliers": list(self.outliers),
+            "identifiable": list(self.identifiable),
+            "warnings": list(self.warnings),
+        }
+
+    def __str__(self) -> str:
+        from .presentation import fit_text  # noqa: PLC0415 - presentation reads results
+
+        return fit_text(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CalibrationReport:
+    """All models on one calibration, ranked, and the verdict on the sensor.
+
+    Args:
+        calibration: the readings.
+        fits: the fits, best first; empty where there is no usable signal.
+        window: the usable window.
+        offset: the offset under the signal; None where there were too few readings to know it.
+        noise: the noise of the readings; None likewise.
+        verdict: `usable`, `usable with reservations` or `no usable signal`.
+        reasons: why, and what to do, in sentences.
+        not_fitted: models that were asked for and not fitted, with the reason.
+    """
+
+    calibration: Calibration
+    fits: tuple[SensorFit, ...]
+    window: UsableWindow
+    offset: OffsetEstimate | None
+    noise: NoiseEstimate | None
+    verdict: str
+    reasons: tuple[str, ...]
+    not_fitted: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def best(self) -> SensorFit | None:
+        """The first of the ranked fits; None where there is no usable signal."""
+        return self.fits[0] if self.fits else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything that JSON can hold, in SI: finite numbers, or None where there is none."""
+        source = self.calibration.source
+        return {
+            "verdict": self.verdict,
+            "reasons": list(self.reasons),
+            "best": self.best.model if self.best else None,
+            "window": [self.window.l_min, self.window.l_max] if self.fits else None,
+            "window_reasons": [self.window.start_reason, self.window.end_reason],
+            "saturation": _plain(self.window.saturation),
+            "offset": _fields(self.offset, ("value", "standard_error", "low", "high", "kind")),
+            "noise": _fields(self.noise, ("output", "relative", "resolution", "output_source", "relative_source")),
+            "models": [fit.to_dict() for fit in self.fits],
+            "not_fitted": dict(self.not_fitted),
+            "calibration": {
+                "file": source.file if source else None,
+                "sha256": source.sha256 if source else None,
+                "label": self.calibration.label,
+                "output_unit": self.calibration.unit,
+                "readings": len(self.calibration.outputs),
+                "no_object_readings": len(self.calibration.no_object),
+                "dropped": source.dropped if source else 0,
+                "notes": list(source.notes) if source else [],
+            },
+        }
+
+    def __str__(self) -> str:
+        from .presentation import report_text  # noqa: PLC0415 - presentation reads results
+
+        return report_text(self)
+
+    def _repr_html_(self) -> str:
+        from .presentation import report_html  # noqa: PLC0415 - presentation reads results
+
+        return report_html(self)
+
+
+def _plain(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "value": _plain(estimate.value),
+        "standard_error": _plain(estimate.standard_error),
+        "interval": [_plain(estimate.low), _plain(estimate.high)],
+        "unit": estimate.unit,
+    }
+
+
+def _fields(value: object, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return these fields, None each where the value itself is None."""
+    found = {name: getattr(value, name, None) for name in names}
+    return {name: v if isinstance(v, str) else _plain(v) for name, v in found.items()}

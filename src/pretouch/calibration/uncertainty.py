@@ -1,0 +1,168 @@
+"""From a minimum to estimates: covariance, profile intervals, the share of the offset, what runs away together."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
+
+from .families import Family
+from .least_squares import Residuals, Solution, gradient, interval
+from .result import Estimate, OffsetEstimate
+
+__all__ = ["Spread", "estimates"]
+
+_DOMAINS = {
+    "scale": (0.0, math.inf),
+    "rate": (-math.inf, 0.0),
+    "exponent": (0.0, math.inf),
+    "distance_offset": (-math.inf, math.inf),
+    "curvature": (-math.inf, math.inf),
+    "order": (0.0, 1.0),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spread:
+    """The estimates of one fit; `slope_shift` is how far one standard error of the offset moves g, relative."""
+
+    parameters: dict[str, Estimate]
+    covariance: FloatArray
+    middle_slope: Estimate
+    identifiable: tuple[str, ...]
+    slope_shift: float
+
+
+def estimates(
+    residuals: Residuals,
+    best: Solution,
+    family: Family,
+    *,
+    offset: OffsetEstimate,
+    shifted: list[FloatArray],
+    informed_by: int,
+) -> Spread:
+    """Work out what a fit knows about its parameters.
+
+    Args:
+        residuals: of the model at the offset, of unit variance.
+        best: their minimum.
+        family: the curves.
+        offset: the offset with its uncertainty.
+        shifted: the parameters fitted at either end of the offset's interval; empty where it is exact.
+        informed_by: how many points the noise was estimated from.
+
+    Returns:
+        Estimates of all parameters and of the slope in the middle of the window.
+    """
+    from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
+
+    dof = max(len(best.residuals) - len(best.x), 1)
+    inflation = max(1.0, best.cost / dof)  # a model that does not fit does not know its parameters better
+    known = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
+    rise = float(stdtrit(max(dof, known), 0.975)) ** 2 * inflation
+    share = offset.standard_error / (offset.high - offset.low) if len(shifted) == 2 else 0.0
+
+    def every(u: FloatArray) -> FloatArray:
+        return np.append(family.coordinates(u), math.log(max(-family.slope(u, family.middle), 1e-9)))
+
+    center, moved = every(best.x), [every(u) for u in shifted]
+    ends = []
+    for i in range(len(center)):
+        low, high, *reached = interval(residuals, best, family.bounds, lambda u, i=i: float(every(u)[i]), rise)  # type: ignore[misc]
+        below = center[i] - min([center[i], *(m[i] for m in moved)])
+        above = max([center[i], *(m[i] for m in moved)]) - center[i]
+        low = center[i] - math.hypot(center[i] - low, below) if reached[0] else low
+        high = center[i] + math.hypot(high - center[i], above) if reached[1] else high
+        ends.append((low, high, reached[0], reached[1]))
+    covariance = _covariance(best, family, moved, share, inflation)
+    slopes = [-math.exp(v) for v in (center[-1], ends[-1][1], ends[-1][0])]
+    moved_slopes = [-math.exp(m[-1]) for m in moved]
+    shift = share * abs(moved_slopes[1] - moved_slopes[0]) / abs(slopes[0]) if share else 0.0
+    log_slope = gradient(lambda u: every(u)[-1:], best.x)[0]
+    slope_error = abs(slopes[0]) * math.hypot(math.sqrt(inflation * (log_slope @ best.covariance @ log_slope)), shift)
+    middle = Estimate(value=slopes[0], standard_error=slope_error, low=slopes[1], high=slopes[2], unit="1/m")
+    runaway = family.name == "inverse-power" and _runs_away(ends[2], family)
+    parameters = _parameters(family, center[:-1], ends[:-1], covariance, runaway=runaway)
+    return Spread(
+        parameters=parameters,
+        covariance=covariance,
+        middle_slope=middle,
+        identifiable=_identifiable(family, parameters, middle, runaway=runaway),
+        slope_shift=shift,
+    )
+
+
+def _covariance(best: Solution, family: Family, moved: list[FloatArray], share: float, inflation: float) -> FloatArray:
+    """Carry the covariance to the written parameters and add what the offset contributes."""
+    with np.errstate(over="ignore", invalid="ignore"):  # a scale that runs away has no finite variance
+        jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), best.x)
+        covariance = inflation * jacobian @ best.covariance @ jacobian.T
+        if share:
+            shift = share * (family.parameters(moved[1][:-1]) - family.parameters(moved[0][:-1]))
+            covariance = covariance + np.outer(shift, shift)
+    return np.asarray(np.where(np.isfinite(covariance), covariance, np.inf))
+
+
+def _runs_away(end: tuple[float, float, bool, bool], family: Family) -> bool:
+    """Tell whether kappa = 1 / n may be zero."""
+    low, _, reached, _ = end
+    return not reached or low <= math.log(1.05 * float(family.bounds[0][2]))
+
+
+def _parameters(
+    family: Family,
+    center: FloatArray,
+    ends: list[tuple[float, float, bool, bool]],
+    covariance: FloatArray,
+    *,
+    runaway: bool,
+) -> dict[str, Estimate]:
+    """Map the intervals of the coordinates to those of the written parameters."""
+    values = family.parameters(center)
+    found = {}
+    for i, name in enumerate(family.parameter_names):
+        mapped = []
+        for k in (0, 1):
+            q = center.copy()
+            q[i] = ends[i][k]
+            mapped.append((float(family.parameters(q)[i]), ends[i][2 + k]))
+        (low, low_reached), (high, high_reached) = sorted(mapped)
+        domain = _DOMAINS[name]
+        low, high = low if low_reached else domain[0], high if high_reached else domain[1]
+        if runaway:
+            high = math.inf
+            low = domain[0] if name == "scale" else low
+        error = float(np.sqrt(max(covariance[i, i], 0.0))) if math.isfinite(high - low) else math.inf
+        found[name] = Estimate(
+            value=float(values[i]),
+            standard_error=error,
+            low=max(low, domain[0]),
+            high=min(high, domain[1]),
+        )
+    return found
+
+
+def _identifiable(
+    family: Family, parameters: dict[str, Estimate], middle: Estimate, *, runaway: bool
+) -> tuple[str, ...]:
+    """Say which parameters the readings cannot tell apart."""
+    if runaway:
+        at = format_quantity(family.middle, "m")
+        low = parameters["exponent"].low
+        return (
+            f"Only n / (l_0 + {at}) = {-middle.value:.4g} 1/m, the slope in the middle of the window, is known: "
+            f"n and l_0 run away together (n is above {low:.3g}, with no upper bound), and an exponential fits as "
+            "well.",
+        )
+    order = parameters.get("order")
+    if order is not None and order.high >= 1:
+        return (f"The order is not told from 1, a first-order exponential (95 % interval from {order.low:.3g} to 1).",)
+    curvature = parameters.get("curvature")
+    if curvature is not None and curvature.low <= 0 <= curvature.high:
+        return ("The curvature is not told from 0, a first-order exponential.",)
+    return ()

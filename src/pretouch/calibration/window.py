@@ -1,0 +1,232 @@
+"""The distances at which a sensor can be used: beyond clipping and the near-field peak, above the noise floor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import CalibrationDataError, InvalidInputError
+from pretouch._core.numbers import BoolArray, finite, nonnegative, positive
+from pretouch._core.units import format_quantity, to_si
+
+from .averaging import AveragedCurve, average, reading_noise, resolution
+from .data import Calibration
+from .result import OffsetEstimate, UsableWindow
+
+__all__ = ["NearEnd", "declared_offset", "find_near_end", "find_window", "window_of"]
+
+_CONVERTER_BITS: Final = (8, 10, 12, 14, 16)
+_CLIPPED_SHARE: Final = 0.99  # of full scale: converters and their front ends clip a little below it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NearEnd:
+    """Where the usable part of a curve starts: index into the averaged curve, why, and the clipping level."""
+
+    index: int
+    reason: str
+    saturation: float | None
+
+
+def find_window(
+    calibration: Calibration,
+    offset: OffsetEstimate | float | tuple[float, float],
+    *,
+    noise: float | None = None,
+    saturation: float | str | None = "auto",
+    near_field_peak: float | str | None = "auto",
+    floor_sigmas: float = 3.0,
+) -> UsableWindow:
+    """Find the distances at which a sensor can be used.
+
+    The window starts beyond the last clipped distance and at the near-field peak; it ends before the first distance
+    at which the averaged signal is not `floor_sigmas` standard errors above the offset, unless the next one is.
+
+    Args:
+        calibration: the readings.
+        offset: output with no object, or it and its standard error.
+        noise: standard deviation of one reading, in the unit of the outputs; from the readings where None.
+        saturation: output from which readings are clipped; "auto" to find it, None where nothing clips.
+        near_field_peak: distance of the peak [m], or text such as "5 mm"; "auto" to find it, None where there is none.
+        floor_sigmas: how many standard errors the signal must stand above the offset.
+
+    Returns:
+        The window, with the reasons for both its ends.
+
+    Raises:
+        InvalidInputError: a number is out of its range, or neither the readings nor `noise` tell the noise.
+        CalibrationDataError: every distance is clipped.
+
+    Examples:
+        >>> measured = Calibration(distances=[0.0, 0.01, 0.02, 0.03], outputs=[1023, 800, 200, 52], unit="counts")
+        >>> window = find_window(measured, (50.0, 1.0), noise=4.0)
+        >>> window.l_min, window.l_max
+        (0.01, 0.02)
+    """
+    positive(floor_sigmas, "floor_sigmas")
+    known = offset if isinstance(offset, OffsetEstimate) else declared_offset(offset)
+    curve = average(calibration)
+    sigma = reading_noise(calibration, curve).sigma if noise is None else float(nonnegative(noise, "noise"))
+    if sigma is None:
+        raise InvalidInputError(
+            "noise: found None, and too few repeats or no-object readings to estimate it; give the standard deviation "
+            "of one reading"
+        )
+    near = find_near_end(calibration, curve, saturation=saturation, near_field_peak=near_field_peak)
+    if near.index == len(curve.distance):
+        raise CalibrationDataError(
+            f"saturation: found every distance clipped; {near.reason}: measure farther away, lower the gain of the "
+            "sensor, or declare saturation=None"
+        )
+    return window_of(calibration, curve, near, offset=known, sigma=sigma, floor_sigmas=floor_sigmas)
+
+
+def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
+    """Turn a number, or a number and its standard error, into a declared offset."""
+    value, error = offset if isinstance(offset, (tuple, list)) else (offset, 0.0)
+    value, error = float(finite(value, "offset")), float(nonnegative(error, "standard error of the offset"))
+    reach = 1.959964 * error
+    return OffsetEstimate(value=value, standard_error=error, low=value - reach, high=value + reach, kind="declared")
+
+
+def find_near_end(
+    calibration: Calibration,
+    curve: AveragedCurve,
+    *,
+    saturation: float | str | None,
+    near_field_peak: float | str | None,
+) -> NearEnd:
+    """Find where the usable part of a curve starts.
+
+    Args:
+        calibration: the readings.
+        curve: their averages.
+        saturation: output from which readings are clipped, "auto", or None.
+        near_field_peak: distance of the peak [m], text with a unit, "auto", or None.
+
+    Returns:
+        The index of the first usable distance and the reason; the number of distances where all are clipped.
+    """
+    level, found = _saturation(calibration, curve, saturation)
+    clipped = np.zeros(len(curve.distance), dtype=bool)
+    if level is not None:
+        saturated = np.unique(calibration.distances[calibration.outputs >= level])
+        clipped = np.isin(curve.distance, saturated)
+    index = _end_of_clipping(clipped)
+    reason = "first measured distance"
+    if index:
+        last = format_quantity(float(curve.distance[index - 1]), "m")
+        reason = f"the output clips at {level:g} {calibration.unit} up to {last} ({found})".replace("  ", " ")
+    if index == len(curve.distance):
+        return NearEnd(index=index, reason=reason, saturation=level)
+    peak, how = _peak(curve, index, near_field_peak)
+    if peak > index:
+        index = peak
+        reason = f"the output peaks at {format_quantity(float(curve.distance[peak]), 'm')} ({how})"
+    return NearEnd(index=index, reason=reason, saturation=level)
+
+
+def _end_of_clipping(clipped: BoolArray) -> int:
+    """Return the index after the last clipped point; one that stands alone inside the curve is a bad reading."""
+    supported = [
+        i for i in np.flatnonzero(clipped) if i == 0 or clipped[i - 1] or (i + 1 < len(clipped) and clipped[i + 1])
+    ]
+    return int(supported[-1]) + 1 if supported else 0
+
+
+def _saturation(calibration: Calibration, curve: AveragedCurve, given: float | str | None) -> tuple[float | None, str]:
+    """Return the clipping level and how it is known."""
+    if given is None:
+        return None, ""
+    if not isinstance(given, str):
+        return float(finite(given, "saturation", calibration.unit)), "declared"
+    if given != "auto":
+        raise InvalidInputError(f"saturation: found {given!r}, expected a number, None or 'auto'")
+    top = float(calibration.outputs.max())
+    if calibration.unit == "counts":
+        for bits in _CONVERTER_BITS:
+            full = 2**bits - 1
+            if _CLIPPED_SHARE * full <= top <= full:
+                clipped = calibration.outputs[calibration.outputs >= _CLIPPED_SHARE * full]
+                return float(clipped.min()), f"within 1 % of the full scale of a {bits}-bit converter"
+    step = resolution(calibration)
+    plateau = curve.distance[np.isclose(curve.output, top, rtol=1e-9, atol=0.0)]
+    fine = step < 0.02 * float(np.ptp(calibration.outputs))  # else equal readings are no surprise
+    if len(plateau) >= 2 and fine:
+        return top, f"the same highest output at {len(plateau)} distances"
+    return None, ""
+
+
+def _peak(curve: AveragedCurve, start: int, given: float | str | None) -> tuple[int, str]:
+    """Return the index at which the curve begins to fall, and how it is known."""
+    if given is None:
+        return start, ""
+    if given != "auto":
+        distance = to_si(given, "m", name="near_field_peak")
+        index = int(np.searchsorted(curve.distance, distance * (1 - 1e-12)))
+        if index >= len(curve.distance) or not math.isfinite(distance):
+            raise InvalidInputError(
+                f"near_field_peak: found {distance:g} m, which must lie below the last measured distance "
+                f"({curve.distance[-1]:g} m)"
+            )
+        return index, "declared"
+    output = curve.output[start:]
+    steady = output.copy()
+    if len(output) > 2:  # one reading that sticks out makes no peak
+        steady[1:-1] = np.median([output[:-2], output[1:-1], output[2:]], axis=0)
+    near = max(int(np.argmax(steady)) - 1, 0)
+    return start + near + int(np.argmax(output[near : near + 3])), "found"
+
+
+def window_of(
+    calibration: Calibration,
+    curve: AveragedCurve,
+    near: NearEnd,
+    *,
+    offset: OffsetEstimate,
+    sigma: float,
+    floor_sigmas: float,
+    outliers: tuple[int, ...] = (),
+) -> UsableWindow:
+    """Find the far end of the window and put both ends together.
+
+    Args:
+        calibration: the readings.
+        curve: their averages.
+        near: the near end.
+        offset: the offset and its standard error.
+        sigma: standard deviation of one reading.
+        floor_sigmas: how many standard errors the signal must stand above the offset.
+        outliers: indices into the curve that are passed over.
+
+    Returns:
+        The window.
+    """
+    indices = [i for i in range(near.index, len(curve.distance)) if i not in outliers]
+    error = np.hypot(sigma / np.sqrt(curve.count), offset.standard_error)
+    above = [bool(curve.output[i] - offset.value > floor_sigmas * error[i]) for i in indices]
+    end = len(indices)
+    for k, holds in enumerate(above):
+        if not holds and not any(above[k + 1 : k + 2]):  # one low reading between two good ones is no floor
+            end = k
+            break
+    used = [i for i, holds in zip(indices[:end], above[:end], strict=True) if holds]
+    unit = f" {calibration.unit}" if calibration.unit else ""
+    floor = offset.value + floor_sigmas * float(np.median(error))
+    reason = "last measured distance"
+    if end < len(indices):
+        beyond = format_quantity(float(curve.distance[indices[end]]), "m")
+        reason = (
+            f"from {beyond} the signal is not {floor_sigmas:g} standard errors ({floor - offset.value:.3g}{unit}) "
+            f"above the offset ({offset.value:.4g}{unit})"
+        )
+    return UsableWindow(
+        distances=tuple(float(curve.distance[i]) for i in used),
+        start_reason=near.reason,
+        end_reason=reason,
+        saturation=near.saturation,
+        floor=floor,
+    )

@@ -1,0 +1,199 @@
+"""Fits recover what made the readings, say how well they know it, and do not depend on units."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pretouch.calibration import Calibration, fit_sensor, rank_models
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, MittagLeffler
+
+# Table I of the letter; the Mittag-Leffler curve falls as much over the same distance
+SENSORS = {
+    "inverse-power": InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
+    "exponential-1": ExponentialFirstOrder(scale=0.458, rate=-61.0),
+    "exponential-2": ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0),
+    "mittag-leffler": MittagLeffler(scale=0.5, rate=-80.0, order=0.9),
+}
+PEDESTAL, OUTPUT_NOISE, JITTER = 0.2, 0.0015, 0.01
+
+
+def exact(model, *, points=20, last=0.0422, pedestal=0.0):
+    distance = np.linspace(0.0, last, points)
+    return Calibration(distances=distance, outputs=SENSORS[model].output(distance) + pedestal, unit="V")
+
+
+def noisy(model, seed, *, points=15, last=0.05, no_object=6, repeats=1):
+    """Readings as the fit assumes them: relative jitter per distance, output noise per reading."""
+    rng = np.random.default_rng(seed)
+    distance = np.linspace(0.0, last, points)
+    xi = SENSORS[model].output(distance) * (1 + JITTER * rng.standard_normal(points))
+    outputs = PEDESTAL + np.repeat(xi, repeats) + OUTPUT_NOISE * rng.standard_normal(points * repeats)
+    return Calibration(
+        distances=np.repeat(distance, repeats),
+        outputs=outputs,
+        unit="V",
+        no_object=PEDESTAL + OUTPUT_NOISE * rng.standard_normal(no_object),
+    )
+
+
+@pytest.mark.parametrize("model", SENSORS)
+@pytest.mark.parametrize("offset", ["zero", 0.0, (0.0, 0.0)])
+def test_exact_readings_give_their_parameters_back(model, offset):
+    fit = fit_sensor(exact(model), model, offset=offset)
+    for name, value in SENSORS[model].parameters.items():
+        # 1e-16 of rounding in ln xi, times a condition number of at most 1e6 for three parameters on 20 points
+        assert fit.parameters[name].value == pytest.approx(value, rel=1e-9)
+    assert fit.rmse_log_output < 1e-12
+
+
+@pytest.mark.parametrize("pedestal", [0.0, 0.3])
+def test_exact_power_readings_give_the_offset_back_too(pedestal):
+    fit = fit_sensor(exact("inverse-power", pedestal=pedestal), "inverse-power")
+    assert fit.offset.kind == "fitted"
+    assert fit.offset.value == pytest.approx(pedestal, abs=1e-9)
+    for name, value in SENSORS["inverse-power"].parameters.items():
+        assert fit.parameters[name].value == pytest.approx(value, rel=1e-6)
+
+
+def test_a_wrong_model_is_fitted_on_the_logarithm():
+    measured = exact("inverse-power")
+    fit = fit_sensor(measured, "exponential-1", offset="zero")
+    slope, level = np.polyfit(measured.distances, np.log(measured.outputs), 1)
+    # exact readings are weighed as logarithms but for (sigma / (sigma_rel xi))^2 <= (0.45 / 400 / 0.048)^2 = 6e-4
+    assert fit.parameters["rate"].value == pytest.approx(slope, rel=2e-3)
+    assert math.log(fit.parameters["scale"].value) == pytest.approx(level, abs=5e-3)
+
+
+@pytest.mark.parametrize("model", SENSORS)
+def test_noisy_readings_give_their_parameters_within_their_errors(model):
+    fit = fit_sensor(noisy(model, 3), model)
+    for name, value in SENSORS[model].parameters.items():
+        estimate = fit.parameters[name]
+        # 95 % intervals of 11 and more degrees of freedom are 2.2 standard errors wide; twice that is 1 in 1e4 or less
+        low = estimate.value - 2 * (estimate.value - estimate.low)
+        high = estimate.value + 2 * (estimate.high - estimate.value)
+        assert low <= value <= high
+        assert estimate.low < estimate.value < estimate.high
+
+
+def binomial_below(hits, trials, chance):
+    return sum(math.comb(trials, k) * chance**k * (1 - chance) ** (trials - k) for k in range(hits + 1))
+
+
+@pytest.mark.parametrize(("model", "name"), [("inverse-power", "exponent"), ("exponential-1", "rate")])
+def test_intervals_hold_the_truth_as_often_as_they_say(model, name):
+    trials, truth = 30, SENSORS[model].parameters[name]
+    held, deviations = 0, []
+    for seed in range(trials):
+        estimate = fit_sensor(noisy(model, 1000 + seed), model).parameters[name]
+        held += estimate.low <= truth <= estimate.high
+        deviations.append((estimate.value - truth) / estimate.standard_error)
+    # seeded, so it passes always or never; the bound is what a coverage of 0.95 undercuts once in 10,000 times
+    bound = next(h for h in range(trials + 1) if binomial_below(h, trials, 0.95) > 1e-4)
+    assert held >= bound
+    # and the intervals are not merely wide: chi^2 of 30 deviations lies in [0.35, 2.1] x 30 but for 1 in 1e3; the
+    # standard error itself is known to 20 % from 12 degrees of freedom, which widens that to [0.3, 2.5]
+    assert 0.3 < np.mean(np.square(deviations)) < 2.5
+
+
+@pytest.mark.parametrize("model", SENSORS)
+@pytest.mark.parametrize("factor", [1e-3, 7.3, 1e4])
+def test_the_scale_of_the_output_changes_no_shape(model, factor):
+    measured = noisy(model, 5)
+    scaled = Calibration(
+        distances=measured.distances, outputs=factor * measured.outputs, no_object=factor * measured.no_object
+    )
+    fits = [fit_sensor(m, model) for m in (measured, scaled)]
+    for name, estimate in fits[0].parameters.items():
+        if name != "scale":
+            # least squares stops at 1e-13 of its sum, so at about 3e-7 of the width of the interval
+            width = estimate.high - estimate.low if math.isfinite(estimate.high - estimate.low) else estimate.value
+            assert fits[1].parameters[name].value == pytest.approx(estimate.value, abs=1e-4 * abs(width))
+    assert fits[1].window.distances == fits[0].window.distances
+
+
+def test_more_readings_give_smaller_errors():
+    few, many = (fit_sensor(noisy("inverse-power", 8, points=n), "inverse-power") for n in (12, 96))
+    # 8 times the points: sqrt(8) = 2.8; half of that allows for the scatter of the noise estimate of 9 points
+    assert few.middle_slope.standard_error > 1.4 * many.middle_slope.standard_error
+
+
+def test_a_pedestal_left_in_weakens_the_slope_and_r_squared_hides_it():
+    distance = np.repeat(np.arange(0.0, 0.081, 0.005), 3)
+    rng = np.random.default_rng(2)
+    outputs = 0.3 + SENSORS["inverse-power"].output(distance) + 0.001 * rng.standard_normal(distance.size)
+    measured = Calibration(distances=distance, outputs=outputs, unit="V", no_object=[0.3, 0.301, 0.299])
+    truth = SENSORS["inverse-power"].log_slope(0.04)
+    honest = fit_sensor(measured, "inverse-power").sensor.log_slope(0.04)
+    naive = fit_sensor(measured, "inverse-power", offset="zero")
+    # the slope of ln(o + xi) is g xi / (o + xi): at 40 mm xi = 0.056 V, so it is 6.4 times too small
+    weakening = truth / naive.sensor.log_slope(0.04)
+    assert 4 < weakening < 24
+    assert naive.r_squared > 0.95
+    assert honest == pytest.approx(truth, rel=0.05)  # xi is known to 1 % there, over steps of 0.2 in ln xi
+    report = rank_models(measured, offset="zero")
+    assert report.verdict == "usable with reservations"
+    assert any("pedestal" in reason for reason in report.reasons)
+
+
+@pytest.mark.parametrize(("index", "wrong"), [(5, 0.0), (11, 0.35), (7, 0.9)])
+def test_a_single_bad_reading_moves_nothing(index, wrong):
+    measured = noisy("inverse-power", 12, points=20)
+    outputs = measured.outputs.copy()
+    outputs[index] = wrong
+    spoiled = Calibration(distances=measured.distances, outputs=outputs, unit="V", no_object=measured.no_object)
+    clean, robust = (fit_sensor(m, "inverse-power") for m in (measured, spoiled))
+    assert robust.outliers == (index,)
+    # leaving one of 20 points out moves an estimate by about 1/sqrt(20) of its error, three times that is rare
+    assert abs(robust.middle_slope.value - clean.middle_slope.value) < 0.7 * clean.middle_slope.standard_error
+
+
+def test_a_bad_reading_among_repeats_is_left_out_alone():
+    measured = noisy("inverse-power", 13, repeats=5)
+    outputs = measured.outputs.copy()
+    outputs[22] = 0.0
+    fit = fit_sensor(Calibration(distances=measured.distances, outputs=outputs, unit="V"), "inverse-power")
+    assert fit.outliers == (22,)
+    assert measured.distances[22] in fit.distances
+
+
+def test_the_report_says_that_exponent_and_offset_run_away():
+    fit = fit_sensor(noisy("exponential-1", 4), "inverse-power")
+    assert math.isinf(fit.parameters["exponent"].high)
+    assert math.isinf(fit.parameters["distance_offset"].high)
+    assert "run away together" in fit.identifiable[0]
+    # the slope stays known: within its own interval, widened twice, and finite as a sensor
+    half = fit.middle_slope.high - fit.middle_slope.low
+    assert abs(fit.middle_slope.value + 61.0) < half
+    assert np.isfinite(fit.sensor.log_output(np.linspace(*fit.sensor.valid_range, 9))).all()
+
+
+@pytest.mark.parametrize("model", SENSORS)
+def test_the_model_that_made_the_readings_ranks_first_or_beside_the_first(model):
+    measured = noisy(model, 21, points=40)
+    report = rank_models(measured)
+    scores = {fit.model: fit.aicc for fit in report.fits if fit.aicc is not None}
+    # a model with one parameter more than the true one beats it by 10 (chi^2_1 > 12) once in 2,000 times
+    assert scores[model] < min(scores.values()) + 10
+    assert [f.aicc for f in report.fits if f.aicc is not None] == sorted(scores.values())
+
+
+def test_all_models_of_a_ranking_share_window_offset_and_noise():
+    report = rank_models(noisy("inverse-power", 30))
+    assert len({fit.window for fit in report.fits}) == 1
+    assert len({fit.offset for fit in report.fits}) == 1
+    assert len({fit.noise for fit in report.fits}) == 1
+    alone = fit_sensor(noisy("inverse-power", 30), report.fits[0].model)
+    assert alone.to_dict() == report.fits[0].to_dict()
+
+
+def test_the_sensor_of_a_fit_holds_on_the_window_only():
+    fit = fit_sensor(noisy("inverse-power", 31), "inverse-power")
+    assert fit.sensor.valid_range == (fit.window.l_min, fit.window.l_max)
+
+
+def test_a_reservation_names_readings_taken_once():
+    once, thrice = (rank_models(noisy("exponential-1", 6, repeats=n)) for n in (1, 3))
+    assert any("read once" in reason for reason in once.reasons)
+    assert not any("read once" in reason for reason in thrice.reasons)

@@ -164,7 +164,6 @@ def test_where_nothing_can_be_written_there_is_no_folder(found: Callable) -> Non
     assert found() is None
 
 
-@pytest.mark.xfail(raises=FileNotFoundError, reason="_private_temporary asks gettempdir() outside of its try")
 def test_not_even_a_temporary_folder_has_to_exist(found: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     def none() -> str:
         raise FileNotFoundError("No usable temporary directory found")

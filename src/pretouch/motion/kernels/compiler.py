@@ -80,8 +80,8 @@ def _candidates() -> Iterator[Path]:
 def _private_temporary() -> Iterator[Path]:
     """Yield a folder among the temporary files that no other user can have prepared: machine code is run from it."""
     user = os.getuid() if hasattr(os, "getuid") else None
-    folder = Path(tempfile.gettempdir()) / f"pretouch-{'user' if user is None else user}"
     try:
+        folder = Path(tempfile.gettempdir()) / f"pretouch-{'user' if user is None else user}"
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
     except OSError:

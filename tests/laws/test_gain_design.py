@@ -298,6 +298,9 @@ def test_the_report_and_the_object_say_the_same(letter_encounter: Scenario, lett
     assert found["contact"]["relative_velocity"] == design.result.contact.relative_velocity
     assert found["no_mitigation"]["relative_velocity"] == pytest.approx(-0.3)
     assert found["constraints"][0]["margin"] == pytest.approx(0.2 - 0.0969, abs=1e-4)
+    curve = found["trade_off"]
+    assert len({len(column) for column in curve.values()}) == 1
+    assert min(o for o, ok in zip(curve["objective"], curve["feasible"], strict=True) if ok) >= found["objective"]
     assert "D_p = -0.7463 N s" in str(design)
     assert "-0.7463" in design._repr_html_()
     assert ContactStatus(design.result.status).label == "contact"

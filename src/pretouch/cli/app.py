@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from typing import Annotated
 
@@ -43,6 +44,7 @@ def _root(
 
 def main() -> None:
     """Run the command line with the arguments of this process, and end the process with the exit status."""
+    gc.set_threshold(100_000)  # loading libraries makes objects that stay: looking for garbage takes a tenth of the run
     try:
         app(prog_name="pretouch")
     except KeyboardInterrupt:

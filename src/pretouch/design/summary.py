@@ -39,6 +39,7 @@ def contact_as_dict(result: ContactResult | None) -> dict[str, Any] | None:
         "gain": result.gain,
         **{name: _number(value) for name, value in result.end.as_dict().items()},
         "closest_distance": _number(result.closest_distance),
+        "settling_distance": _number(result.settling_distance),
         "impulse_residual": _number(result.impulse_residual),
     }
 
@@ -97,7 +98,23 @@ def design_as_dict(design: GainDesign) -> dict[str, Any]:
             "parameters": design.sensor.parameters,
             "valid_range": [_number(v) for v in design.sensor.valid_range],
         },
+        "trade_off": _trade_off_as_dict(design),
         "warnings": list(design.warnings),
+    }
+
+
+def _trade_off_as_dict(design: GainDesign) -> dict[str, list[Any]]:
+    """Return the scan as columns, None where a gain ends without contact."""
+    curve = design.trade_off
+
+    def column(values: Any) -> list[float | None]:
+        return [float(v) if there else None for v, there in zip(values, curve.reached, strict=True)]
+
+    return {
+        "gain": [float(v) for v in curve.gain],
+        "objective": column(curve.objective),
+        "feasible": [bool(v) for v in curve.feasible],
+        **{name: column(getattr(curve.state, name)) for name in ("time", "displacement", "relative_velocity")},
     }
 
 

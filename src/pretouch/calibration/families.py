@@ -88,14 +88,17 @@ class InversePowerFamily(Family):
     """u = (ln xi(l_m), ln r_1, kappa), r_1 = -1 / g at the first distance."""
 
     kappa_max: float = 10.0
+    kappa_floor: float = 0.0
 
     name: ClassVar[str] = "inverse-power"
     parameter_names: ClassVar[tuple[str, ...]] = ("scale", "distance_offset", "exponent")
 
     @property
     def kappa_min(self) -> float:
-        """The smallest 1 / n: below, the curve is an exponential, and its scale would overflow."""
-        return next((1 / n for n in (200, 100, 50) if n * abs(math.log(n * self.span)) < 500), 1 / 20)
+        """The smallest 1 / n: below, the curve is an exponential, and its scale would overflow if it were asked for."""
+        return self.kappa_floor or next(
+            (1 / n for n in (200, 100, 50) if n * abs(math.log(n * self.span)) < 500), 1 / 20
+        )
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:

@@ -21,12 +21,14 @@ from .result import NoiseEstimate, OffsetEstimate
 __all__ = ["Baseline", "estimate_baseline"]
 
 _STEEPEST_KAPPA = 0.5  # 1 / n: far from a source of finite size the light returned falls at least as 1 / l^2
+_EXPONENTIAL_KAPPA = 1e-6  # an exponential to 1e-5 over five of its lengths, for the most precise of readings
 _TYPICAL_JITTER = 0.03  # a positioning error of 0.4 mm where the slope is 80 1/m
 _JITTER_SPREAD = 0.7  # of its logarithm: from 0.75 to 12 % at two standard deviations
-_SMALLEST_JITTER = 1e-6  # exact numbers are weighed as their logarithms
+_SMALLEST_JITTER = 1e-4  # nothing is known better than that; exact numbers are weighed as their logarithms
 _LARGEST_JITTER = 0.3  # beyond, any curve passes for a pedestal far below the readings
 _RATIOS = np.geomspace(2.0, 1 / 400, 8)  # of sigma / sigma_rel to the largest signal; the steadiest fit first
 _OUTLIER_LEVEL = 0.02  # chance of flagging a point of a curve that has no outlier
+_NEGLIGIBLE_MISS = 1e-4  # of the largest signal: no bad reading, however exact all others are
 _SMALLEST = 1e-9  # of the largest signal: exact numbers are fitted as if they had this noise
 
 
@@ -121,6 +123,7 @@ def estimate_baseline(curve: AveragedCurve, known: ReadingNoise, offset: OffsetE
             first=float(curve.distance[0]),
             last=float(curve.distance[-1]),
             kappa_max=_STEEPEST_KAPPA if offset is None else 10.0,
+            kappa_floor=_EXPONENTIAL_KAPPA,
         ),
         offset=None if offset is None else offset.value,
         sigma=known.sigma,
@@ -237,6 +240,7 @@ def _worst(problem: _Problem, state: _State) -> int | None:
     scale = np.sqrt(state.sigma**2 / count + (state.jitter * state.signal) ** 2)
     order = np.argsort(-np.abs(y - problem.offset_of(state.solution.x) - state.signal) / scale)
     smallest, worst = _OUTLIER_LEVEL / len(d), None
+    negligible = _NEGLIGIBLE_MISS * float(state.signal.max())
     for i in [int(k) for k in order if k > 0][:3]:
         part = replace(problem, curve=problem.curve.part(np.arange(len(d)) != i))
         fit = _fit_at(part, state.sigma / state.jitter, state.solution.x, robust=False, rounds=2)
@@ -250,8 +254,9 @@ def _worst(problem: _Problem, state: _State) -> int | None:
         sensitivity = gradient(predicted, x)[0]
         variance = fit.sigma**2 / count[i] + (fit.jitter * signal) ** 2
         variance += fit.jitter**2 * float(sensitivity @ fit.solution.covariance @ sensitivity)
-        chance = 2 * float(stdtr(dof, -abs(float(y[i] - predicted(x)[0])) / np.sqrt(variance)))
-        if chance < smallest:
+        miss = abs(float(y[i] - predicted(x)[0]))
+        chance = 2 * float(stdtr(dof, -miss / np.sqrt(variance)))
+        if chance < smallest and miss > negligible:
             smallest, worst = chance, i
     return worst
 

@@ -12,6 +12,7 @@ from pretouch._core.numbers import FloatArray, positive
 from pretouch._core.units import format_quantity
 
 from .averaging import AveragedCurve, ReadingNoise, average, reading_noise
+from .condensing import condense
 from .data import Calibration
 from .offset import Baseline, estimate_baseline
 from .result import OffsetEstimate, UsableWindow
@@ -68,6 +69,7 @@ def prepare(
         Everything that the models have in common.
     """
     positive(floor_sigmas, "floor_sigmas")
+    calibration = condense(calibration)
     curve = average(calibration)
     known = reading_noise(calibration, curve)
     near = find_near_end(calibration, curve, saturation=saturation, near_field_peak=near_field_peak)

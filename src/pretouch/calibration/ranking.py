@@ -17,6 +17,7 @@ __all__ = ["rank_models"]
 
 _FEW_POINTS = 6
 _LARGE_MISFIT = 0.1  # of ln xi: the virtual force is wrong by as much over one step of the calibration
+_SMALL_MISFIT = 1e-3  # of ln xi: another shape by less than that is of no consequence to a controller
 _FEW_RUNS = 0.05
 _SLOPE_SHIFT = 0.2
 _FAR_SHARE = 0.05  # of the largest signal
@@ -77,7 +78,7 @@ def rank_models(
     reservations = prepared.no_signal or tuple(_reservations(prepared, fits))
     baseline = prepared.baseline
     return CalibrationReport(
-        calibration=calibration,
+        calibration=prepared.calibration,
         fits=tuple(fits),
         window=prepared.window,
         offset=baseline.offset if baseline else None,
@@ -188,7 +189,7 @@ def _misfits(fits: list[SensorFit]) -> list[str]:
             f"{best.model}, the best model, misses ln xi by {best.rmse_log_output:.2g} (RMS), so the virtual force is "
             f"off by about as much over one step of distance: take more readings per distance.{table}"
         )
-    if best.runs_p_value is not None and best.runs_p_value < _FEW_RUNS:
+    if best.runs_p_value is not None and best.runs_p_value < _FEW_RUNS and best.rmse_log_output > _SMALL_MISFIT:
         found.append(
             f"The residuals of {best.model} keep their sign along the distance (runs test, "
             f"p = {best.runs_p_value:.2g}): the curve has another shape.{table}"

@@ -13,6 +13,7 @@ from pretouch._core.numbers import BoolArray, finite, nonnegative, positive
 from pretouch._core.units import format_quantity, to_si
 
 from .averaging import AveragedCurve, average, reading_noise, resolution
+from .condensing import condense
 from .data import Calibration
 from .result import OffsetEstimate, UsableWindow
 
@@ -68,6 +69,7 @@ def find_window(
     """
     positive(floor_sigmas, "floor_sigmas")
     known = offset if isinstance(offset, OffsetEstimate) else declared_offset(offset)
+    calibration = condense(calibration)
     curve = average(calibration)
     sigma = reading_noise(calibration, curve).sigma if noise is None else float(nonnegative(noise, "noise"))
     if sigma is None:

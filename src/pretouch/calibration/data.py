@@ -44,7 +44,7 @@ class Provenance:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Calibration:
     """Readings of one sensor in front of one object, at known distances.
 
@@ -90,6 +90,10 @@ class Calibration:
     def distinct_distances(self) -> FloatArray:
         """The distances [m] at which there are readings, in increasing order, each once."""
         return np.unique(self.distances)
+
+    def __repr__(self) -> str:
+        readings = f"{len(self.outputs)} readings at {len(self.distinct_distances)} distances"
+        return f"<Calibration {self.name}: {readings}, {len(self.no_object)} without an object>"
 
     @property
     def name(self) -> str:

@@ -107,7 +107,7 @@ class UsableWindow:
         return self.distances[0], self.distances[-1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SensorFit:
     """One model fitted to one calibration. Residual quantities are over the points that were used.
 
@@ -180,13 +180,18 @@ class SensorFit:
             "warnings": list(self.warnings),
         }
 
+    def __repr__(self) -> str:
+        return (
+            f"<SensorFit {self.model}: g = {self.middle_slope.value:.4g} 1/m, RMS of ln xi {self.rmse_log_output:.2g}>"
+        )
+
     def __str__(self) -> str:
         from .presentation import fit_text  # noqa: PLC0415 - presentation reads results
 
         return fit_text(self)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class CalibrationReport:
     """All models on one calibration, ranked, and the verdict on the sensor.
 
@@ -240,6 +245,10 @@ class CalibrationReport:
                 "notes": list(source.notes) if source else [],
             },
         }
+
+    def __repr__(self) -> str:
+        best = f", best {self.best.model}" if self.best else ""
+        return f"<CalibrationReport {self.calibration.name}: {self.verdict}{best}>"
 
     def __str__(self) -> str:
         from .presentation import report_text  # noqa: PLC0415 - presentation reads results

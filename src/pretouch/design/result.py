@@ -57,7 +57,7 @@ class ConstraintOutcome:
         return self.best_value is not None and self.best_value <= self.limit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TradeOff:
     """Objective and contact over the whole range of gains: the scan that the optimum was chosen from.
 
@@ -74,6 +74,9 @@ class TradeOff:
     reached: BoolArray
     feasible: BoolArray
     state: ContactState
+
+    def __repr__(self) -> str:
+        return f"<TradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +122,7 @@ class Sensitivity:
     gain_change_per_percent: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class GainDesign:
     """What `design_gain` returns.
 
@@ -170,6 +173,9 @@ class GainDesign:
         """Return the design as one JSON object: numbers in SI, None where there is none."""
         return design_as_dict(self)
 
+    def __repr__(self) -> str:
+        return f"<GainDesign: {headline(self)}>"
+
     def __str__(self) -> str:
         return design_as_text(self)
 
@@ -177,4 +183,4 @@ class GainDesign:
         return design_as_html(self)
 
 
-from .summary import design_as_dict, design_as_html, design_as_text  # noqa: E402 - it describes the class above
+from .summary import design_as_dict, design_as_html, design_as_text, headline  # noqa: E402 - it describes the class above

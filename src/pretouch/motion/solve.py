@@ -25,7 +25,7 @@ __all__ = ["Motion", "find_contact", "solve_motion"]
 _HORIZON: Final = 600.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Motion:
     """A motion sampled from the entry into the detection range to its end: arrays with time as their last axis.
 
@@ -50,6 +50,10 @@ class Motion:
     relative_velocity: FloatArray
     virtual_force: FloatArray
     result: ContactResult
+
+    def __repr__(self) -> str:
+        many = "" if self.time.ndim == 1 else f"{int(np.prod(self.time.shape[:-1]))} motions, "
+        return f"<Motion: {many}{self.time.shape[-1]} samples to {float(self.time.max()):.4g} s>"
 
 
 def find_contact(

@@ -1,0 +1,31 @@
+"""What a session or a notebook shows of a result is short; printing it tells all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pretouch as pt
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def test_results_show_one_line_and_print_a_report() -> None:
+    report = pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
+    problem = pt.load_scenario(EXAMPLES / "approach.toml")
+    design = problem.design()
+    motion = pt.solve_motion(problem.scenario, problem.sensor, [-0.5, -0.7], samples=5)
+    shown = {
+        report: "<CalibrationReport sensor.csv: usable, best inverse-power>",
+        report.calibration: "<Calibration sensor.csv: 111 readings at 37 distances, 10 without an object>",
+    }
+    for value, text in shown.items():
+        assert repr(value) == text
+    assert repr(report.best).startswith("<SensorFit inverse-power: g = -38")
+    assert repr(design).startswith("<GainDesign: Optimal gain D_p = -0.7463 N s: contact at 0.07906 m/s")
+    assert repr(design.trade_off).startswith("<TradeOff: ")
+    assert repr(motion) == f"<Motion: 2 motions, 5 samples to {motion.time.max():.4g} s>"
+    assert all("\n" not in repr(v) for v in (report, report.best, design, motion))
+    assert str(design).count("\n") > 15
+    assert str(report).count("\n") > 10
+    assert "<table" in report._repr_html_()
+    assert "<table" in design._repr_html_()

@@ -1,7 +1,8 @@
 """Run every benchmark: `python -m benchmarks`."""
 
-from . import solving, starting
+from . import accuracy, solving, starting
 
 if __name__ == "__main__":
     starting.main()
     solving.main()
+    accuracy.main()

@@ -250,6 +250,20 @@ def test_an_object_that_recedes_leaves_the_range(method: str) -> None:
     assert found.closest_distance == 0.05
 
 
+@pytest.mark.parametrize("name", ["inverse-power", "exponential-1", "exponential-2", "mittag-leffler", "table"])
+@pytest.mark.parametrize("method", ["auto", "integration"])
+def test_an_encounter_may_start_at_rest_where_the_range_starts(name: str, method: str) -> None:
+    """The object rests at the largest valid distance: the first motion is the plant's, or the object's, toward it."""
+    curve = replace(CURVES[name], maximum_distance=0.05)
+    admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+    tracking = Scenario(admittance=admittance, obstacle=Obstacle(position=-0.05), plant=Plant(position=-0.1))
+    falling = Scenario(admittance=admittance, obstacle=Obstacle(position=0.05, acceleration=-1.0))
+    for scenario in (tracking, falling):
+        at_the_edge = find_contact(scenario, curve, -0.5, method=method).contact
+        inside = find_contact(scenario, CURVES[name], -0.5, method=method).contact
+        assert at_the_edge.time == pytest.approx(inside.time, rel=1e-10)
+
+
 def test_the_horizon_is_kept(letter_encounter: Scenario, letter_power: InversePower) -> None:
     found = find_contact(letter_encounter, letter_power, -1.0, horizon=0.1)
     assert found.status is ContactStatus.HORIZON

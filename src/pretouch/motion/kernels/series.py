@@ -255,7 +255,7 @@ def _encounter(values: Any, gain: float, pieces: Any, limits: Any, work: Any, ro
         tau = min(reach, (horizon - time) / unit)
         low, high = piece[0] - piece[1], piece[0] + piece[1]
         low -= _OVERLAP * piece[1] if index > 0 else 0.0
-        high += _OVERLAP * piece[1] if index < pieces.shape[0] - 1 else 0.0
+        high += _OVERLAP * piece[1]  # at the top as well: an object may rest where the range starts
         monotone, inside = _certified(c, low, high, tau)
         while not (monotone or inside) and tau > 1e-14:
             tau *= 0.5

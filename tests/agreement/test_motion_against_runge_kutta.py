@@ -14,8 +14,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from encounters import CURVES, KINDS, random_encounters
-from pretouch.motion import ContactStatus, Scenario, find_contact
-from pretouch.sensors import SensorModel
+from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
+from pretouch.sensors import ExponentialFirstOrder, SensorModel
 from reference_integrator import integrate, integrate_over_distance
 
 PER_CASE = 200
@@ -154,3 +154,52 @@ def test_closed_form_and_integration_are_one(letter_first_order: object) -> None
             # each derivative of a series that ends at 1e-16 of l loses a factor of order / step: two of them for x''
             tolerance = 1e-10 if "acceleration" in field or "force" in field else 1e-12
             assert (np.abs(value - other)[both] <= tolerance * scale[both]).all(), (kind, field)
+
+
+def test_the_two_ways_agree_in_every_corner() -> None:
+    """All combinations of rest, edge of range, no stiffness, no damping and amplifying gains that a user can write.
+
+    Where a positive gain makes the damping negative, rounding grows exponentially, and a run that is all rounding must
+    say that it is unresolved.
+    """
+    rng = np.random.default_rng(20261121)
+    compared = 0
+    for _ in range(1500):
+        mass, stiffness = 10 ** rng.uniform(-1, 1), rng.choice([0.0, 1e-9, 1.0, 25.0, 400.0])
+        critical = 2 * np.sqrt(mass * stiffness)
+        gain = rng.choice([0.0, -0.01, -0.5, -2.0, 0.05, 0.3])
+        scenario = Scenario(
+            admittance=Admittance(
+                mass=mass, damping=rng.choice([0.0, critical, rng.uniform(0, 40)]), stiffness=stiffness
+            ),
+            obstacle=Obstacle(
+                position=rng.choice([0.01, 0.05]),
+                velocity=rng.choice([0.0, -0.3, 0.2, rng.normal()]),
+                acceleration=rng.choice([0.0, 0.0, -9.81, 1.0, rng.normal()]),
+            ),
+            plant=Plant(velocity=rng.choice([0.0, 0.3, -0.2])),
+            reference=Reference(position=rng.choice([0.0, 0.02, -0.03, 0.2]), velocity=rng.choice([0.0, 0.1])),
+        )
+        sensor = ExponentialFirstOrder(
+            scale=1.0,
+            rate=-60.0,
+            maximum_distance=rng.choice([0.05, 0.08, np.inf]),
+            minimum_distance=rng.choice([0.0, 0.0, 0.002]),
+        )
+        closed = find_contact(scenario, sensor, gain, method="closed-form", horizon=20.0)
+        series = find_contact(scenario, sensor, gain, method="integration", horizon=20.0)
+        if ContactStatus.UNRESOLVED in {closed.status, series.status}:
+            assert 60 * gain > scenario.admittance.damping, "only a negative damping leaves a run unresolved here"
+            continue
+        compared += 1
+        assert closed.closest_distance >= 0
+        if {closed.status, series.status} == {ContactStatus.NEVER, ContactStatus.HORIZON}:
+            continue  # the closed form proves more
+        rests = scenario.distance == sensor.maximum_distance and scenario.relative_velocity == 0
+        if rests and ContactStatus.LEFT_RANGE in {closed.status, series.status}:
+            continue  # the two are 2.5e-11 m apart on where the range ends, which a slow start takes its time for
+        assert closed.status == series.status
+        if closed.status != ContactStatus.NEVER:  # which each way proves at a time of its own
+            assert closed.end.time == pytest.approx(series.end.time, rel=1e-9)
+        assert closed.closest_distance == pytest.approx(series.closest_distance, rel=1e-7, abs=1e-9)
+    assert compared > 1000

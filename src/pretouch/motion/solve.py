@@ -169,7 +169,7 @@ def solve_motion(
 
 
 def _hold_overflow(request: Request, rows: FloatArray, status: IntArray) -> None:
-    """Report a run whose numbers leave the range of floats as unresolved, in the state in which it started."""
+    """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
     always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
     bad = ~np.isfinite(rows[:, always_finite]).all(axis=1)
     if bad.any():

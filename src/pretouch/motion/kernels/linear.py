@@ -69,8 +69,8 @@ def _zero(system: Any, order: int, a: float, b: float, left: float, right: float
 def _crossing(system: Any, obstacle: Any, level: float, left: float, right: float) -> float:
     """Find where a monotone l passes a level between left and right: Newton's method held in the bracket."""
     rising = _distance(system, obstacle, right)[0] > level
-    t = left
-    for _ in range(200):
+    t, width = left, right - left
+    for k in range(200):
         value, slope = _distance(system, obstacle, t)
         if (value > level) == rising:
             right = t
@@ -79,7 +79,11 @@ def _crossing(system: Any, obstacle: Any, level: float, left: float, right: floa
         step = t - (value - level) / slope
         if abs(step - t) <= 4e-16 * abs(t):
             return t
-        t = step if left <= step <= right else 0.5 * (left + right)
+        slow = False
+        if k % 4 == 3:  # a step on an exponential is its time constant, however far the end: then bisection is faster
+            slow = right - left > 0.5 * width
+            width = right - left
+        t = step if left <= step <= right and not slow else 0.5 * (left + right)
         if right - left <= 4e-16 * right:
             return right
     return t
@@ -243,7 +247,9 @@ def _encounter(values: Any, slope: float, gain: float, limits: Any, row: Any) ->
         settles = 0 < row[13] < math.inf
         if values[2] == 0 and settles:
             floor = row[13]
-        if floor > 0 and (right >= horizon or row[12] <= floor * (1 + 1e-12)):
+        # what recedes leaves a range that ends; what swings about its resting place may
+        stays = high == math.inf or (settles and 2 * row[13] - floor <= high)
+        if floor > 0 and stays and (right >= horizon or row[12] <= floor * (1 + 1e-12)):
             if settles:
                 row[12] = min(row[12], row[13])
             return NEVER
@@ -251,6 +257,18 @@ def _encounter(values: Any, slope: float, gain: float, limits: Any, row: Any) ->
             return HORIZON
         left = right
     return UNRESOLVED
+
+
+@kernel
+def _rounding(values: Any, coupling: float, t: float) -> float:
+    """Return what a negative damping has made of the rounding of the start until t [m]; 0 without one."""
+    damping = values[1] + coupling
+    if damping >= 0:
+        return 0.0
+    root = math.sqrt(max(damping * damping - 4 * values[0] * values[2], 0.0))
+    rate = (root - damping) / (2 * values[0])
+    size = abs(values[3]) + abs(values[5]) + (abs(values[4]) + abs(values[6])) / rate + abs(values[7]) / rate**2
+    return 2e-16 * size * math.exp(min(rate * t, 700.0))
 
 
 @kernel
@@ -267,3 +285,5 @@ def solve_linear(values: Any, slope: float, gains: Any, limits: Any, rows: Any, 
     """
     for i in range(values.shape[0]):
         status[i] = _encounter(values[i], slope, gains[i], limits, rows[i])
+        if _rounding(values[i], slope * gains[i], rows[i, 0]) > 1e-6 * (values[i, 5] - values[i, 3]):
+            rows[i, 0] = math.nan  # not a number that could be trusted

@@ -133,6 +133,8 @@ def _peak(c: Any, order: int, shift: float, tilt: float, tau: float, so_far: flo
         return best
     parts = 8
     left, slope_left = 0.0, c[1] + tilt
+    if slope_left == 0.0:  # from rest: the way that it bends
+        slope_left = c[2]
     for i in range(1, parts + 1):
         right = tau * i / parts
         slope_right = _horner_slope(c, order, right) + tilt
@@ -265,7 +267,8 @@ def _encounter(values: Any, gain: float, pieces: Any, limits: Any, work: Any, ro
         if not inside and end <= low:
             tau, end, moved = _level_time(c, low, tau), low, -1
         elif not inside and end >= high:
-            tau, end, moved = _level_time(c, high, tau), high, 1
+            end = max(l, top) if index == pieces.shape[0] - 1 else high
+            tau, moved = _level_time(c, end, tau), 1
         while sample < times.shape[0] and times[sample] <= time + unit * tau:
             s = (times[sample] - time) / unit
             at, fast = _horner(c, ORDER, s), _horner(work[1], ORDER, s)
@@ -287,7 +290,8 @@ def _encounter(values: Any, gain: float, pieces: Any, limits: Any, work: Any, ro
             return UNRESOLVED if open_ended else LEFT_RANGE
         index += moved
         floor = _floor_after(values, gain, l, speed)
-        if floor > 0:
+        ceiling = 2 * values[5] - floor if values[2] > 0 else 2 * l - floor
+        if floor > 0 and (open_ended or ceiling <= top):
             settled = abs(l - floor) <= 1e-12 * l
             if settled or time >= horizon or row[12] <= floor:
                 if values[2] == 0:

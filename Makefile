@@ -11,7 +11,7 @@ help:
 	@echo "make demo       fit a sensor, design the gain, write report and figures to demo-output/"
 	@echo "make test       everything that CI runs: check, then all tests"
 	@echo "make check      formatting, lint, types, import contract"
-	@echo "make benchmark  the figures of docs/benchmarks.md, measured here"
+	@echo "make benchmark  what benchmarks/ measures, on this machine"
 	@echo "make clean      remove what make made"
 
 $(STAMP): pyproject.toml constraints.txt

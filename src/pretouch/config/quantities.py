@@ -157,27 +157,25 @@ class Quantity:
         for unit in units[:-1]:
             try:
                 return to_si(value, unit, name="")
-            except (ValueError, ArithmeticError, RecursionError):
+            except UnitError:
                 continue
         try:
             return to_si(value, units[-1], name="")
-        except (ValueError, ArithmeticError, RecursionError) as error:
-            raise UnfitValueError(f"expected {self.expected}{_reason(value, error)}") from None
+        except UnitError:
+            raise UnfitValueError(f"expected {self.expected}{_reason(value)}") from None
 
 
-def _reason(value: Any, error: Exception) -> str:
+def _reason(value: Any) -> str:
     """Say what is wrong with a text, where that is more than another dimension."""
     if not isinstance(value, str):
         return ""
     if re.search(r"\d,\d", value):
         return " (with a decimal point in the place of the comma)"
     match = re.fullmatch(rf"\s*{_NUMBER}\s*(\S.*?)\s*", value, re.DOTALL)
-    if match is None or not isinstance(error, UnitError):
+    if match is None:
         return ""
     try:
         parse_unit(match.group(1))
     except UnitError as unknown:
         return f" ({unknown})"
-    except (ValueError, ArithmeticError, RecursionError):
-        pass
     return ""

@@ -93,17 +93,7 @@ def find_contact(
         >>> round(find_contact(scenario, sensor, -1.0).contact.position, 4)
         -0.1353
     """
-    request = make_request(scenario, sensor, gain, method, horizon)
-    rows = np.empty((len(request.values), len(COLUMNS)))
-    status = np.empty(len(request.values), dtype=np.int64)
-    if request.method == "uniform-motion":
-        solve_uniform_motion(request.values, sensor, request.gain, rows, status)
-    elif request.method == "closed-form":
-        solve_closed_form(request, rows, status)
-    else:
-        integrate(request, rows, status)
-    _hold_overflow(request, rows, status)
-    return _result(request, rows, status)
+    return _solve(make_request(scenario, sensor, gain, method, horizon))
 
 
 def solve_motion(
@@ -145,8 +135,8 @@ def solve_motion(
     """
     if samples < 2:
         raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
-    result = find_contact(scenario, sensor, gain, method=method, horizon=horizon)
     request = make_request(scenario, sensor, gain, method, horizon)
+    result = _solve(request)
     end = np.atleast_1d(np.asarray(result.end.time)).ravel()
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
     times[:, -1] = end
@@ -166,6 +156,20 @@ def solve_motion(
     trace[:, -1, 0] = np.ravel(result.end.distance)
     trace[..., 1] = obstacle - trace[..., 0]
     return _motion(request, times, trace, result, samples)
+
+
+def _solve(request: Request) -> ContactResult:
+    """Solve the encounters of a request by its method."""
+    rows = np.empty((len(request.values), len(COLUMNS)))
+    status = np.empty(len(request.values), dtype=np.int64)
+    if request.method == "uniform-motion":
+        solve_uniform_motion(request.values, request.sensor, request.gain, rows, status)
+    elif request.method == "closed-form":
+        solve_closed_form(request, rows, status)
+    else:
+        integrate(request, rows, status)
+    _hold_overflow(request, rows, status)
+    return _result(request, rows, status)
 
 
 def _hold_overflow(request: Request, rows: FloatArray, status: IntArray) -> None:

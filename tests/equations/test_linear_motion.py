@@ -50,6 +50,7 @@ def test_the_printed_solution_solves_the_differential_equation() -> None:
     assert sympy.simplify((solution.diff(t).subs(t, 0) - mu).subs(numbers)) == 0
 
 
+@pytest.mark.equation("L(10)", "L(11)", "L(12)", "L(13)", by="the printed formulas in 60 digits")
 @pytest.mark.parametrize("gain", [-0.05, -0.8, -5.0, 0.1])
 @pytest.mark.parametrize("acceleration", [0.0, -9.81, 2.0])
 @pytest.mark.parametrize("damping", [1.0, 10.0, 40.0])
@@ -81,6 +82,7 @@ def exact_response(m: float, d: float, k: float, start: tuple, force: tuple, t: 
         return [y[0], y[1], y[4]]
 
 
+@pytest.mark.equation("L(8)", "L(10)", "L(13)", by="the exponential of a matrix in 60 digits")
 @settings(max_examples=50, deadline=None, derandomize=True)
 @given(
     mass=st.floats(0.1, 10),
@@ -113,6 +115,34 @@ def test_the_response_is_exact_to_rounding_for_every_damping(
     for index, which in enumerate((0, 1, 4)):
         scale = sum(p[index] for p in parts) + 0.1 * sum(map(abs, values))
         assert abs(float(exact[index] - mpmath.mpf(got[which]))) <= 8e-16 * phase * scale
+
+
+@pytest.mark.equation("L(13)", by="eigenvalues of the companion matrix by NumPy")
+@pytest.mark.equation("L(11)", "L(12)", by="least squares of the sampled motion on the eigenmotions")
+@pytest.mark.parametrize("damping", [2.0, 40.0])
+@pytest.mark.parametrize("acceleration", [0.0, -2.0])
+def test_a_sampled_motion_is_made_of_the_printed_exponentials(damping: float, acceleration: float) -> None:
+    """Its free part has the rates lambda_1, lambda_2, starts from X_1 and with the velocity X_2."""
+    m, k, c1, gain, p, v, a = 1.3, 400.0, -61.0, -0.1, 0.05, -0.3, acceleration
+    scenario = Scenario(
+        admittance=Admittance(mass=m, damping=damping, stiffness=k),
+        obstacle=Obstacle(position=p, velocity=v, acceleration=a),
+        plant=Plant(position=0.01, velocity=0.05),
+    )
+    motion = solve_motion(scenario, ExponentialFirstOrder(scale=1.0, rate=c1), gain, samples=40)
+    t, c1_dp = motion.time, c1 * gain
+    forced = p + v * t + a / 2 * t**2 - c1_dp / k * (a * t + v - a / k * (damping + c1_dp))
+    rates = np.linalg.eigvals([[0.0, 1.0], [-k / m, -(damping + c1_dp) / m]])
+    modes = np.exp(np.outer(t, rates))
+    amplitudes, *_ = np.linalg.lstsq(modes, (motion.distance - forced).astype(complex), rcond=None)
+    # the samples are differences of terms up to 0.1 m, rounded some ten times each; least squares, and the rates in
+    # L(12), pass that on with the condition of the modes
+    rounding = 10 * np.finfo(float).eps * 0.1 * np.linalg.cond(modes)
+    assert np.abs(modes @ amplitudes - (motion.distance - forced)).max() <= rounding
+    x1 = (p - 0.01) - p + c1_dp / k * (v - a / k * (damping + c1_dp))
+    x2 = (v - 0.05) - v + c1_dp / k * a
+    assert abs(amplitudes.sum() - x1) <= rounding
+    assert abs((rates * amplitudes).sum() - x2) <= np.abs(rates).max() * rounding
 
 
 def test_without_a_sensor_force_the_free_motion_remains(letter_encounter: Scenario) -> None:

@@ -1,4 +1,8 @@
-"""The numbered equations of the letter, so that code and tests can name them."""
+"""The numbered equations of the letter, so that code and tests can name them.
+
+A function or class carries an equation by citing its id in the first paragraph of its docstring; a test that checks it
+by an independent way is marked `equation`. A test reads both and fails where either is missing.
+"""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def design_gain(
     horizon: float = 600.0,
     evaluate: Evaluator | None = None,
 ) -> GainDesign:
-    """Find the gain D_p that minimizes an objective such as L(20) or L(22) at contact, L(21), within constraints.
+    """Find the gain D_p that minimizes an objective like L(20) or L(22) at contact, L(21), L(23), within constraints.
 
     The whole range of gains is scanned until neighbors predict each other, each local minimum is refined, and the
     best one is the answer; nothing depends on a starting point.

@@ -12,7 +12,7 @@ __all__ = ["solve_closed_form", "trace_closed_form"]
 
 
 def solve_closed_form(request: Request, rows: FloatArray, status: IntArray) -> None:
-    """Solve every encounter.
+    """Solve every encounter by L(10)-(13), its contact as the first zero of l.
 
     Args:
         request: the encounters, with a curve of constant slope.
@@ -27,7 +27,7 @@ def solve_closed_form(request: Request, rows: FloatArray, status: IntArray) -> N
 
 
 def trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Fill trace with x~, x~' and x~'' in its last three columns at the given times, shape (n, times, 4)."""
+    """Fill trace with x~, x~' and x~'' of L(10)-(13) in its last three columns at given times, shape (n, times, 4)."""
     from .kernels.response import respond_many  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
     v, coupling = request.values, (request.sensor.constant_log_slope or 0.0) * request.gain

@@ -21,7 +21,9 @@ _BLOCK: Final = 16
 
 
 def integrate(request: Request, rows: FloatArray, status: IntArray) -> None:
-    """Integrate every encounter, those that outgrow the curve's pieces again with more of them.
+    """Integrate L(1) with L(2) for every encounter, again with more pieces of the curve for those that outgrow them.
+
+    With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14).
 
     Args:
         request: the encounters.

@@ -115,16 +115,16 @@ class Scenario:
 
     @property
     def distance(self) -> Any:
-        """The distance l(0) = epsilon of L(11) [m]."""
+        """The distance l at t = 0 [m], epsilon in the letter's closed form."""
         return self.obstacle.position - self.plant.position
 
     @property
     def relative_velocity(self) -> Any:
-        """The relative velocity l'(0) = mu of L(12) [m/s]."""
+        """The relative velocity l' at t = 0 [m/s], mu in the letter's closed form."""
         return self.obstacle.velocity - self.plant.velocity
 
     def relative(self) -> FloatArray:
-        """Return the quantities relative to the reference that L(9)-(13) need.
+        """Return the admittance, and plant and obstacle at t = 0 relative to the reference, as L(9) has them.
 
         Returns:
             M_a, D_a, K_a, x~(0), x~'(0), x_o - x_d at t = 0, its velocity and its acceleration, then velocity and

@@ -64,7 +64,9 @@ def find_contact(
     method: str = "auto",
     horizon: float = _HORIZON,
 ) -> ContactResult:
-    """Find the first contact of an encounter, L(1) with L(2), and what it demands of the robot until then.
+    """Find the first contact of an encounter, l = 0 of L(21) and L(23), and what it demands of the robot until then.
+
+    The motion is that of L(1) with L(2), or by request the uniform motion L(16)-(19).
 
     Args:
         scenario: the encounter, or an array of them.
@@ -248,6 +250,7 @@ def _impulse_residual(request: Request, rows: FloatArray) -> FloatArray:
 
 
 def _motion(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult, samples: int) -> Motion:
+    """Return the trace as a motion, with the virtual force by L(2)."""
     v, shape = request.values[:, :, None], (*request.shape, samples)
     low, high = request.sensor.valid_range
     distance = np.clip(trace[..., 0], low, high)

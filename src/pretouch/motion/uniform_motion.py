@@ -46,7 +46,7 @@ def second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
 def uniform_motion(
     values: FloatArray, curvature: float, rate: float, gain: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Solve L(17), L(18) for l = A t + B.
+    """Solve L(15) for the uniform motion l = A t + B of L(16): A by L(17), B by L(18).
 
     The root of L(17) is the one with 0 <= |A| <= |v_o| that approaches as the obstacle does. With
     s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots are 2 v_o / (1 + s) and 2 v_o / (1 - s): only the first is ever one,
@@ -83,7 +83,7 @@ def uniform_motion(
 def solve_uniform_motion(
     values: FloatArray, sensor: SensorModel, gain: FloatArray, rows: FloatArray, status: IntArray
 ) -> tuple[Any, Any]:
-    """Fill the columns of the encounter by L(16)-(19); return A and B.
+    """Fill the columns of the encounter by the uniform motion L(16)-(19), up to its contact l = 0; return A and B.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).

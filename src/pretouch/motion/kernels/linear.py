@@ -30,7 +30,7 @@ def _line(system: Any, order: int, a: float, b: float, t: float) -> float:
 
 @kernel
 def _distance(system: Any, obstacle: Any, t: float) -> Any:
-    """Return l and l'."""
+    """Return l and l' by L(10): the obstacle of L(9) less the response x~."""
     y, velocity, _, _, _ = respond(system[0], system[1], system[2], system[3], system[4], t)
     return (
         obstacle[0] + (obstacle[1] + obstacle[2] * t / 2) * t - y,
@@ -212,7 +212,7 @@ def _finish(system: Any, obstacle: Any, coupling: float, t: float, row: Any) -> 
 
 @kernel
 def _encounter(values: Any, slope: float, gain: float, limits: Any, row: Any) -> int:
-    """Solve one encounter; return its status."""
+    """Solve one encounter of L(7), in the distance L(8), up to its first l = 0; return its status."""
     coupling = slope * gain
     system = (
         values[0],

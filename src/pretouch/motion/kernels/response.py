@@ -45,7 +45,7 @@ def _phi(z: float, order: int) -> float:
 
 @kernel
 def divided_differences(p: float, q: float, d: float) -> Any:
-    """Return (G_-1, h_0, G_0, G_1, G_2, G_3) for z1 + z2 = p, z1 z2 = q >= 0 and (z1 - z2)^2 / 4 = d.
+    """Return (G_-1, h_0, G_0, G_1, G_2, G_3) at z = lambda t, L(13): z1 + z2 = p, z1 z2 = q >= 0, (z1 - z2)^2 / 4 = d.
 
     G_-1 is the derivative of t G_0, and h_0 the free response to a unit displacement.
     """
@@ -86,7 +86,10 @@ def divided_differences(p: float, q: float, d: float) -> Any:
 
 @kernel
 def respond(mass: float, damping: float, stiffness: float, start: Any, force: Any, t: float) -> Any:
-    """Solve M y'' + D y' + K y = f_0 + f_1 t from (y, y') = start; return y, y', y'', y''' and the integral of y."""
+    """Solve M y'' + D y' + K y = f_0 + f_1 t from (y, y') = start: L(10)-(13) without their quotients.
+
+    Returns y, y', y'', y''' and the integral of y.
+    """
     sigma, square = damping / (2 * mass), stiffness / mass
     p, q = -2 * sigma * t, square * t * t
     disc = damping * damping - 4 * mass * stiffness

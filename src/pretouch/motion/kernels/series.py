@@ -46,7 +46,10 @@ def _horner_slope(c: Any, order: int, tau: float) -> float:
 
 @kernel
 def _expand(values: Any, gain: float, piece: Any, time: float, unit: float, l: float, speed: float, work: Any) -> None:  # noqa: E741
-    """Fill the series in tau = (t - time) / unit: of l (work[0]), l' (work[1]) and d ln xi / dt (work[2])."""
+    """Expand L(1) with L(2), which is L(4), L(7) or L(14) as the curve may be, with the obstacle of L(9), about a time.
+
+    Fills the series in tau = (t - time) / unit: of l (work[0]), l' (work[1]) and d ln xi / dt (work[2]).
+    """
     mass, damping, stiffness = values[0], values[1], values[2]
     x0, x1, x2 = values[5] + (values[6] + values[7] * time / 2) * time, values[6] + values[7] * time, values[7]
     middle, half, degree = piece[0], piece[1], piece.shape[0] - 2  # of ln xi: one above that of g

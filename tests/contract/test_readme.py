@@ -30,7 +30,7 @@ def test_a_session_prints_what_the_readme_shows(session: str) -> None:
 
 
 def test_there_are_sessions_to_check() -> None:
-    assert len(SESSIONS) == 2
+    assert len(SESSIONS) == 3
 
 
 def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch) -> None:

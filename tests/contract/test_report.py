@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
-from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +17,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from figure_checks import assert_legible, visible_texts
+from page_checks import EVIL, assert_sound, parse
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch.calibration import Calibration, CalibrationReport, rank_models
@@ -50,7 +50,6 @@ ADMITTANCE = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 LETTER = Scenario(admittance=ADMITTANCE, obstacle=Obstacle(position=0.0422, velocity=-0.3))
 F1 = excursion_objective(position_scale=0.5, velocity_scale=0.3)
 BOUNDS = (-10.0, -0.01)
-VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
 
 
 def limits(**given: float) -> list[Constraint]:
@@ -118,66 +117,6 @@ def usable() -> CalibrationReport:
 def useless() -> CalibrationReport:
     noise = np.random.default_rng(0).normal(1.0, 0.01, 10)
     return rank_models(Calibration(distances=np.arange(10) * 0.01, outputs=noise, unit="V"))
-
-
-class _Balance(HTMLParser):
-    """Collects what is wrong with a page, its identifiers, and everything that it would fetch or run."""
-
-    def __init__(self) -> None:
-        super().__init__(convert_charrefs=True)
-        self.open: list[str] = []
-        self.faults: list[str] = []
-        self.ids: list[str] = []
-        self.fetched: list[str] = []
-        self.text: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag not in VOID:
-            self.open.append(tag)
-        self._look(tag, attrs)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._look(tag, attrs)
-
-    def handle_endtag(self, tag: str) -> None:
-        if not self.open or self.open[-1] != tag:
-            self.faults.append(f"</{tag}> at {self.getpos()} closes {self.open[-1:]}")
-        else:
-            self.open.pop()
-
-    def handle_data(self, data: str) -> None:
-        if not {"style", "svg"} & set(self.open):
-            self.text.append(data)
-
-    def _look(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag in {"script", "link", "iframe", "object", "embed", "img"}:
-            self.fetched.append(tag)
-        for name, value in attrs:
-            if name == "id":
-                self.ids.append(value or "")
-            if name.startswith("on") or (name in {"src", "href"} and not (value or "").startswith("#")):
-                self.fetched.append(f"{name}={value}")
-
-
-def parse(page: str) -> _Balance:
-    parser = _Balance()
-    parser.feed(page)
-    parser.close()
-    return parser
-
-
-def assert_sound(page: str) -> _Balance:
-    parser = parse(page)
-    assert parser.faults == []
-    assert parser.open == []
-    assert parser.fetched == []
-    assert len(parser.ids) == len(set(parser.ids))
-    assert "http" not in page
-    assert not re.search(r"@import|url\((?!#)", page)
-    words = " ".join(parser.text).lower()
-    assert "safe" not in words
-    assert "complian" not in words
-    return parser
 
 
 @pytest.mark.parametrize("draw", [trade_off_figure, motion_figure, sensitivity_figure])
@@ -301,9 +240,6 @@ def test_reports_do_not_overwrite_unasked(usable: CalibrationReport, tmp_path: P
     assert path.read_text(encoding="utf-8") == "mine"
     write_fit_report(usable, path, overwrite=True)
     assert is_own_unchanged(path)
-
-
-EVIL = "<script>alert('$x^2$ & \u96fb\u5727')</script>\"'"
 
 
 def test_reports_escape_what_users_wrote(letter: GainDesign) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from .design import design
 from .fit import fit
+from .reproduce import reproduce
 
 __all__ = ["app", "main"]
 
@@ -23,6 +24,7 @@ app = typer.Typer(
 )
 app.command()(fit)
 app.command()(design)
+app.command()(reproduce)
 
 
 def _version(wanted: bool) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pretouch._core.errors import InvalidInputError, UnitError
+from pretouch._core.json_text import as_json
 from pretouch._core.units import to_si
 
 from .options import (
@@ -24,7 +25,7 @@ from .options import (
     Saturation,
     Select,
 )
-from .terminal import NO_RESULT, OK, Presentation, as_json, conclude, print_text
+from .terminal import NO_RESULT, OK, Presentation, conclude, print_text
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport

@@ -1,14 +1,11 @@
-"""What both verbs share: one object on stdout, one sentence on stderr, one exit code, one file that is never lost."""
+"""What the verbs share: one object on stdout, one sentence on stderr, one exit code, one file that is never lost."""
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
@@ -16,14 +13,15 @@ import typer
 
 from pretouch._core.errors import PretouchError
 from pretouch._core.files import is_own_unchanged
+from pretouch._core.json_text import as_json
 
-__all__ = ["MISTAKE", "NO_RESULT", "OK", "Presentation", "Result", "as_json", "conclude", "plain", "print_text"]
+__all__ = ["MISTAKE", "NO_RESULT", "OK", "Presentation", "Result", "conclude", "print_progress", "print_text"]
 
 OK = 0
 """The run came to what was asked for."""
 
 NO_RESULT = 1
-"""The run ended well and its answer is no: infeasible, no contact, no usable signal."""
+"""The run ended well and its answer is no: infeasible, no contact, no usable signal, not reproduced."""
 
 MISTAKE = 2
 """The request makes no sense: a mistake in a file or on the command line, or an output that would be overwritten."""
@@ -78,55 +76,16 @@ def print_message(text: str) -> None:
     _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
 
 
+def print_progress(text: str) -> None:
+    """Tell a person who waits at a terminal what is under way, on stderr; where nobody watches, nothing is told."""
+    if sys.stderr.isatty():
+        print_message(text)
+
+
 def _write(stream: Any, text: str) -> None:
     encoding = getattr(stream, "encoding", None) or "utf-8"
     stream.write(text.encode(encoding, "replace").decode(encoding) + "\n")
     stream.flush()
-
-
-def as_json(value: Mapping[str, Any]) -> str:
-    """Write an object as JSON that every reader accepts.
-
-    Args:
-        value: the object.
-
-    Returns:
-        JSON in ASCII, indented.
-
-    Examples:
-        >>> print(as_json({"gain": -0.75, "horizon": float("inf")}))
-        {
-          "gain": -0.75,
-          "horizon": null
-        }
-    """
-    return json.dumps(plain(value), indent=2, allow_nan=False)
-
-
-def plain(value: Any) -> Any:
-    """Turn a value into what JSON can hold; a number that is not finite becomes null.
-
-    Args:
-        value: anything a result may hold: numbers and arrays of NumPy, tuples, enumerations, paths.
-
-    Returns:
-        The same in dicts, lists, text, numbers, truth values and None.
-
-    Examples:
-        >>> plain({"low": float("-inf"), "pair": (1, 2.5)})
-        {'low': None, 'pair': [1, 2.5]}
-    """
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [plain(item) for item in value]
-    if isinstance(value, Enum):
-        return plain(value.value)
-    if hasattr(value, "tolist"):  # scalars and arrays of NumPy
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,12 +3,17 @@
 from .calibration_figures import calibration_figure
 from .design_figures import motion_figure, sensitivity_figure, trade_off_figure
 from .html import design_report_html, fit_report_html, write_design_report, write_fit_report
+from .panels import Curve, Mark, Panel, panel_figure
 
 __all__ = [
+    "Curve",
+    "Mark",
+    "Panel",
     "calibration_figure",
     "design_report_html",
     "fit_report_html",
     "motion_figure",
+    "panel_figure",
     "sensitivity_figure",
     "trade_off_figure",
     "write_design_report",

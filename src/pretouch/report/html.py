@@ -22,7 +22,14 @@ if TYPE_CHECKING:
 
     from pretouch.calibration.result import CalibrationReport
 
-__all__ = ["design_report_html", "fit_report_html", "write_design_report", "write_fit_report"]
+__all__ = [
+    "design_report_html",
+    "fit_report_html",
+    "picture",
+    "render_page",
+    "write_design_report",
+    "write_fit_report",
+]
 
 _PACKAGES = ("pretouch", "numpy", "scipy", "numba", "matplotlib")
 
@@ -39,8 +46,8 @@ def fit_report_html(report: CalibrationReport) -> str:
     from .calibration_figures import calibration_figure  # noqa: PLC0415
     from .fit_page import fit_page  # noqa: PLC0415
 
-    figure = _picture(calibration_figure(report), "calibration")
-    return _render("fit.html.j2", **fit_page(report), figure=figure)
+    figure = picture(calibration_figure(report), "calibration")
+    return render_page("fit.html.j2", **fit_page(report), figure=figure)
 
 
 def design_report_html(
@@ -67,12 +74,12 @@ def design_report_html(
     if calibration is not None:
         from .calibration_figures import calibration_figure  # noqa: PLC0415
 
-        fitted = {**fit_page(calibration), "figure": _picture(calibration_figure(calibration), "calibration")}
-    return _render(
+        fitted = {**fit_page(calibration), "figure": picture(calibration_figure(calibration), "calibration")}
+    return render_page(
         "design.html.j2",
         **design_page(design),
-        trade_off=_picture(trade_off_figure(design), "trade-off"),
-        motion=_picture(motion_figure(design), "motion"),
+        trade_off=picture(trade_off_figure(design), "trade-off"),
+        motion=picture(motion_figure(design), "motion"),
         fitted=fitted,
         source=_source(source),
     )
@@ -129,12 +136,34 @@ def _environment() -> Environment:
     )
 
 
-def _render(template: str, **values: Any) -> str:
+def render_page(template: str, **values: Any) -> str:
+    """Fill a template: text is escaped, the page names the versions that made it, and is signed as pretouch's own.
+
+    Args:
+        template: name of a file in `report/templates`.
+        values: what the template speaks of.
+
+    Returns:
+        The page.
+
+    Examples:
+        >>> render_page("base.html.j2").startswith("<!DOCTYPE html>")
+        True
+    """
     text = _environment().get_template(template).render(**values, versions=_versions())
     return sign(text.rstrip() + "\n")
 
 
-def _picture(figure: Figure, name: str) -> Any:
+def picture(figure: Figure, name: str) -> Any:
+    """Draw a figure for a template, which takes it as it is.
+
+    Args:
+        figure: the figure.
+        name: what sets its identifiers apart from those of other figures on the page: letters, digits, hyphens.
+
+    Returns:
+        An SVG element as markup.
+    """
     from markupsafe import Markup  # noqa: PLC0415
 
     return Markup(draw_svg(figure, name))  # noqa: S704 - our own drawing, in which text is drawn as shapes

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Annotation
 
-__all__ = ["label_inside", "label_near"]
+__all__ = ["dense_points", "label_inside", "label_near"]
 
 _DIRECTIONS: Final = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
 _GAPS: Final = (5.0, 11.0, 20.0, 34.0, 52.0, 75.0, 100.0)
@@ -21,6 +21,12 @@ _ALIGN_Y: Final[dict[int, Any]] = {1: "bottom", 0: "center", -1: "top"}
 _LEADERLESS: Final = 11.0
 _AIR: Final = 1.5
 _COVERING: Final = 4.0  # cost of covering one more point of a curve
+_BACKGROUND: Final = 0.01  # how much a point of a line counts that is drawn below zorder 1
+_REFERENCES_FROM: Final = 1.5  # zorder from which a line is one of reference
+_CURVES_FROM: Final = 2.5  # zorder from which a line is a leader or a curve
+_OWN: Final = 5.0  # pixels around an anchor that belong to the curve it stands on
+_NARROW: Final = 2.0  # pixels between neighboring points of a curve, at which a line passes through it
+_WORD_SPACE: Final = 6.0  # pixels between two texts in one row, so that they do not read as one
 
 
 def label_near(
@@ -34,6 +40,7 @@ def label_near(
     weight: str = "normal",
     reach: float = 100.0,
     side: int = 1,
+    strict: bool = False,
 ) -> Annotation | None:
     """Write a label beside a point or a curve, where it covers no other label and as little of the curves as can be.
 
@@ -49,6 +56,8 @@ def label_near(
         weight: its font weight.
         reach: how far off it may stand [pt].
         side: 1 where it stands above if it can, -1 below.
+        strict: True for no label rather than one that covers a curve, stands behind one or runs into another text;
+            lines that are drawn below zorder 1 do not count.
 
     Returns:
         The label, with a thin leader line where it stands farther off; None where no place is free.
@@ -57,8 +66,9 @@ def label_near(
     anchors = _display(axes, x, y)
     places, boxes = _candidates(anchors, axes.figure.dpi / 72, *_size(label), side)
     taken = _taken(axes, label)
-    free = _free(axes, boxes, taken) & (places[:, 3] <= reach)
-    choice = _best_place(axes, anchors, places, boxes, taken=taken, free=np.flatnonzero(free))
+    apart = np.array([_WORD_SPACE, 0.0, _WORD_SPACE, 0.0]) if strict else np.zeros(4)
+    free = _free(axes, boxes, taken + apart * [-1, 0, 1, 0]) & (places[:, 3] <= reach)
+    choice = _best_place(axes, anchors, places, boxes, taken=taken, free=np.flatnonzero(free), strict=strict)
     if choice < 0:
         label.remove()
         return None
@@ -67,7 +77,14 @@ def label_near(
 
 
 def _best_place(
-    axes: Axes, anchors: FloatArray, places: FloatArray, boxes: FloatArray, *, taken: FloatArray, free: Any
+    axes: Axes,
+    anchors: FloatArray,
+    places: FloatArray,
+    boxes: FloatArray,
+    *,
+    taken: FloatArray,
+    free: Any,
+    strict: bool,
 ) -> int:
     """Return the place of least cost among the free ones, -1 where there is none."""
     marks = _marks(axes)
@@ -75,8 +92,11 @@ def _best_place(
     for i in free[np.argsort(places[free, 4], kind="stable")]:
         if places[i, 4] >= best:
             break
-        cost = places[i, 4] + _COVERING * _covered(boxes[i], marks)
-        if cost < best and not _crosses(anchors[int(places[i, 0])], boxes[i], places[i, 3], taken):
+        covered = _covered(boxes[i], marks, 3.0 if strict else 1.0)
+        cost, anchor = places[i, 4] + _COVERING * covered, anchors[int(places[i, 0])]
+        if cost >= best or (strict and (covered >= 1 or _behind(anchor, boxes[i], places[i, 3], marks))):
+            continue
+        if not _crosses(anchor, boxes[i], places[i, 3], taken):
             best, choice = cost, int(i)
     return choice
 
@@ -140,6 +160,18 @@ def _crosses(anchor: FloatArray, box: FloatArray, gap: float, taken: FloatArray)
     path = anchor + np.linspace(0.0, 1.0, 25)[:, None] * (end - anchor)
     inside = (path[:, None] > taken[:, :2] - _AIR) & (path[:, None] < taken[:, 2:] + _AIR)
     return bool(inside.all(axis=2).any())
+
+
+def _behind(anchor: FloatArray, box: FloatArray, gap: float, marks: FloatArray) -> bool:
+    """Tell whether a line runs between an anchor and a box; a leader may cross a reference line."""
+    end = np.clip(anchor, box[:2], box[2:])
+    length = float(np.hypot(*(end - anchor)))
+    if length <= _OWN:
+        return False
+    curves = marks[marks[:, 2] >= (_REFERENCES_FROM if gap <= _LEADERLESS else _CURVES_FROM), :2]
+    curves = curves[(np.abs(curves - anchor) < length + _OWN).all(axis=1)]
+    path = anchor + np.linspace(_OWN / length, 1.0, int(length / 2) + 2)[:, None] * (end - anchor)
+    return bool((np.hypot(*(path[:, None] - curves).T) < _NARROW).any())
 
 
 def _candidates(
@@ -212,20 +244,27 @@ def _taken(axes: Axes, new: Annotation) -> FloatArray:
 
 
 def _marks(axes: Axes) -> FloatArray:
-    """Return points along everything that is drawn as a line or a marker, in pixels, close to each other."""
-    parts = [np.empty((0, 2))]
+    """Return points along all lines and markers, close to each other: x and y in pixels, and the zorder."""
+    parts = [np.empty((0, 3))]
     for line in axes.lines:
         points = line.get_transform().transform(np.column_stack(line.get_data(orig=False)))
         points = points[np.isfinite(points).all(axis=1)]
-        parts.append(_dense(points) if line.get_linestyle() not in {"None", ""} else points)
+        parts.append(_with_zorder(points if line.get_linestyle() in {"None", ""} else dense_points(points), line))
     for collection in axes.collections:
         segments: list[Any] = getattr(collection, "get_segments", list)()
-        parts.extend(_dense(np.asarray(axes.transData.transform(segment))) for segment in segments)
+        parts.extend(
+            _with_zorder(dense_points(np.asarray(axes.transData.transform(segment))), collection)
+            for segment in segments
+        )
     return np.concatenate(parts)
 
 
-def _dense(points: FloatArray) -> FloatArray:
-    """Put points between those that lie far apart, so that a label is not put on a long straight line."""
+def _with_zorder(points: FloatArray, artist: Any) -> FloatArray:
+    return np.column_stack([points, np.full(len(points), artist.get_zorder())])
+
+
+def dense_points(points: FloatArray) -> FloatArray:
+    """Put points between those that lie far apart [pixel], so that a label is not put on a long straight line."""
     if len(points) < 2:
         return points
     steps = np.abs(np.diff(points, axis=0)).max(axis=1)
@@ -236,7 +275,9 @@ def _dense(points: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(fine, along, points[:, i]) for i in (0, 1)])
 
 
-def _covered(box: FloatArray, marks: FloatArray) -> float:
+def _covered(box: FloatArray, marks: FloatArray, air: float = 1.0) -> float:
     """Return how many points of curves a label would cover, as a cost."""
     x, y = marks[:, 0], marks[:, 1]
-    return float(np.count_nonzero((x > box[0] - 1) & (x < box[2] + 1) & (y > box[1] - 1) & (y < box[3] + 1)))
+    inside = (x > box[0] - air) & (x < box[2] + air) & (y > box[1] - air) & (y < box[3] + air)
+    behind = np.count_nonzero(inside & (marks[:, 2] < 1))
+    return float(np.count_nonzero(inside) - (1 - _BACKGROUND) * behind)

@@ -25,6 +25,7 @@ __all__ = [
     "CURVES",
     "INK",
     "LIMIT",
+    "MARKERS",
     "QUIET",
     "Scale",
     "draw_svg",
@@ -32,6 +33,7 @@ __all__ = [
     "log_axis",
     "log_ticks",
     "minus",
+    "minus_signs",
     "new_figure",
     "pretty_unit",
     "scale_for",
@@ -52,6 +54,7 @@ CURVES: Final = (
     ("#8a4f7d", (0, (1.4, 1.2))),
     ("#222222", (0, (3, 1.2, 1, 1.2, 1, 1.2))),
 )
+MARKERS: Final = ("o", "s", "^", "D", "v")  # one per curve of the palette
 
 _GROUPS: Final = frozenset(
     (
@@ -148,6 +151,22 @@ def minus(text: str) -> str:
     return text.replace("-", "\u2212")
 
 
+def minus_signs(text: str) -> str:
+    """Write the hyphens before numbers as minus signs, and leave those in words.
+
+    Args:
+        text: any text.
+
+    Returns:
+        The text as it is shown in a picture.
+
+    Examples:
+        >>> minus_signs("first-order optimum -0.75 N s") == "first-order optimum \u22120.75 N s"
+        True
+    """
+    return re.sub(r"(?<![\w.])-(?=[\d.])", "\u2212", text)
+
+
 def pretty_unit(unit: str) -> str:
     """Write a unit as a person does: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
     return unit.replace("*", " ").replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")
@@ -207,7 +226,7 @@ def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
 def _short(value: float) -> str:
     """Write a tick in five letters or so: 0.001, 0.3, 1000, 3e\u22124."""
     text = f"{value:g}"
-    if len(text) <= 5:
+    if len(text) <= 5 and "e" not in text:
         return minus(text)
     mantissa, exponent = f"{value:.3e}".split("e")
     return minus(f"{float(mantissa):g}e{int(exponent)}")

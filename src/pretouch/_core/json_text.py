@@ -1,0 +1,60 @@
+"""Results as JSON that every reader accepts."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any
+
+__all__ = ["as_json", "plain"]
+
+
+def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
+    """Write an object as JSON that every reader accepts.
+
+    Args:
+        value: the object.
+        indent: spaces per level; None for one line without any space.
+
+    Returns:
+        JSON in ASCII.
+
+    Examples:
+        >>> print(as_json({"gain": -0.75, "horizon": float("inf")}))
+        {
+          "gain": -0.75,
+          "horizon": null
+        }
+        >>> as_json({"gain": -0.75, "bounds": (-10, 0)}, indent=None)
+        '{"gain":-0.75,"bounds":[-10,0]}'
+    """
+    separators = (",", ":") if indent is None else None
+    return json.dumps(plain(value), indent=indent, separators=separators, allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """Turn a value into what JSON can hold; a number that is not finite becomes null.
+
+    Args:
+        value: anything a result may hold: numbers and arrays of NumPy, tuples, enumerations, paths.
+
+    Returns:
+        The same in dicts, lists, text, numbers, truth values and None.
+
+    Examples:
+        >>> plain({"low": float("-inf"), "pair": (1, 2.5)})
+        {'low': None, 'pair': [1, 2.5]}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(item) for item in value]
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if hasattr(value, "tolist"):  # scalars and arrays of NumPy
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int, str)) else str(value)

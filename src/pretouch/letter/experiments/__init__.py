@@ -1,0 +1,1 @@
+"""One file per table, figure and section: its data, its comparisons, and what the program finds."""

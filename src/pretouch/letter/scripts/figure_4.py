@@ -1,0 +1,22 @@
+"""Figure 4: the plant's position until contact, D_p = -1 N s, by three ways to solve the motion."""
+
+import pretouch as pt
+
+scenario = pt.Scenario(
+    admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+    obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
+)
+power = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+first = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
+second = pt.ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0)
+motions = {
+    "inverse power, integrated": pt.solve_motion(scenario, power, -1.0),
+    "first order, closed form L(10)": pt.solve_motion(scenario, first, -1.0),
+    "second order, uniform motion L(19)": pt.solve_motion(scenario, second, -1.0, method="uniform-motion"),
+}
+curves = [pt.Curve(x=m.time, y=1e3 * m.position, label=name, end="contact") for name, m in motions.items()]
+labels = {"x_label": "time t [s]", "y_label": "plant position x [mm]", "curves": curves}
+figure = pt.panel_figure(
+    pt.Panel(title="From detection on", **labels),
+    pt.Panel(title="Around contact", x_limits=(0.5, 0.62), y_limits=(-145.0, -105.0), **labels),
+)

@@ -1,0 +1,139 @@
+"""What a chart is given must make sense: each check says what was got, what must hold and what to try."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite
+
+from .style import CURVES
+
+if TYPE_CHECKING:
+    from .panels import Panel
+
+__all__ = [
+    "as_column",
+    "as_limits",
+    "as_number",
+    "as_values",
+    "called",
+    "check_axis",
+    "check_choice",
+    "check_ends",
+    "check_style",
+]
+
+
+def called(kind: str, label: str) -> str:
+    """Name a value in a message by what it is and by its label, where it has one."""
+    return f"{kind} {label!r}" if label else kind
+
+
+def as_column(values: ArrayLike, name: str) -> FloatArray:
+    """Copy a row of numbers, each finite or missing; masked ones are missing."""
+    array = np.asarray(values)
+    if array.ndim != 1 or array.dtype.kind not in "iuf":
+        found = f"{array.dtype.name} of shape {array.shape}"
+        raise InvalidInputError(f"{name}: found {found}, expected a row of numbers, such as [0.0, 1.5, 3.0]")
+    if not len(array):
+        raise InvalidInputError(f"{name}: found no values, expected at least one")
+    column = np.array(array, dtype=np.float64)
+    column[np.ma.getmaskarray(np.ma.asarray(values))] = np.nan
+    if np.isinf(column).any():
+        at = int(np.flatnonzero(np.isinf(column))[0])
+        raise InvalidInputError(
+            f"{name}: found {column[at]:g} at index {at}, expected finite numbers; NaN leaves a point out"
+        )
+    column.setflags(write=False)
+    return column
+
+
+def as_number(value: Any, name: str) -> float:
+    """Check that a value is one finite number."""
+    number = finite(value, name)
+    if not isinstance(number, float):
+        raise InvalidInputError(f"{name}: found an array of shape {np.shape(number)}, expected one number")
+    return number
+
+
+def as_limits(given: Any, name: str) -> tuple[float, float] | None:
+    """Check that the ends of an axis are an interval."""
+    if given is None:
+        return None
+    ends = finite(given, name)
+    if np.shape(ends) != (2,) or not ends[0] < ends[1]:
+        raise InvalidInputError(f"{name}: found {given!r}, expected two numbers, the smaller one first")
+    return float(ends[0]), float(ends[1])
+
+
+def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
+    """Check that a sequence holds values of one class only."""
+    if isinstance(values, kind):
+        raise InvalidInputError(f"{name}: found one {kind.__name__}, expected a list; try [{kind.__name__}(...)]")
+    every = tuple(values)
+    for value in every:
+        if not isinstance(value, kind):
+            raise InvalidInputError(f"{name}: found {type(value).__name__}, expected {kind.__name__}")
+    return every
+
+
+def check_choice(value: Any, known: tuple[str, ...], name: str) -> None:
+    """Check that a word is one of those that are known."""
+    if value not in known:
+        raise InvalidInputError(f"{name}: found {value!r}, expected one of {', '.join(known)}")
+
+
+def check_ends(low: Any, high: Any, who: str) -> None:
+    """Check that the ends of bands or bars come together, and in order."""
+    if (low is None) != (high is None):
+        given, missing = ("high", "low") if low is None else ("low", "high")
+        raise InvalidInputError(f"{who}: found {given} without {missing}, expected both or neither")
+    if low is not None and np.any(low > high):
+        at = int(np.flatnonzero(low > high)[0])
+        found = f"low = {low[at]:g} above high = {high[at]:g} at index {at}"
+        raise InvalidInputError(f"{who}: found {found}, expected low <= high")
+
+
+def check_style(style: Any, who: str) -> None:
+    """Check that a style is a place in the palette."""
+    if style is not None and (isinstance(style, bool) or style not in range(len(CURVES))):
+        raise InvalidInputError(
+            f"{who}: found style {style!r}, expected a place in the palette, 0 to {len(CURVES) - 1}, or None"
+        )
+
+
+def check_axis(panel: Panel, axis: str) -> None:
+    """Check that what has a name can be seen, and that a logarithmic axis gets positive numbers only."""
+    ends = getattr(panel, f"{axis}_limits")
+    if getattr(panel, f"{axis}_log"):
+        for name, values in [*_numbers(panel, axis), (f"{axis}_limits", np.array(ends or ()))]:
+            if np.any(values <= 0):
+                raise InvalidInputError(
+                    f"{name}: found {values[values <= 0][0]:g} on a logarithmic axis, expected positive numbers; "
+                    f"try NaN to leave a point out, or {axis}_log=False"
+                )
+    for name, values in _numbers(panel, axis):
+        nameless = name.startswith("curve:")
+        if ends and not nameless and (np.nanmax(values) < ends[0] or np.nanmin(values) > ends[1]):
+            raise InvalidInputError(
+                f"{name}: found {np.nanmin(values):g} to {np.nanmax(values):g}, which lies outside "
+                f"{axis}_limits = ({ends[0]:g}, {ends[1]:g}); widen them or leave it out"
+            )
+
+
+def _numbers(panel: Panel, axis: str) -> Iterator[tuple[str, FloatArray]]:
+    """Yield everything that is drawn along an axis, with what it is called in a message."""
+    for curve in panel.curves:
+        for name, column in curve.columns():
+            if (name == "x") == (axis == "x") and np.isfinite(column).any():
+                yield f"{called('curve', curve.label)}: {name}", column
+    for mark in panel.marks:
+        yield f"{called('mark', mark.label)}: {axis}", np.array([getattr(mark, axis)])
+    kind = "positions" if axis == "x" else "levels"
+    for text, at in getattr(panel, kind).items():
+        yield f"{kind}: {text}", np.array([at])

@@ -1,0 +1,273 @@
+"""Where panels stand on their canvas, and where their names go when all else is final."""
+
+from __future__ import annotations
+
+import textwrap
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Affine2D, ScaledTranslation
+
+from pretouch._core.numbers import FloatArray
+
+from .labels import label_near
+from .panel_drawing import Name, draw_panel, names_of
+from .style import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+    from .panels import Panel
+
+__all__ = ["draw_figure"]
+
+_WIDTH: Final = 7.4  # inch
+_WIDTH_OF_ONE: Final = 5.2
+_EDGE: Final = 0.06
+_GAP: Final = 0.2  # between panels, beside what hangs over
+_SMALLEST: Final = 0.4
+_LEAST: Final = 0.5  # of the height of a row, for the axes: a row grows where names and labels would take more
+_REACHES: Final = (11.0, 34.0)  # pt from a curve to its name, without and with a leader line
+_KINDS: Final = ("point", "curve", "line")  # in the order in which they are named
+_SIZES: Final = {"point": 8.0, "curve": 8.0, "line": 7.5}
+_BREAKABLE: Final = 9  # letters from which a name may take two lines
+_TICK_AIR: Final = 5.0  # pixels between the labels of ticks
+_ROW_GAP: Final = 3.0  # pt, between lines of names
+_TORN: Final = 16.0  # pt between a title and its panel
+_SAMPLE: Final = 20.0  # pt
+
+
+class _Grid(NamedTuple):
+    """Where panels stand: a figure of rows and columns, and the least height of the axes [inch]."""
+
+    figure: Figure
+    rows: int
+    columns: int
+    least: float
+    renderer: Any
+
+
+def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
+    """Draw panels in a grid; a name that finds no place beside what it names moves into a line above its panel."""
+    listed: list[set[int]] = [set() for _ in panels]
+    while True:
+        figure = _draw(panels, columns, height, listed)
+        lost = [
+            _place_names(axes, panel, above) for axes, panel, above in zip(figure.axes, panels, listed, strict=True)
+        ]
+        if not any(lost):
+            return figure
+        listed = [above | more for above, more in zip(listed, lost, strict=True)]
+
+
+def _draw(panels: tuple[Panel, ...], columns: int, height: float, listed: list[set[int]]) -> Figure:
+    """Draw panels without the names beside curves, in their final places."""
+    width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
+    columns = min(columns, len(panels))
+    rows = -(-len(panels) // columns)
+    figure = new_figure(width, rows * height)
+    renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
+    grid = _Grid(figure, rows, columns, _LEAST * height, renderer)
+    for i, panel in enumerate(panels):
+        axes = figure.add_subplot(rows, columns, i + 1)
+        draw_panel(axes, panel)
+        axes.set_title(panel.title, y=1.0, parse_math=False)
+    _fit(grid)
+    for last in (False, True) if any(listed) else ():  # a list takes height, which may change the width of its panel
+        artists = _list_names(grid, panels, listed)
+        _fit(grid)
+        for artist in () if last else artists:
+            artist.remove()
+    _arrange(grid, final=True)
+    return figure
+
+
+def _fit(grid: _Grid) -> None:
+    """Give the panels their places, and make their ticks and labels fit."""
+    for _ in range(2):  # what hangs over depends on the ticks, which depend on the size
+        _arrange(grid)
+        for axes in grid.figure.axes:
+            _thin_ticks(axes, grid.renderer)
+            _wrap_labels(axes, grid.renderer)
+
+
+def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) -> list[Artist]:
+    """Write the names that are listed between the panels and their titles."""
+    artists: list[Artist] = []
+    heights = np.zeros((grid.rows, grid.columns))  # pt
+    for i, (axes, above) in enumerate(zip(grid.figure.axes, listed, strict=True)):
+        names = names_of(axes, panels[i]) if above else []
+        heights.flat[i], written = _write_list(axes, [names[k] for k in sorted(above)], grid.renderer)
+        artists += written
+    for i, axes in enumerate(grid.figure.axes):
+        own, most = heights.flat[i], heights[i // grid.columns].max()
+        shift = most if most - own < _TORN else own  # titles stand in one row unless that tears one from its panel
+        pad = shift + 2 * _ROW_GAP if shift else None
+        axes.set_title(axes.get_title("left"), y=1.0, pad=pad, parse_math=False)
+    return artists
+
+
+def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
+    """Write names beside what they name; return the places of those that have to be listed instead."""
+    names = list(enumerate(names_of(axes, panel)))
+    hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
+    lost = {i for i, name in hardest_first if i not in listed and not _place(axes, name)}
+    curves = {i for i, name in names if name.kind == "curve"}
+    return lost | curves - listed if lost and 2 * len(curves & (lost | listed)) > len(curves) else lost
+
+
+def _place(axes: Axes, name: Name) -> bool:
+    """Write a name beside what it names, in one line or in two; tell whether there was room."""
+    for reach in _REACHES[: 1 if name.kind == "line" else 2]:
+        for text in dict.fromkeys((name.text, _in_two_lines(name.text))):
+            label = label_near(
+                axes,
+                name.x,
+                name.y,
+                text,
+                color=name.color,
+                size=_SIZES[name.kind],
+                reach=reach,
+                side=name.side,
+                strict=True,
+            )
+            if label is not None:
+                label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+                return True
+    return False
+
+
+def _in_two_lines(text: str) -> str:
+    if len(text) < _BREAKABLE or "\n" in text or " " not in text:
+        return text
+    spaces = [i for i, letter in enumerate(text) if letter == " "]
+    middle = min(spaces, key=lambda i: abs(i - len(text) / 2))
+    return f"{text[:middle]}\n{text[middle + 1 :]}"
+
+
+def _arrange(grid: _Grid, *, final: bool = False) -> None:
+    """Give all panels the same size, with as much room between them as what hangs over their axes takes."""
+    figure, rows, columns, least, renderer = grid
+    figure.align_ylabels(figure.axes)
+    over = np.zeros((4, max(rows, columns)))  # left, right, bottom, top [inch], by column or by row
+    for i, axes in enumerate(figure.axes):
+        row, column = divmod(i, columns)
+        for k, side in enumerate(_overhang(axes, renderer, final=final)):
+            place = column if k < 2 else row
+            over[k, place] = max(over[k, place], side / figure.dpi)
+    width, height = figure.get_size_inches()
+    wide = max((width - 2 * _EDGE - (columns - 1) * _GAP - over[:2].sum()) / columns, _SMALLEST)
+    high = (height - 2 * _EDGE - (rows - 1) * _GAP - over[2:].sum()) / rows
+    if high < least:
+        height, high = height + rows * (least - high), least
+        figure.set_size_inches(width, height)
+    for i, axes in enumerate(figure.axes):
+        row, column = divmod(i, columns)
+        left = _EDGE + column * (_GAP + wide) + over[0, : column + 1].sum() + over[1, :column].sum()
+        top = height - _EDGE - row * (_GAP + high) - over[3, : row + 1].sum() - over[2, :row].sum()
+        axes.set_position((left / width, (top - high) / height, wide / width, high / height))
+
+
+def _overhang(axes: Axes, renderer: Any, *, final: bool) -> tuple[float, float, float, float]:
+    """Return by how many pixels ticks and texts stand out to the left, right, bottom and top.
+
+    Texts that will still be broken to fit do not count along the side that they have to fit.
+    """
+    listed = list(axes.texts)  # broken to fit when they were written
+    across, upward = [axes.xaxis.label, _title(axes)], [axes.yaxis.label]
+    boxes: list[Any] = []
+    for texts in ([*listed, *([] if final else across)], [] if final else upward):
+        for text in texts:
+            text.set_visible(False)
+        boxes.append(axes.get_tightbbox(renderer))
+        for text in texts:
+            text.set_visible(True)
+    wide, high, inner = *boxes, axes.bbox
+    return inner.x0 - wide.x0, wide.x1 - inner.x1, inner.y0 - high.y0, high.y1 - inner.y1
+
+
+def _title(axes: Axes) -> Text:
+    title: Text = axes._left_title  # type: ignore[attr-defined]
+    return title
+
+
+def _thin_ticks(axes: Axes, renderer: Any) -> None:
+    """Show fewer ticks where their labels would touch."""
+    for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):
+        for most in (None, 6, 5, 4, 3, 2):
+            locator: Any = axis.get_major_locator()
+            if most:
+                locator.set_params(nbins=most)
+            if not _touch(axis, side, renderer):
+                break
+
+
+def _touch(axis: Any, side: int, renderer: Any) -> bool:
+    low, high = sorted(axis.get_view_interval())
+    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
+    boxes = [label.get_window_extent(renderer) for at, label in ticks if low <= at <= high]
+    ends = [(box.x0, box.x1) if side == 0 else (box.y0, box.y1) for box in boxes]
+    return any(max(a[0], b[0]) - min(a[1], b[1]) < _TICK_AIR for a, b in pairwise(ends))
+
+
+def _wrap_labels(axes: Axes, renderer: Any) -> None:
+    """Break labels and titles that are longer than the axes."""
+    room = axes.bbox.size
+    for text, side in ((axes.xaxis.label, 0), (_title(axes), 0), (axes.yaxis.label, 1)):
+        _break(text, text.get_text().replace("\n", " "), room[side], side, renderer)
+
+
+def _write_list(axes: Axes, names: list[Name], renderer: Any) -> tuple[float, list[Artist]]:
+    """Write names above the panel, each behind a sample of what it names; return their height [pt] and what is new."""
+    dots = axes.figure.dpi / 72
+    x, rows, placed = 0.0, [0.0], []
+    for name in names:
+        text = name.listed or name.text.replace("\n", ", ")
+        label = axes.annotate(
+            text,
+            (0, 1),
+            xycoords="axes fraction",
+            xytext=(0, 0),
+            textcoords="offset points",
+            color=name.color,
+            fontsize=_SIZES[name.kind],
+            va="center",
+            parse_math=False,
+            annotation_clip=False,
+        )
+        room = axes.bbox.width - _SAMPLE * dots
+        _break(label, text, room, 0, renderer, hyphens=True)
+        size: FloatArray = np.asarray(label.get_window_extent(renderer).size) / dots
+        if x and x + _SAMPLE + size[0] > axes.bbox.width / dots:
+            x, rows = 0.0, [*rows, 0.0]
+        rows[-1] = max(rows[-1], size[1] + _ROW_GAP)
+        placed.append((name, label, x, len(rows)))
+        x += _SAMPLE + size[0] + 12
+    inside: Any = axes.transAxes
+    corner = ScaledTranslation(0, 1, inside)  # points from the upper left corner of the axes
+    points = Affine2D().scale(1 / 72) + axes.figure.dpi_scale_trans + corner
+    artists: list[Artist] = []
+    for name, label, left, row in placed:
+        up = _ROW_GAP + sum(rows[row:]) + rows[row - 1] / 2
+        label.set_position((left + _SAMPLE, up))
+        sample = {**name.sample, "clip_on": False, "transform": points, "markevery": [1]}
+        artists += [label, axes.add_artist(Line2D(left + np.array([0.0, 8.0, 16.0]), [up] * 3, **sample))]
+    return sum(rows), artists
+
+
+def _break(text: Text, words: str, room: float, side: int, renderer: Any, *, hyphens: bool = False) -> None:
+    """Break a text into as few lines as fit into a room [pixel], across or upward; its unit stays in one piece."""
+    head, bracket, unit = words.partition("[")
+    whole = head + bracket + unit.replace(" ", "\u00a0")
+    for width in range(len(whole) + 1, 7, -1):
+        lines = textwrap.wrap(whole, width, break_long_words=False, break_on_hyphens=hyphens)
+        text.set_text("\n".join(lines).replace("\u00a0", " "))
+        if text.get_window_extent(renderer).size[side] <= room:
+            break

@@ -1,0 +1,246 @@
+"""Line charts in the house style: curves with their names beside them, on axes that name their units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+
+from .panel_checks import (
+    as_column,
+    as_limits,
+    as_number,
+    as_values,
+    called,
+    check_axis,
+    check_choice,
+    check_ends,
+    check_style,
+)
+from .style import CURVES, drawing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Curve", "Mark", "Panel", "panel_figure"]
+
+_UNIT: Final = re.compile(r"\[[^\]]+\]")
+_KINDS: Final = ("line", "points", "both")
+_SHAPES: Final = ("dot", "ring", "square")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Curve:
+    """One curve of a panel, or one set of points.
+
+    Args:
+        x: horizontal coordinates, shape (N,), in the unit of the panel's x label.
+        y: vertical coordinates, shape (N,), in the unit of the panel's y label; NaN breaks the line.
+        label: its name, written beside it in its color; empty for none.
+        style: its place in the palette, 0 to 4: color, line style and marker; None takes its place among the curves
+            of the panel that are not quiet. A quiet curve uses none.
+        kind: `line`, `points` for measured or sampled values, or `both`.
+        low: lower ends, shape (N,): with `high` a band around a line, or a bar through every point.
+        high: upper ends, shape (N,).
+        quiet: True for a thin grey line, such as one of many neighboring motions.
+        end: marks the last finite point with a dot and writes this beside it; a text that several curves of a panel
+            share is written once. A dot outside limits that were asked for is not drawn.
+
+    Raises:
+        InvalidInputError: the columns differ in length, hold no finite point or an infinite one, `low` lies above
+            `high` or comes without it, or the kind or the style is unknown.
+
+    Examples:
+        >>> Curve(x=[0.0, 10.0, 20.0], y=[0.1, float("nan"), 0.3], label="finger sensor")
+        <Curve finger sensor: 2 of 3 points>
+    """
+
+    x: ArrayLike
+    y: ArrayLike
+    label: str = ""
+    style: int | None = None
+    kind: Literal["line", "points", "both"] = "line"
+    low: ArrayLike | None = None
+    high: ArrayLike | None = None
+    quiet: bool = False
+    end: str = ""
+
+    def __post_init__(self) -> None:
+        who = called("curve", self.label)
+        for name in ("x", "y", "low", "high"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, as_column(getattr(self, name), f"{who}: {name}"))
+        sizes = {name: len(column) for name, column in self.columns()}
+        if len(set(sizes.values())) > 1:
+            found = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
+            raise InvalidInputError(f"{who}: found {found}, expected as many of each")
+        if not self.known.any():
+            raise InvalidInputError(
+                f"{who}: found no point whose x and y are both finite, expected at least one; leave the curve out"
+            )
+        check_ends(self.low, self.high, who)
+        check_choice(self.kind, _KINDS, f"{who}: kind")
+        check_style(self.style, who)
+
+    def columns(self) -> Iterator[tuple[str, FloatArray]]:
+        """Yield the name and the numbers of every column that was given."""
+        for name in ("x", "y", "low", "high"):
+            column = getattr(self, name)
+            if column is not None:
+                yield name, column
+
+    @property
+    def known(self) -> Any:
+        """Tell which points are finite in x and y, shape (N,)."""
+        return np.isfinite(np.asarray(self.x, float)) & np.isfinite(np.asarray(self.y, float))
+
+    def __repr__(self) -> str:
+        return f"<Curve {self.label or 'without a name'}: {self.known.sum()} of {len(self.known)} points>"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mark:
+    """One point of a panel that stands out, such as an optimum.
+
+    Args:
+        x: horizontal coordinate, in the unit of the panel's x label.
+        y: vertical coordinate, in the unit of the panel's y label.
+        label: its name, written beside it; empty for none.
+        style: place in the palette whose color it takes, 0 to 4; None for ink.
+        shape: `dot`, `ring` or `square`.
+
+    Raises:
+        InvalidInputError: a coordinate is not finite, or the style or the shape is unknown.
+    """
+
+    x: float
+    y: float
+    label: str = ""
+    style: int | None = None
+    shape: Literal["dot", "ring", "square"] = "dot"
+
+    def __post_init__(self) -> None:
+        who = called("mark", self.label)
+        for name in ("x", "y"):
+            object.__setattr__(self, name, as_number(getattr(self, name), f"{who}: {name}"))
+        check_choice(self.shape, _SHAPES, f"{who}: shape")
+        check_style(self.style, who)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Panel:
+    """One pair of axes with its curves.
+
+    Args:
+        x_label: what is shown across, with its unit in brackets: `distance l [mm]`, or `[1]` for pure numbers.
+        y_label: what is shown upward, with its unit in brackets.
+        curves: one curve or more; of those that are not quiet, only five look different.
+        title: written above the panel; empty for none.
+        marks: points that stand out.
+        levels: horizontal reference lines: name to y.
+        positions: vertical reference lines: name to x.
+        x_log: True for a logarithmic axis, on which every number must be positive; NaN leaves a point out.
+        y_log: the same upward.
+        x_limits: ends of the axis; None takes them from the data.
+        y_limits: the same upward; a quantity that is positive and comes near zero starts at zero.
+
+    Raises:
+        InvalidInputError: a unit is missing, there is no curve, a number is not positive on a logarithmic axis, the
+            limits are no interval or leave something with a name outside, or a sixth curve asks for a look of its own.
+    """
+
+    x_label: str
+    y_label: str
+    curves: Sequence[Curve]
+    title: str = ""
+    marks: Sequence[Mark] = ()
+    levels: Mapping[str, float] = field(default_factory=dict)
+    positions: Mapping[str, float] = field(default_factory=dict)
+    x_log: bool = False
+    y_log: bool = False
+    x_limits: tuple[float, float] | None = None
+    y_limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("x_label", "y_label"):
+            if not _UNIT.search(getattr(self, name)):
+                raise InvalidInputError(
+                    f"{name}: found {getattr(self, name)!r}, expected a unit in brackets, such as 'distance l [mm]', "
+                    "or '[1]' for pure numbers"
+                )
+        for name, kind in (("curves", Curve), ("marks", Mark)):
+            object.__setattr__(self, name, as_values(getattr(self, name), kind, name))
+        if not self.curves:
+            raise InvalidInputError("curves: found none, expected at least one Curve")
+        for name in ("levels", "positions"):
+            lines = {str(k): as_number(v, f"{name}: {k}") for k, v in dict(getattr(self, name)).items()}
+            object.__setattr__(self, name, lines)
+        for name in ("x", "y"):
+            ends = f"{name}_limits"
+            object.__setattr__(self, ends, as_limits(getattr(self, ends), ends))
+            check_axis(self, name)
+        loud = [curve for curve in self.curves if not curve.quiet]
+        if any(curve.style is None for curve in loud[len(CURVES) :]):
+            raise InvalidInputError(
+                f"curves: found {len(loud)}, of which only {len(CURVES)} look different; try quiet=True for those in "
+                "the background, more panels, or style=0...4 to let two look the same on purpose"
+            )
+
+    def __repr__(self) -> str:
+        size = f"{len(self.curves)} curve{'s' if len(self.curves) > 1 else ''}"
+        return f"<Panel {self.title or self.y_label} over {self.x_label}: {size}>"
+
+
+def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figure:
+    """Draw panels beside each other, with the name of every curve beside the curve.
+
+    A name that finds no place in its panel where it covers neither text nor curve stands in a line above it. Where
+    the numbers of an axis are tiny or huge, a power of ten joins the unit in its label.
+
+    Args:
+        panels: what to draw, row by row.
+        columns: how many panels stand side by side, 1 to 4.
+        height: height of a row [inch], at least 1; rows grow where labels would leave less than half of it.
+
+    Returns:
+        A figure, 7.4 inch wide (5.2 where `columns` has room for more than the only panel); it shows itself in a
+        notebook, and `savefig` writes the same bytes each time.
+
+    Raises:
+        InvalidInputError: there is no panel, or a number of columns or a height that cannot be drawn.
+
+    Examples:
+        >>> import numpy as np
+        >>> distance = np.linspace(1.0, 80.0, 40)
+        >>> figure = panel_figure(
+        ...     Panel(
+        ...         x_label="distance l [mm]",
+        ...         y_label="slope g [1/m]",
+        ...         curves=[
+        ...             Curve(x=distance, y=-3320.0 / (distance + 41.9), label="inverse power", end="far end"),
+        ...             Curve(x=distance, y=np.full(40, -63.46), label="exponential"),
+        ...         ],
+        ...         levels={"no slope": 0.0},
+        ...     )
+        ... )
+        >>> figure.axes[0].get_ylabel()
+        'slope g [1/m]'
+    """
+    shown = as_values(panels, Panel, "panels")
+    if not shown:
+        raise InvalidInputError("panels: found none, expected at least one Panel")
+    if isinstance(columns, bool) or columns not in {1, 2, 3, 4}:
+        raise InvalidInputError(f"columns: found {columns!r}, expected 1, 2, 3 or 4")
+    if not as_number(height, "height") >= 1:
+        raise InvalidInputError(f"height: found {height:g} inch, expected at least 1 inch for a row of panels")
+    from .panel_layout import draw_figure  # noqa: PLC0415 - drawing is loaded when it is asked for
+
+    with drawing():
+        return draw_figure(shown, int(columns), float(height))

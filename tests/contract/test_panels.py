@@ -1,0 +1,289 @@
+"""What charts promise: units, a name for every curve, nothing on top of anything, and the same bytes each time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from figure_checks import assert_legible, visible_texts
+from pretouch import Curve, InvalidInputError, Mark, Panel, panel_figure
+from pretouch.report.style import CURVES, MARKERS
+
+X = np.linspace(0.0, 10.0, 200)
+LONG = (
+    "exponential, first order",
+    "exponential, second order",
+    "inverse power with offset",
+    "Mittag-Leffler of order 0.8",
+    "table of measured values",
+)
+
+
+def panel(*curves: Curve, **given: Any) -> Panel:
+    return Panel(**{"x_label": "time t [s]", "y_label": "distance l [mm]", "curves": curves, **given})
+
+
+def line(**given: Any) -> Curve:
+    return Curve(**{"x": X, "y": np.exp(-X / 4), **given})
+
+
+def crossing() -> Panel:
+    curves = [line(y=np.sin(X * (0.5 + 0.12 * i) + i), label=name) for i, name in enumerate(LONG)]
+    return panel(*curves, title="Five curves that cross")
+
+
+def motions() -> Panel:
+    curves = []
+    for i, name in enumerate(("no mitigation", "exponential", "inverse power", "table")):
+        time = np.linspace(0.0, 280.0 + 43.0 * i, 90)
+        shape = 1.5 - 0.2 * i
+        curves.append(Curve(x=time, y=42.0 * (1 - (time / time[-1]) ** shape), label=name, end="contact"))
+    return panel(*curves, x_label="time t [ms]", levels={"recess": 2.0}, positions={"reaction time": 100.0})
+
+
+def logarithmic() -> Panel:
+    frequency = np.geomspace(0.01, 100.0, 60)
+    curves = [
+        Curve(x=frequency, y=1 / np.hypot(1.0, frequency / corner), label=f"corner {corner:g} Hz", kind=kind)
+        for corner, kind in ((0.1, "line"), (1.0, "both"), (10.0, "points"))
+    ]
+    lines = {"levels": {"\u22123 dB": 0.708}, "positions": {"sampling rate": 50.0}}
+    labels = {"x_label": "frequency f [Hz]", "y_label": "magnitude |H| [1]"}
+    return panel(*curves, **lines, **labels, x_log=True, y_log=True)
+
+
+def tiny() -> Panel:
+    y = 3e-6 * np.exp(-X[::8] / 3)
+    points = Curve(x=X[::8], y=y, low=0.9 * y, high=1.2 * y, kind="points", label="measured")
+    return panel(points, line(y=2.9e-6 * np.exp(-X / 3.2), label="model"), y_label="impulse [N s]")
+
+
+def negative() -> Panel:
+    y = -0.3 * np.exp(-X / 4)
+    curves = (
+        line(y=y, low=1.2 * y, high=0.8 * y, label="chosen gain"),
+        line(y=0 * X - 0.3, label="none", end="contact"),
+    )
+    return panel(*curves, y_label="relative velocity l\u2032 [m/s]", levels={"limit": -0.1})
+
+
+def family() -> Panel:
+    quiet = [line(y=np.exp(-X / (3 + i / 6)), quiet=True, label="neighbors" if i == 29 else "") for i in range(30)]
+    marks = (Mark(x=10.0, y=np.exp(-2.0), label="end", shape="ring"), Mark(x=0.0, y=1.0, label="start", shape="square"))
+    return panel(*quiet, line(y=np.exp(-X / 5), label="optimum"), marks=marks)
+
+
+def border() -> Panel:
+    gain = np.geomspace(0.01, 10.0, 80)
+    marks = (Mark(x=10.0, y=0.74, label="bound", style=1), Mark(x=0.01, y=4.94, label="other bound"))
+    curve = Curve(x=gain, y=0.1 + (np.log10(gain) - 0.2) ** 2, label="objective")
+    lines = {"target": 1.0, "floor": 0.9}
+    return panel(curve, x_label="gain [N s]", x_log=True, x_limits=(0.01, 10.0), marks=marks, levels=lines)
+
+
+def dense() -> Panel:
+    curves = [line(y=1000 + 0.001 * np.sin(8 * X + i), label=name) for i, name in enumerate(LONG)]
+    words = "a label of an axis that is by far too long to be written into a single line q [N s/m]"
+    return panel(*curves, y_label=words, x_label=words, title=words)
+
+
+def gaps() -> Panel:
+    y = np.where((X > 2) & (X < 4) | (X > 8), np.nan, X)
+    alone = Curve(x=[1.0, 2.0, 3.0], y=[np.nan, 4.0, np.nan], label="one point", end="here")
+    return panel(line(y=y, label="interrupted, costs $5 or $6"), alone)
+
+
+PANELS: dict[str, Callable[[], Panel]] = {
+    f.__name__: f for f in (crossing, motions, logarithmic, tiny, negative, family, border, dense, gaps)
+}
+
+
+def words(figure: Figure) -> list[str]:
+    return [text.replace("-\n", "-").replace("\n", " ") for text, _ in visible_texts(figure)]
+
+
+def drawn(figure: Figure, kind: str = "svg") -> bytes:
+    content = BytesIO()
+    figure.savefig(content, format=kind)
+    return content.getvalue()
+
+
+def names_in(shown: Panel) -> list[str]:
+    labels = [item.label for item in (*shown.curves, *shown.marks)] + [curve.end for curve in shown.curves]
+    return [text for text in (*labels, *shown.levels, *shown.positions) if text]
+
+
+@pytest.mark.parametrize("name", PANELS)
+@pytest.mark.parametrize(
+    ("copies", "given"), [(1, {}), (2, {}), (3, {"columns": 3, "height": 2.6}), (1, {"columns": 1})]
+)
+def test_charts_are_legible_and_name_everything(name: str, copies: int, given: dict[str, Any]) -> None:
+    shown = PANELS[name]()
+    figure = panel_figure(*[shown] * copies, **given)
+    assert_legible(figure)
+    found = words(figure)
+    for text in names_in(shown):
+        assert sum(text in word for word in found) >= copies
+
+
+def test_four_different_panels_stand_side_by_side() -> None:
+    figure = panel_figure(motions(), logarithmic(), tiny(), negative())
+    assert_legible(figure)
+    assert figure.get_size_inches().tolist() == [7.4, 6.6]
+    sizes = np.array([axes.get_position().size for axes in figure.axes])
+    assert np.allclose(sizes, sizes[0])
+
+
+def test_rows_grow_where_lists_of_names_would_leave_no_room() -> None:
+    figure = panel_figure(dense(), dense(), height=2.0)
+    assert figure.get_size_inches()[1] > 2.0
+    assert figure.axes[0].bbox.height >= 0.99 * figure.dpi
+
+
+def test_what_is_seen_lies_inside_the_canvas_however_wide_the_tick_labels_are() -> None:
+    wide = panel(line(y=123456.0 + 1e-3 * X, label="drift"), y_limits=(123455.99, 123456.02), y_label="force [N]")
+    assert_legible(panel_figure(wide, wide, wide, columns=3))
+
+
+def test_every_end_is_marked_and_its_text_is_written_once() -> None:
+    figure = panel_figure(motions())
+    dots = {(float(d.get_xdata()[0]), float(d.get_ydata()[0])) for d in figure.axes[0].lines if d.get_marker() == "o"}
+    for curve in motions().curves:
+        assert (np.asarray(curve.x)[-1], np.asarray(curve.y)[-1]) in dots
+    assert words(figure).count("contact") == 1
+
+
+def test_the_end_is_the_last_finite_point() -> None:
+    shown = panel(line(y=np.where(X > 5, np.nan, X), end="lost"))
+    dots = [d for d in panel_figure(shown).axes[0].lines if d.get_marker() == "o" and len(d.get_xdata())]
+    assert [float(d.get_xdata()[0]) for d in dots] == [X[X <= 5][-1]]
+
+
+def test_a_name_stands_beside_its_curve_in_its_color() -> None:
+    figure = panel_figure(panel(line(y=0 * X + 1, label="upper"), line(y=0 * X, label="lower", style=3)))
+    boxes = dict(visible_texts(figure))
+    axes = figure.axes[0]
+    for text, level, style in (("upper", 1.0, 0), ("lower", 0.0, 3)):
+        away = boxes[text].y0 - axes.transData.transform((0.0, level))[1]
+        assert abs(away) < 25
+        assert next(t for t in axes.texts if t.get_text() == text).get_color() == CURVES[style][0]
+
+
+def test_names_without_a_place_are_listed_above_the_panel() -> None:
+    figure = panel_figure(dense())
+    top = figure.axes[0].bbox.y1
+    boxes = dict(visible_texts(figure))
+    assert all(boxes[name].y0 >= top for name in LONG)
+
+
+def test_tiny_and_huge_numbers_put_a_power_of_ten_into_the_unit() -> None:
+    assert panel_figure(tiny()).axes[0].get_ylabel() == "impulse [10\u207b\u2076 N s]"
+    huge = panel(line(y=2e6 * X, label="a"), y_label="count [1]")
+    assert panel_figure(huge).axes[0].get_ylabel() == "count [10\u2076]"
+
+
+def test_a_positive_quantity_near_zero_starts_at_zero() -> None:
+    assert panel_figure(panel(line(y=X))).axes[0].get_ylim()[0] == 0
+    assert panel_figure(panel(line(y=-X))).axes[0].get_ylim()[1] == 0
+    assert panel_figure(panel(line(y=50 + X))).axes[0].get_ylim()[0] > 40
+
+
+def test_limits_asked_for_are_kept_and_the_other_axis_follows_what_is_seen() -> None:
+    axes = panel_figure(panel(line(y=X**2), x_limits=(0.0, 2.0))).axes[0]
+    assert axes.get_xlim() == (0.0, 2.0)
+    assert axes.get_ylim()[1] < 5
+
+
+@pytest.mark.parametrize("kind", ["svg", "png"])
+def test_the_same_chart_gives_the_same_bytes(kind: str) -> None:
+    charts = [panel_figure(motions(), dense(), family()) for _ in range(2)]
+    assert drawn(charts[0], kind) == drawn(charts[1], kind)
+
+
+def test_charts_show_themselves_in_a_notebook_and_need_no_pyplot() -> None:
+    assert panel_figure(tiny())._repr_png_().startswith(b"\x89PNG")
+    code = (
+        "import sys, pretouch as pt; assert 'matplotlib' not in sys.modules; "
+        "pt.panel_figure(pt.Panel(x_label='x [1]', y_label='y [1]', curves=[pt.Curve(x=[0, 1], y=[0, 1])])); "
+        "sys.exit('matplotlib.pyplot' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0
+
+
+def test_the_five_styles_differ_in_grey() -> None:
+    grey = [float(np.dot(to_rgb(color), (0.2126, 0.7152, 0.0722))) for color, _ in CURVES]
+    for i in range(5):
+        for k in range(i):
+            assert abs(grey[i] - grey[k]) > 0.1 or CURVES[i][1] != CURVES[k][1]
+    assert len(set(MARKERS)) == len(MARKERS) == len(CURVES)
+
+
+def test_quiet_curves_take_no_place_in_the_palette() -> None:
+    figure = panel_figure(panel(line(quiet=True), line(y=X / 10, label="loud")))
+    colors = [part.get_color() for part in figure.axes[0].lines if len(part.get_xdata()) == len(X)]
+    assert colors[1] == CURVES[0][0] != colors[0]
+
+
+def test_values_are_frozen_and_keep_no_hold_on_what_they_were_made_from() -> None:
+    given = np.arange(3.0)
+    curve = Curve(x=given, y=given, label="a")
+    given[0] = 9.0
+    assert np.asarray(curve.x)[0] == 0.0
+    with pytest.raises(AttributeError):
+        curve.label = "b"  # type: ignore[misc]
+    assert repr(curve) == "<Curve a: 3 of 3 points>"
+    assert repr(panel(curve, title="T")) == "<Panel T over time t [s]: 1 curve>"
+
+
+def test_masked_numbers_are_missing() -> None:
+    curve = Curve(x=[1, 2, 3], y=np.ma.masked_greater([1.0, 2.0, 30.0], 10.0))
+    assert np.asarray(curve.known).tolist() == [True, True, False]
+
+
+WRONG: dict[str, tuple[Callable[[], object], str]] = {
+    "no unit": (lambda: panel(line(), x_label="time"), r"^x_label: found 'time', expected a unit in brackets"),
+    "lengths": (lambda: line(x=[0, 1], y=[1], label="a"), r"^curve 'a': found 2 values of x, 1 values of y"),
+    "length of low": (lambda: line(low=[1], high=[1]), r"200 values of y, 1 values of low"),
+    "no values": (lambda: line(x=[], y=[]), r"curve: x: found "),
+    "all missing": (lambda: line(y=np.full(200, np.nan)), r"found no point whose x and y are both finite"),
+    "infinite": (lambda: line(x=[0, 1], y=[0, np.inf]), r"found inf at index 1"),
+    "words": (lambda: line(x=["a"], y=[0]), r"expected a row of numbers"),
+    "two rows": (lambda: line(x=[[0, 1]], y=[0, 1]), r"of shape \(1, 2\), expected a row"),
+    "kind": (lambda: line(kind="dots"), r"kind: found 'dots', expected one of line, points, both"),
+    "style": (lambda: line(style=5), r"found style 5, expected a place in the palette, 0 to 4"),
+    "low alone": (lambda: line(low=X), r"found low without high"),
+    "high alone": (lambda: line(high=X), r"found high without low"),
+    "low above": (lambda: line(low=X + 1, high=X), r"low = 1 above high = 0 at index 0"),
+    "mark": (lambda: Mark(x=np.nan, y=0.0, label="m"), r"^mark 'm': x: found nan"),
+    "mark of two": (lambda: Mark(x=[0.0, 1.0], y=0.0), r"shape \(2,\), expected one number"),
+    "shape": (lambda: Mark(x=0.0, y=0.0, shape="star"), r"found 'star', expected one of dot, ring, square"),
+    "log x": (lambda: panel(line(label="a"), x_log=True), r"^curve 'a': x: found 0 on a logarithmic axis"),
+    "log level": (lambda: panel(line(), y_log=True, levels={"z": -1}), r"^levels: z: found -1 on a logarithmic axis"),
+    "log limits": (lambda: panel(line(), y_log=True, y_limits=(0, 1)), r"^y_limits: found 0 on a logarithmic axis"),
+    "limits": (lambda: panel(line(), x_limits=(1, 0)), r"^x_limits: found \(1, 0\)"),
+    "mark outside": (lambda: panel(line(), marks=[Mark(x=20, y=0)], x_limits=(0, 1)), r"^mark: x: .* outside x_limits"),
+    "curve outside": (lambda: panel(line(label="a"), y_limits=(5, 6)), r"^curve 'a': y: found .* outside y_limits"),
+    "no curves": (panel, r"^curves: found none"),
+    "one curve": (lambda: panel(curves=line()), r"^curves: found one Curve, expected a list"),
+    "no curve": (lambda: panel(curves=[X]), r"^curves: found ndarray, expected Curve"),
+    "six": (lambda: panel(*[line()] * 6), r"^curves: found 6, of which only 5 look different; try quiet=True"),
+    "no panels": (panel_figure, r"^panels: found none"),
+    "columns": (lambda: panel_figure(tiny(), columns=0), r"^columns: found 0"),
+    "height": (lambda: panel_figure(tiny(), height=0.2), r"^height: found 0.2 inch"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_makes_no_sense_is_said_in_one_line(case: str) -> None:
+    make, message = WRONG[case]
+    with pytest.raises(InvalidInputError, match=message) as caught:
+        make()
+    assert "\n" not in str(caught.value)

@@ -8,7 +8,7 @@ JOBS ?= 2
 .PHONY: help demo check test benchmark clean
 
 help:
-	@echo "make demo       fit a sensor, design the gain, write report and figures to demo-output/"
+	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
 	@echo "make test       everything that CI runs: check, then all tests"
 	@echo "make check      formatting, lint, types, import contract"
 	@echo "make benchmark  what benchmarks/ measures, on this machine"

@@ -1,4 +1,4 @@
-"""What `make demo` runs: fit a sensor, design two gains, write the reports to demo-output/."""
+"""What `make demo` runs: fit a sensor, design two gains, check a part of the letter, write reports to demo-output/."""
 
 import subprocess
 import sys
@@ -23,6 +23,7 @@ def main() -> None:
     for name in ("approach", "fingertip"):
         report = str(OUTPUT / f"{name}-design.html")
         pretouch("design", str(EXAMPLES / f"{name}.toml"), "--output", report)
+    pretouch("reproduce", "table-2", "figure-4", "figure-5", "--output", str(OUTPUT / "letter-reproduction.html"))
     print(f"\nReports with figures: {', '.join(sorted(p.name for p in OUTPUT.glob('*.html')))} in {OUTPUT.name}/")
 
 

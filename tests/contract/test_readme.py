@@ -95,4 +95,5 @@ def test_the_demonstration_writes_its_reports(tmp_path: Path) -> None:
         "sensor-fit.html",
         "approach-design.html",
         "fingertip-design.html",
+        "letter-reproduction.html",
     }

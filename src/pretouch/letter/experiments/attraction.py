@@ -57,6 +57,10 @@ def reproduce() -> Reproduction:
             "initial_distance": variables["starts"],
             "initial_relative_velocity": variables["speeds"],
             "deviation_left_at_contact": left,
+            "motion": {
+                name: {"time": m.time, "distance": m.distance, "relative_velocity": m.relative_velocity}
+                for name, m in ((n, variables[n]) for n in ("around", "letter", "uniform"))
+            },
         },
     )
 
@@ -101,7 +105,7 @@ def _attraction(energy: FloatArray, left: FloatArray, variables: Mapping[str, An
             "speed. This is why the optimum by L(19) differs from the integrated one by 10 %."
         ),
         evidence=(
-            Evidence(name="the energy falls along every orbit, from each of 200 samples to the next", value=growth < 0),
+            Evidence(name="the energy falls along every orbit, from each of 80 samples to the next", value=growth < 0),
             Evidence(name="smallest part of the deviation left at contact", value=smallest),
             Evidence(name="largest part", value=largest),
             Evidence(name="g(B) / g(0), the limit for strong gains", value=float(slope[1] / slope[0])),

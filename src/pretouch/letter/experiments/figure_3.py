@@ -55,9 +55,9 @@ def reproduce() -> Reproduction:
         code=code,
         figure=variables["figure"],
         numbers={
-            "distance": distance,
-            "output": {name: curve.output(distance) for name, curve in curves.items()},
-            "log_slope": {name: curve.log_slope(distance) for name, curve in curves.items()},
+            "distance": variables["distance"],
+            "output": {name: curve.output(variables["distance"]) for name, curve in curves.items()},
+            "log_slope": {name: curve.log_slope(variables["distance"]) for name, curve in curves.items()},
             "turning_distance_second_order": turn,
         },
     )

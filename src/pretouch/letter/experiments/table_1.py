@@ -57,6 +57,8 @@ def reproduce() -> Reproduction:
         numbers={
             "fitted": {name: dict(found.parameters) for name, found in fitted.items()},
             "r_squared": r_squared,
+            "distance": variables["distance"][::10],
+            "error": {name: variables["errors"][key][::10] for name, key in _KEYS.items()},
             "optimal_gain_printed_parameters": {name: printed for name, (printed, _) in gains.items()},
             "optimal_gain_fitted_parameters": {name: ours for name, (_, ours) in gains.items()},
         },

@@ -75,7 +75,7 @@ def reproduce() -> Reproduction:
             "velocity_term": terms[1],
             "optimal_gain": optima,
             "optimal_objective": float(variables["design"].objective),
-            "curve": {"gain": variables["gains"], "objective": sum(variables["terms"].values())},
+            "curve": {"gain": variables["gains"], **{f"{name}_term": v for name, v in variables["terms"].items()}},
         },
     )
 

@@ -84,12 +84,12 @@ def _comparisons(time: FloatArray, speed: FloatArray, slope: float, optimum: flo
         if force:
             found.append(
                 measured(
-                    f"F_im at D_p = {gain} N s; ours: {slope:.1f} N s/m times the model's speed",
+                    f"F_im at D_p = {gain} N s",
                     force,
                     slope * float(speed[i]),
                     unit="N",
                     place="Table III",
-                    reason="the factor is fitted to these forces",
+                    reason=f"ours is {slope:.1f} N s/m, which is fitted to these forces, times the model's speed",
                 )
             )
     ours = float("nan") if optimum is None else optimum

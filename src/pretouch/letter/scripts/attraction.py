@@ -12,7 +12,7 @@ uniform = pt.solve_motion(own, sensor, gain, method="uniform-motion")
 a, b = uniform.relative_velocity[0], uniform.distance[0]
 starts, speeds = (grid.ravel() for grid in np.meshgrid(np.linspace(0.02, 0.075, 7), [-0.3, a, 0.1]))
 plants = pt.Plant(position=obstacle.position - starts, velocity=obstacle.velocity - speeds)
-around = pt.solve_motion(pt.Scenario(admittance=admittance, obstacle=obstacle, plant=plants), sensor, gain)
+around = pt.solve_motion(pt.Scenario(admittance=admittance, obstacle=obstacle, plant=plants), sensor, gain, samples=80)
 letter = pt.solve_motion(own, sensor, gain)
 curves = [pt.Curve(x=1e3 * l, y=v, quiet=True) for l, v in zip(around.distance, around.relative_velocity)]
 named = {"from the letter's start": letter, "uniform motion": uniform}

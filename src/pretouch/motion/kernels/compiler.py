@@ -21,7 +21,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-__all__ = ["cache_folder", "kernel"]
+__all__ = ["block_kernel", "cache_folder", "kernel"]
 
 config: Any = numba.core.config
 F = TypeVar("F", bound=Callable[..., Any])
@@ -29,11 +29,20 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def kernel(function: F) -> F:
     """Compile a function on its first call, without the GIL, with NumPy's rules for division by zero."""
+    return _compiled(function)
+
+
+def block_kernel(function: F) -> F:
+    """Compile a function that runs over blocks of encounters side by side: products and sums may be fused."""
+    return _compiled(function, fastmath={"contract", "nsz"})
+
+
+def _compiled(function: F, **options: Any) -> F:
     folder = cache_folder()
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder) if folder else before
     try:
-        compiled = numba.njit(cache=folder is not None, error_model="numpy", nogil=True)(function)
+        compiled = numba.njit(cache=folder is not None, error_model="numpy", nogil=True, **options)(function)
     finally:
         config.CACHE_DIR = before
     return cast("F", compiled)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any, Final
 
 import numpy as np
@@ -32,7 +31,7 @@ QUANTITY_UNITS: Final[dict[str, str]] = {
 }
 """SI unit of every quantity: the fields of ContactState, and two that need the robot's physical mass."""
 
-_STATE_FIELDS = {f.name for f in fields(ContactState)}
+_STATE_FIELDS = frozenset(ContactState.names())
 
 
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray
 
-__all__ = ["ContactResult", "ContactState", "ContactStatus"]
+__all__ = ["Columns", "ContactResult", "ContactState", "ContactStatus"]
 
 
 class ContactStatus(IntEnum):
@@ -45,11 +44,34 @@ _LABELS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns(Protocol):
+    """Where the numbers of a result come from: each column is computed when it is first asked for."""
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run, a float for a single one."""
+
+
+class _Quantity:
+    """A quantity that is read from the columns of its owner."""
+
+    __slots__ = ("name",)
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        return self if instance is None else instance.columns.column(self.name)
+
+
 class ContactState:
     """The state at the end of a run, and the largest demands on the robot until then; floats or arrays of one shape.
 
+    Quantities are computed when they are first read, those that need the whole motion last of all.
+
     Args:
+        columns: where the quantities come from.
+
+    Attributes:
         time: t [s], from the entry into the detection range.
         distance: l [m]; 0 at contact.
         position: x of the plant [m], absolute.
@@ -65,34 +87,62 @@ class ContactState:
         largest_virtual_force: max |F_p| [N] over the whole motion.
     """
 
-    time: Any
-    distance: Any
-    position: Any
-    velocity: Any
-    acceleration: Any
-    displacement: Any
-    relative_velocity: Any
-    virtual_force: Any
-    largest_excursion: Any
-    largest_travel: Any
-    largest_speed: Any
-    largest_acceleration: Any
-    largest_virtual_force: Any
+    __slots__ = ("columns",)
+
+    columns: Columns
+    time = _Quantity()
+    distance = _Quantity()
+    position = _Quantity()
+    velocity = _Quantity()
+    acceleration = _Quantity()
+    displacement = _Quantity()
+    relative_velocity = _Quantity()
+    virtual_force = _Quantity()
+    largest_excursion = _Quantity()
+    largest_travel = _Quantity()
+    largest_speed = _Quantity()
+    largest_acceleration = _Quantity()
+    largest_virtual_force = _Quantity()
+
+    def __init__(self, columns: Columns) -> None:
+        object.__setattr__(self, "columns", columns)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{name}: a result cannot be changed")
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Return the names of all quantities."""
+        return tuple(name for name, value in vars(cls).items() if isinstance(value, _Quantity))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        """Return the quantities by name."""
+        return {name: getattr(self, name) for name in self.names()}
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ContactState):
+            return NotImplemented
+        return all(np.array_equal(value, getattr(other, name)) for name, value in self.as_dict().items())
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"ContactState({', '.join(f'{name}={value!r}' for name, value in self.as_dict().items())})"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ContactResult:
     """What `find_contact` returns, for one encounter or an array of them.
 
+    Status and time of every run are known at once; the other numbers are computed when they are first read.
+
     Args:
-        status: how each run ended: a ContactStatus, or an array of their numbers.
+        columns: where the numbers come from.
         method: "closed-form", "integration" or "uniform-motion".
-        gain: the gain D_p of each run [N s].
+
+    Attributes:
+        status: how each run ended: a ContactStatus, or an array of their numbers.
         end: the state in which each run ended, whatever its status; always finite.
+        gain: the gain D_p of each run [N s].
         closest_distance: the smallest distance of each run [m]; 0 at contact.
         settling_distance: the distance at which a run without contact comes to rest [m]; infinite where it does not.
         impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
@@ -100,18 +150,34 @@ class ContactResult:
             motion. NaN for the uniform motion, which does not start from the given state.
     """
 
-    status: Any
-    method: str
-    gain: Any
+    __slots__ = ("columns", "end", "method")
+
+    columns: Columns
     end: ContactState
-    closest_distance: Any
-    settling_distance: Any
-    impulse_residual: Any
+    method: str
+    gain = _Quantity()
+    closest_distance = _Quantity()
+    settling_distance = _Quantity()
+    impulse_residual = _Quantity()
+
+    def __init__(self, columns: Columns, method: str) -> None:
+        object.__setattr__(self, "columns", columns)
+        object.__setattr__(self, "end", ContactState(columns))
+        object.__setattr__(self, "method", method)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{name}: a result cannot be changed")
+
+    @property
+    def status(self) -> Any:
+        """How each run ended: a ContactStatus, or an array of their numbers."""
+        status = self.columns.column("status")
+        return status if np.ndim(status) else ContactStatus(int(status))
 
     @property
     def reached(self) -> BoolArray:
         """Which runs ended in contact."""
-        return np.asarray(np.asarray(self.status) == ContactStatus.CONTACT)
+        return np.asarray(np.asarray(self.columns.column("status")) == ContactStatus.CONTACT)
 
     @property
     def contact(self) -> ContactState:
@@ -130,3 +196,8 @@ class ContactResult:
                 "read .end for the state in which it ended"
             )
         return self.end
+
+    def __repr__(self) -> str:
+        if np.ndim(self.status):
+            return f"<ContactResult: {int(self.reached.sum())} of {self.reached.size} runs in contact, {self.method}>"
+        return f"<ContactResult: {self.status.label} after {self.end.time:.4g} s, {self.method}>"

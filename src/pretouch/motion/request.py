@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.numbers import FloatArray, IntArray, finite, positive
 from pretouch.sensors import SensorModel
 
 from .scenario import Scenario
@@ -27,8 +27,8 @@ class Request:
         scenario: the encounters as they were given.
         sensor: the sensor curve.
         shape: the broadcast shape of scenario and gain.
-        values: relative quantities of Scenario.relative, shape (n, 10).
-        gain: D_p [N s], shape (n,).
+        columns: the relative quantities of Scenario.relative_columns and the gain D_p [N s], 11 in all: each flat, of
+            length 1 where all encounters share it, else one number per encounter.
         horizon: how long to wait for contact [s].
         method: the method chosen, never "auto".
     """
@@ -36,10 +36,47 @@ class Request:
     scenario: Scenario
     sensor: SensorModel
     shape: tuple[int, ...]
-    values: FloatArray
-    gain: FloatArray
+    columns: tuple[FloatArray, ...]
     horizon: float
     method: str
+
+    @property
+    def size(self) -> int:
+        """How many encounters there are."""
+        return int(np.prod(self.shape, dtype=np.int64))
+
+    @property
+    def values(self) -> FloatArray:
+        """The relative quantities of every encounter, shape (n, 10)."""
+        return self.part(slice(None))[0]
+
+    @property
+    def gain(self) -> FloatArray:
+        """The gain of every encounter [N s], shape (n,)."""
+        return self.column(10)
+
+    def column(self, index: int) -> FloatArray:
+        """Return one column with a number for every encounter."""
+        return np.broadcast_to(self.columns[index], self.size)
+
+    def part(self, which: slice | IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return relative quantities, shape (m, 10), and gains, shape (m,), of some encounters.
+
+        Args:
+            which: a stretch of encounters, or the indices of some.
+
+        Returns:
+            Both, contiguous.
+        """
+        count = len(range(self.size)[which]) if isinstance(which, slice) else len(which)
+        values = np.empty((count, 10))
+        for i in range(10):
+            values[:, i] = self.columns[i][0] if len(self.columns[i]) == 1 else self.columns[i][which]
+        return values, np.ascontiguousarray(self.column(10)[which])
+
+    def block(self, start: int, stop: int) -> tuple[FloatArray, ...]:
+        """Return the columns of a stretch of encounters without a copy; those of length 1 as they are."""
+        return tuple(c if len(c) == 1 else c[start:stop] for c in self.columns)
 
 
 def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> Request:
@@ -53,27 +90,35 @@ def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, metho
         )
     if method == "auto":
         method = "integration" if sensor.constant_log_slope is None else "closed-form"
-    gains = np.asarray(finite(gain, "gain", "N*s"))
+    gains = finite(gain, "gain", "N*s")
     try:
-        shape = np.broadcast_shapes(scenario.shape, gains.shape)
+        shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
     except ValueError:
-        raise InvalidInputError(f"gain: shape {gains.shape} does not broadcast with {scenario.shape}") from None
+        raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
     distance = np.asarray(scenario.distance)
     inside = sensor.contains(distance)
-    if not inside.all():
+    if not np.all(inside):
         low, high = sensor.valid_range
         raise InvalidInputError(
             f"obstacle position: found a distance of {float(distance[~inside].flat[0]):g} m at the start, outside the "
             f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
             "enters the detection range"
         )
-    values = scenario.relative()
     return Request(
         scenario=scenario,
         sensor=sensor,
         shape=shape,
-        values=np.ascontiguousarray(np.broadcast_to(values, (*shape, values.shape[-1])).reshape(-1, values.shape[-1])),
-        gain=np.ascontiguousarray(np.broadcast_to(gains, shape).ravel()),
+        columns=tuple(_flat(c, shape) for c in (*scenario.relative_columns(), gains)),
         horizon=positive(horizon, "horizon", "s"),
         method=method,
     )
+
+
+def _flat(column: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Flatten a column over the broadcast shape; a number shared by all stays one."""
+    array = np.asarray(column, dtype=np.float64)
+    if array.size == 1:
+        return array.reshape(1)
+    if array.shape != shape:
+        array = np.broadcast_to(array, shape)
+    return np.ascontiguousarray(array).reshape(-1)

@@ -123,28 +123,40 @@ class Scenario:
         """The relative velocity l' at t = 0 [m/s], mu in the letter's closed form."""
         return self.obstacle.velocity - self.plant.velocity
 
-    def relative(self) -> FloatArray:
+    def relative_columns(self) -> tuple[Any, ...]:
         """Return the admittance, and plant and obstacle at t = 0 relative to the reference, as L(9) has them.
 
         Returns:
             M_a, D_a, K_a, x~(0), x~'(0), x_o - x_d at t = 0, its velocity and its acceleration, then velocity and
-            acceleration of the reference itself: stacked along a last axis of 10, over the broadcast shape.
+            acceleration of the reference itself: each a float or an array of its own shape.
         """
         a, o, p, r = self.admittance, self.obstacle, self.plant, self.reference
-        columns = (
+        return (
             a.mass,
             a.damping,
             a.stiffness,
-            p.position - r.position,
-            p.velocity - r.velocity,
-            o.position - r.position,
-            o.velocity - r.velocity,
-            o.acceleration - r.acceleration,
+            _less(p.position, r.position),
+            _less(p.velocity, r.velocity),
+            _less(o.position, r.position),
+            _less(o.velocity, r.velocity),
+            _less(o.acceleration, r.acceleration),
             r.velocity,
             r.acceleration,
         )
-        return np.stack(np.broadcast_arrays(*columns), axis=-1).astype(np.float64)
+
+    def relative(self) -> FloatArray:
+        """Return the columns of `relative_columns`, the quantities of L(9), as one array.
+
+        Returns:
+            The columns, stacked along a last axis of 10 over the broadcast shape.
+        """
+        return np.stack(np.broadcast_arrays(*self.relative_columns()), axis=-1).astype(np.float64)
 
     def _values(self) -> tuple[Any, ...]:
         parts = (self.admittance, self.obstacle, self.plant, self.reference)
         return tuple(getattr(part, f.name) for part in parts for f in fields(part))
+
+
+def _less(value: Any, reference: Any) -> Any:
+    """Subtract the reference; without a copy where it is 0."""
+    return value if isinstance(reference, float) and reference == 0 else value - reference

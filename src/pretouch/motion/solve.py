@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
-from .closed_form import solve_closed_form, trace_closed_form
-from .contact import ContactResult, ContactState, ContactStatus
-from .integrator import integrate, trace_integration
+from .closed_form import trace_closed_form
+from .contact import ContactResult
+from .integrator import trace_integration
 from .kernels.layout import COLUMNS, TRACE_COLUMNS
 from .request import Request, make_request
 from .scenario import Scenario
+from .solution import Solution
 from .uniform_motion import solve_uniform_motion
 
 __all__ = ["Motion", "find_contact", "solve_motion"]
@@ -161,92 +162,7 @@ def solve_motion(
 
 
 def _solve(request: Request) -> ContactResult:
-    """Solve the encounters of a request by its method."""
-    rows = np.empty((len(request.values), len(COLUMNS)))
-    status = np.empty(len(request.values), dtype=np.int64)
-    if request.method == "uniform-motion":
-        solve_uniform_motion(request.values, request.sensor, request.gain, rows, status)
-    elif request.method == "closed-form":
-        solve_closed_form(request, rows, status)
-    else:
-        integrate(request, rows, status)
-    _hold_overflow(request, rows, status)
-    return _result(request, rows, status)
-
-
-def _hold_overflow(request: Request, rows: FloatArray, status: IntArray) -> None:
-    """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
-    always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
-    bad = ~np.isfinite(rows[:, always_finite]).all(axis=1)
-    if bad.any():
-        v = request.values[bad]
-        start = dict.fromkeys(COLUMNS, np.zeros(len(v)))
-        start |= {
-            "distance": v[:, 5] - v[:, 3],
-            "displacement": v[:, 3],
-            "displacement_velocity": v[:, 4],
-            "relative_velocity": v[:, 6] - v[:, 4],
-            "largest_excursion": np.abs(v[:, 3]),
-            "largest_speed": np.abs(v[:, 4] + v[:, 8]),
-            "closest_distance": v[:, 5] - v[:, 3],
-            "settling_distance": np.full(len(v), np.inf),
-        }
-        rows[bad] = np.column_stack([start[name] for name in COLUMNS])
-        status[bad] = ContactStatus.UNRESOLVED
-
-
-def _result(request: Request, rows: FloatArray, status: IntArray) -> ContactResult:
-    shape, reference = request.shape, request.scenario.reference
-    c = {name: rows[:, i].reshape(shape) for i, name in enumerate(COLUMNS)}
-    time = c["time"]
-    x_d = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
-    end = ContactState(
-        time=_plain(time),
-        distance=_plain(c["distance"]),
-        position=_plain(c["displacement"] + x_d),
-        velocity=_plain(c["displacement_velocity"] + reference.velocity + reference.acceleration * time),
-        acceleration=_plain(c["displacement_acceleration"] + reference.acceleration),
-        displacement=_plain(c["displacement"]),
-        relative_velocity=_plain(c["relative_velocity"]),
-        virtual_force=_plain(c["virtual_force"]),
-        largest_excursion=_plain(c["largest_excursion"]),
-        largest_travel=_plain(c["largest_travel"]),
-        largest_speed=_plain(c["largest_speed"]),
-        largest_acceleration=_plain(c["largest_acceleration"]),
-        largest_virtual_force=_plain(c["largest_virtual_force"]),
-    )
-    return ContactResult(
-        status=ContactStatus(int(status[0])) if shape == () else status.reshape(shape),
-        method=request.method,
-        gain=_plain(request.gain.reshape(shape)),
-        end=end,
-        closest_distance=_plain(c["closest_distance"]),
-        settling_distance=_plain(c["settling_distance"]),
-        impulse_residual=_plain(_impulse_residual(request, rows).reshape(shape)),
-    )
-
-
-def _impulse_residual(request: Request, rows: FloatArray) -> FloatArray:
-    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0)."""
-    if request.method == "uniform-motion":
-        return np.full(len(rows), np.nan)
-    v = request.values
-    low, high = request.sensor.valid_range
-    start, end = v[:, 5] - v[:, 3], np.clip(rows[:, COLUMNS.index("distance")], low, high)
-    rise = np.asarray(request.sensor.log_output(end)) - np.asarray(request.sensor.log_output(start))
-    terms = np.stack(
-        [
-            v[:, 0] * (rows[:, COLUMNS.index("displacement_velocity")] - v[:, 4]),
-            v[:, 1] * (rows[:, COLUMNS.index("displacement")] - v[:, 3]),
-            v[:, 2] * rows[:, COLUMNS.index("displacement_integral")],
-            -request.gain * rise,
-        ]
-    )
-    approach = np.maximum(
-        v[:, 0] * np.abs(v[:, 6] - v[:, 4]), v[:, 1] * start
-    )  # where nothing pushes, all terms vanish
-    largest = np.maximum(np.abs(terms).max(axis=0), approach)
-    return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
+    return ContactResult(Solution(request), request.method)
 
 
 def _motion(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult, samples: int) -> Motion:
@@ -272,7 +188,3 @@ def _motion(request: Request, times: FloatArray, trace: FloatArray, result: Cont
         virtual_force=(request.gain[:, None] * slope * relative_velocity).reshape(shape),
         result=result,
     )
-
-
-def _plain(value: FloatArray) -> Any:
-    return float(value) if value.ndim == 0 else value

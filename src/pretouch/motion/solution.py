@@ -1,0 +1,145 @@
+"""One call of the solver, solved as far as what is read of it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray, IntArray
+
+from .closed_form import solve_closed_form
+from .contact import ContactStatus
+from .integrator import integrate
+from .kernels.layout import COLUMNS
+from .request import Request
+from .uniform_motion import solve_uniform_motion
+
+__all__ = ["Solution"]
+
+_AT: Final = {name: i for i, name in enumerate(COLUMNS)}
+
+
+class Solution:
+    """The columns of a result.
+
+    Args:
+        request: the encounters.
+    """
+
+    __slots__ = ("_known", "_rows", "_status", "request")
+
+    def __init__(self, request: Request) -> None:
+        self.request = request
+        self._known: dict[str, Any] = {}
+        self._rows, self._status = _solve(request)
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run, a float for a single one.
+
+        Args:
+            name: of a field of ContactState or ContactResult.
+
+        Returns:
+            The quantity, of the broadcast shape.
+        """
+        if name not in self._known:
+            found = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.rows[:, _AT[name]])
+            if self.request.shape == ():
+                self._known[name] = found.reshape(-1)[0].item()
+            else:
+                found = found.reshape(self.request.shape)
+                found.setflags(write=False)
+                self._known[name] = found
+        return self._known[name]
+
+    @property
+    def rows(self) -> FloatArray:
+        """What the guaranteed path gives for every run, shape (n, 15)."""
+        return self._rows
+
+    @property
+    def status(self) -> IntArray:
+        """How every run ended, shape (n,)."""
+        return self._status
+
+    def raw(self, name: str) -> FloatArray:
+        """Return one of layout.COLUMNS, shape (n,)."""
+        return self.rows[:, _AT[name]]
+
+    def reference(self, derivative: int) -> FloatArray:
+        """Return x_d, x_d' or x_d'' at the end of every run."""
+        given, time = self.request.scenario.reference, self.raw("time").reshape(self.request.shape)
+        if derivative == 2:
+            return np.broadcast_to(given.acceleration, self.request.shape).reshape(-1)
+        if derivative == 1:
+            return np.asarray(given.velocity + given.acceleration * time).reshape(-1)
+        return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
+
+
+def _solve(request: Request) -> tuple[FloatArray, IntArray]:
+    """Solve the encounters of a request by its method."""
+    rows = np.empty((request.size, len(COLUMNS)))
+    status = np.empty(request.size, dtype=np.int64)
+    if request.method == "uniform-motion":
+        solve_uniform_motion(request.values, request.sensor, request.gain, rows, status)
+    elif request.method == "closed-form":
+        solve_closed_form(request, rows, status)
+    else:
+        integrate(request, rows, status)
+    _hold_overflow(request, rows, status)
+    return rows, status
+
+
+def _hold_overflow(request: Request, rows: FloatArray, status: IntArray) -> None:
+    """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
+    always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
+    bad = np.flatnonzero(~np.isfinite(rows[:, always_finite]).all(axis=1))
+    if len(bad):
+        v, _ = request.part(bad)
+        start = dict.fromkeys(COLUMNS, np.zeros(len(v)))
+        start |= {
+            "distance": v[:, 5] - v[:, 3],
+            "displacement": v[:, 3],
+            "displacement_velocity": v[:, 4],
+            "relative_velocity": v[:, 6] - v[:, 4],
+            "largest_excursion": np.abs(v[:, 3]),
+            "largest_speed": np.abs(v[:, 4] + v[:, 8]),
+            "closest_distance": v[:, 5] - v[:, 3],
+            "settling_distance": np.full(len(v), np.inf),
+        }
+        rows[bad] = np.column_stack([start[name] for name in COLUMNS])
+        status[bad] = ContactStatus.UNRESOLVED
+
+
+def _impulse_residual(solution: Solution) -> FloatArray:
+    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0)."""
+    request = solution.request
+    if request.method == "uniform-motion":
+        return np.full(request.size, np.nan)
+    mass, damping, stiffness, x_0, u_0, p, v = (request.column(i) for i in range(7))
+    low, high = request.sensor.valid_range
+    start, end = p - x_0, np.clip(solution.raw("distance"), low, high)
+    rise = np.asarray(request.sensor.log_output(end)) - np.asarray(request.sensor.log_output(start))
+    terms = np.stack(
+        [
+            mass * (solution.raw("displacement_velocity") - u_0),
+            damping * (solution.raw("displacement") - x_0),
+            stiffness * solution.raw("displacement_integral"),
+            -request.gain * rise,
+        ]
+    )
+    approach = np.maximum(mass * np.abs(v - u_0), damping * start)  # where nothing pushes, all terms vanish
+    largest = np.maximum(np.abs(terms).max(axis=0), approach)
+    return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
+
+
+_DERIVED: Final[dict[str, Callable[[Solution], Any]]] = {
+    "status": lambda s: s.status,
+    "gain": lambda s: s.request.gain.copy(),
+    "position": lambda s: s.raw("displacement") + s.reference(0),
+    "velocity": lambda s: s.raw("displacement_velocity") + s.reference(1),
+    "acceleration": lambda s: s.raw("displacement_acceleration") + s.reference(2),
+    "impulse_residual": _impulse_residual,
+}

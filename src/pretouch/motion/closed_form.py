@@ -6,24 +6,26 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .request import Request
+from .request import Request, Which
 
 __all__ = ["solve_closed_form", "trace_closed_form"]
 
 
-def solve_closed_form(request: Request, rows: FloatArray, status: IntArray) -> None:
-    """Solve every encounter by L(10)-(13), its contact as the first zero of l.
+def solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Solve some encounters by L(10)-(13), their contact as the first zero of l.
 
     Args:
         request: the encounters, with a curve of constant slope.
-        rows: filled with layout.COLUMNS, shape (n, 15).
-        status: filled with the numbers of ContactStatus, shape (n,).
+        which: those to solve, m of them.
+        rows: filled with layout.COLUMNS, shape (m, 15).
+        status: filled with the numbers of ContactStatus, shape (m,).
     """
     from .kernels.linear import solve_linear  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
+    values, gain = request.part(which)
     low, high = request.sensor.valid_range
     slope = request.sensor.constant_log_slope or 0.0
-    solve_linear(request.values, slope, request.gain, (request.horizon, low, high), rows, status)
+    solve_linear(values, slope, gain, (request.horizon, low, high), rows, status)
 
 
 def trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -> None:

@@ -11,7 +11,7 @@ from pretouch._core.numbers import FloatArray, IntArray
 
 from .contact import ContactStatus
 from .curve import curve_pieces
-from .request import Request
+from .request import Request, Which
 
 __all__ = ["integrate", "trace_integration"]
 
@@ -20,23 +20,25 @@ _FARTHEST: Final = 1e12
 _BLOCK: Final = 16
 
 
-def integrate(request: Request, rows: FloatArray, status: IntArray) -> None:
-    """Integrate L(1) with L(2) for every encounter, again with more pieces of the curve for those that outgrow them.
+def integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Integrate L(1) with L(2) for some encounters, again with more pieces of the curve for those that outgrow them.
 
     With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14).
 
     Args:
         request: the encounters.
-        rows: filled with layout.COLUMNS, shape (n, 15).
-        status: filled with the numbers of ContactStatus, shape (n,).
+        which: those to solve, m of them.
+        rows: filled with layout.COLUMNS, shape (m, 15).
+        status: filled with the numbers of ContactStatus, shape (m,).
     """
     from .kernels.series import solve_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
+    values, gain = request.part(which)
     reach = _first_reach(request)
     pieces, limits = _pieces(request, reach)
     for start in range(0, len(rows), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
         part = slice(start, start + _BLOCK)
-        solve_series(request.values[part], request.gain[part], pieces, limits, rows[part], status[part])
+        solve_series(values[part], gain[part], pieces, limits, rows[part], status[part])
     while limits[2] and reach < _FARTHEST:
         again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, 1] >= reach))
         if not len(again):
@@ -44,7 +46,7 @@ def integrate(request: Request, rows: FloatArray, status: IntArray) -> None:
         reach *= _GROWTH
         pieces, limits = _pieces(request, reach)
         more, more_status = np.empty((len(again), rows.shape[1])), np.empty(len(again), dtype=np.int64)
-        solve_series(request.values[again], request.gain[again], pieces, limits, more, more_status)
+        solve_series(values[again], gain[again], pieces, limits, more, more_status)
         rows[again], status[again] = more, more_status
 
 
@@ -71,5 +73,5 @@ def _pieces(request: Request, reach: float) -> tuple[FloatArray, tuple[float, bo
 
 
 def _first_reach(request: Request) -> float:
-    farthest = float(np.max(request.values[:, 5] - request.values[:, 3], initial=0.0))
+    farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
     return 2.0 ** math.ceil(math.log2(4 * farthest))

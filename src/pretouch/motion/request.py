@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,10 @@ from pretouch.sensors import SensorModel
 
 from .scenario import Scenario
 
-__all__ = ["METHODS", "Request", "make_request"]
+__all__ = ["METHODS", "Request", "Which", "make_request"]
+
+Which: TypeAlias = slice | IntArray
+"""A stretch of encounters, or the indices of some."""
 
 METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 
@@ -59,7 +62,7 @@ class Request:
         """Return one column with a number for every encounter."""
         return np.broadcast_to(self.columns[index], self.size)
 
-    def part(self, which: slice | IntArray) -> tuple[FloatArray, FloatArray]:
+    def part(self, which: Which) -> tuple[FloatArray, FloatArray]:
         """Return relative quantities, shape (m, 10), and gains, shape (m,), of some encounters.
 
         Args:

@@ -13,11 +13,14 @@ from .closed_form import solve_closed_form
 from .contact import ContactStatus
 from .integrator import integrate
 from .kernels.layout import COLUMNS
-from .request import Request
+from .parallel import for_stretches
+from .request import Request, Which
 from .uniform_motion import solve_uniform_motion
 
 __all__ = ["Solution"]
 
+_LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
+_MOST: Final = 16_384
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
@@ -33,7 +36,7 @@ class Solution:
     def __init__(self, request: Request) -> None:
         self.request = request
         self._known: dict[str, Any] = {}
-        self._rows, self._status = _solve(request)
+        self._rows, self._status = _guaranteed(request, slice(None))
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run, a float for a single one.
@@ -78,26 +81,32 @@ class Solution:
         return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
 
 
-def _solve(request: Request) -> tuple[FloatArray, IntArray]:
-    """Solve the encounters of a request by its method."""
-    rows = np.empty((request.size, len(COLUMNS)))
-    status = np.empty(request.size, dtype=np.int64)
+def _guaranteed(request: Request, which: Which) -> tuple[FloatArray, IntArray]:
+    """Solve some encounters of a request by its method, whatever they are like."""
+    count = len(range(request.size)[which]) if isinstance(which, slice) else len(which)
+    rows = np.empty((count, len(COLUMNS)))
+    status = np.empty(count, dtype=np.int64)
     if request.method == "uniform-motion":
-        solve_uniform_motion(request.values, request.sensor, request.gain, rows, status)
-    elif request.method == "closed-form":
-        solve_closed_form(request, rows, status)
+        values, gain = request.part(which)
+        solve_uniform_motion(values, request.sensor, gain, rows, status)
     else:
-        integrate(request, rows, status)
-    _hold_overflow(request, rows, status)
+        solve = solve_closed_form if request.method == "closed-form" else integrate
+        every = np.arange(request.size)[which] if isinstance(which, slice) else which
+
+        def run(start: int, stop: int) -> None:
+            solve(request, every[start:stop], rows[start:stop], status[start:stop])
+
+        for_stretches(run, count, least=_LEAST, most=_MOST)
+    _hold_overflow(request, which, rows, status)
     return rows, status
 
 
-def _hold_overflow(request: Request, rows: FloatArray, status: IntArray) -> None:
+def _hold_overflow(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
     """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
     always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
     bad = np.flatnonzero(~np.isfinite(rows[:, always_finite]).all(axis=1))
     if len(bad):
-        v, _ = request.part(bad)
+        v, _ = request.part(np.arange(request.size)[which][bad] if isinstance(which, slice) else which[bad])
         start = dict.fromkeys(COLUMNS, np.zeros(len(v)))
         start |= {
             "distance": v[:, 5] - v[:, 3],

@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pretouch._core.units import format_quantity
 from pretouch.motion import ContactResult, ContactStatus
 
-from .result import DesignStatus, GainDesign
+if TYPE_CHECKING:
+    from .result import GainDesign
 
 __all__ = ["design_warnings"]
 
 _RESIDUAL = 1e-9
 
 
-def design_warnings(design: GainDesign, scanned: ContactResult) -> GainDesign:
-    """Return a design with its warnings.
+def design_warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
+    """Yield what should be read before relying on a design, in order of weight.
 
     Args:
-        design: the design without warnings.
+        design: the design.
         scanned: the encounters of its scan.
 
-    Returns:
-        The same design with warnings, in order of weight.
+    Yields:
+        Sentences.
     """
-    return replace(design, warnings=tuple(_warnings(design, scanned)))
-
-
-def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
@@ -70,5 +67,5 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
                 "surface and give this as its recess."
             )
         yield text
-    if design.status is DesignStatus.OPTIMAL and not design.no_mitigation.reached.all():
+    if design.gain is not None and not design.no_mitigation.reached.all():
         yield "without mitigation the encounter would not end in contact at all"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion.contact import ContactResult, ContactState
@@ -13,6 +14,9 @@ from pretouch.sensors import SensorModel
 
 from .impact import ImpactModel
 from .objectives import Objective
+
+if TYPE_CHECKING:
+    from .evidence import Evidence
 
 __all__ = ["Certificate", "ConstraintOutcome", "DesignStatus", "GainDesign", "Sensitivity", "TradeOff"]
 
@@ -122,52 +126,92 @@ class Sensitivity:
     gain_change_per_percent: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class GainDesign:
-    """What `design_gain` returns.
+    """What `design_gain` returns: the gain at once, its evidence when it is first read.
 
     Args:
         status: optimal, infeasible (a constraint cannot be met) or no-contact (no gain within the bounds ends in
             contact).
-        method: how the encounters were solved: "closed-form", "integration" or "uniform-motion".
         gain: the optimal gain D_p [N s]; None unless optimal.
         objective: the objective there; None unless optimal.
-        objective_parts: its terms by quantity.
-        result: the encounter at the optimal gain; None unless optimal.
-        nearest: where infeasible, the encounter at the gain that exceeds the constraints least; else None.
-        no_mitigation: the encounter with D_p = 0.
-        damping_at_contact: D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact.
-        constraints: each constraint with its margin.
-        trade_off: objective and contact over the bounds.
-        certificate: why this is believed to be the optimum; None unless optimal.
-        sensitivities: the derivative of the optimum with respect to each input.
-        warnings: sentences that a user should read before relying on the gain.
         bounds: the gains between which the optimum was sought [N s].
         scenario: the encounter that was designed for.
         sensor: the sensor curve.
         definition: the objective's definition.
         impact: the physical properties, where given.
+        evidence: what the parts below are computed from.
     """
 
     status: DesignStatus
-    method: str
     gain: float | None
     objective: float | None
-    objective_parts: dict[str, float]
-    result: ContactResult | None
-    nearest: ContactResult | None
-    no_mitigation: ContactResult
-    damping_at_contact: float | None
-    constraints: tuple[ConstraintOutcome, ...]
-    trade_off: TradeOff
-    certificate: Certificate | None
-    sensitivities: tuple[Sensitivity, ...]
-    warnings: tuple[str, ...]
     bounds: tuple[float, float]
     scenario: Scenario
     sensor: SensorModel
     definition: Objective
-    impact: ImpactModel | None = None
+    impact: ImpactModel | None
+    evidence: Evidence
+
+    @property
+    def method(self) -> str:
+        """How the encounters were solved: "closed-form", "integration" or "uniform-motion"."""
+        return self.no_mitigation.method
+
+    @property
+    def result(self) -> ContactResult | None:
+        """The encounter at the optimal gain; None unless optimal."""
+        return self.evidence.result
+
+    @property
+    def nearest(self) -> ContactResult | None:
+        """Where infeasible, the encounter at the gain that exceeds the constraints least; else None."""
+        return self.evidence.nearest
+
+    @property
+    def no_mitigation(self) -> ContactResult:
+        """The encounter with D_p = 0."""
+        return self.evidence.no_mitigation
+
+    @property
+    def objective_parts(self) -> dict[str, float]:
+        """The terms of the objective by quantity; empty unless optimal."""
+        if self.result is None:
+            return {}
+        speed = abs(self.scenario.obstacle.velocity)
+        return {k: float(v) for k, v in self.definition.parts(self.result.end, speed, self.impact).items()}
+
+    @property
+    def damping_at_contact(self) -> float | None:
+        """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact."""
+        if self.gain is None:
+            return None
+        return self.gain * float(self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0)))
+
+    @property
+    def constraints(self) -> tuple[ConstraintOutcome, ...]:
+        """Each constraint with its margin."""
+        return self.evidence.constraints
+
+    @property
+    def trade_off(self) -> TradeOff:
+        """Objective and contact over the bounds."""
+        return self.evidence.trade_off
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """Why the gain is believed to be the optimum; None unless optimal."""
+        return self.evidence.certificate
+
+    @property
+    def sensitivities(self) -> tuple[Sensitivity, ...]:
+        """The derivative of the optimum with respect to each input."""
+        return self.evidence.sensitivities
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences that a user should read before relying on the gain, in order of weight."""
+        return tuple(design_warnings(self, self.evidence.scan_result))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object: numbers in SI, None where there is none."""
@@ -183,4 +227,5 @@ class GainDesign:
         return design_as_html(self)
 
 
+from .advice import design_warnings  # noqa: E402 - it describes the class above
 from .summary import design_as_dict, design_as_html, design_as_text, headline  # noqa: E402 - it describes the class above

@@ -1,0 +1,200 @@
+"""What is known of a design beside its gain: each part is computed when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch.motion import ContactResult, Scenario
+from pretouch.sensors import SensorModel
+
+from .constraints import Constraint
+from .impact import ImpactModel
+from .objectives import Objective
+from .result import Certificate, ConstraintOutcome, Sensitivity, TradeOff
+from .search import GainAxis, Landscape, Minimum, Scan, refine
+from .sensitivity import gain_sensitivities
+
+__all__ = ["Evaluator", "Evidence", "Problem"]
+
+Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
+_ACTIVE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """One design problem, and the two views of it that the search needs.
+
+    Args:
+        scenario: one encounter.
+        sensor: the sensor curve.
+        objective: what is minimized.
+        constraints: limits that the encounter must keep.
+        impact: physical properties, where given.
+        evaluate: solves encounters.
+        axis: the coordinate of the gain, with its bounds.
+    """
+
+    scenario: Scenario
+    sensor: SensorModel
+    objective: Objective
+    constraints: tuple[Constraint, ...]
+    impact: ImpactModel | None
+    evaluate: Evaluator
+    axis: GainAxis
+
+    def run(self, gain: Any) -> ContactResult:
+        """Solve the encounter with one gain or several."""
+        return self.evaluate(self.scenario, self.sensor, gain)
+
+    def landscape(self, coordinate: FloatArray) -> Landscape:
+        """Appraise gains by their coordinates."""
+        result = self.run(self.axis.gain(coordinate))
+        reached = result.reached
+        speed = abs(self.scenario.obstacle.velocity)
+        value = self.objective.value(result.end, speed, self.impact)
+        ratios = [c.magnitude(result.end, self.impact) / c.limit for c in self.constraints]
+        return Landscape(
+            objective=np.where(reached, value, np.inf),
+            ratios=np.where(reached, np.reshape(ratios, (len(ratios), *np.shape(reached))), np.inf),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """The scan and the minima of a design, and what follows from them.
+
+    Args:
+        problem: what was designed.
+        scanned: the scan of the whole range.
+        best: the best minimum of the objective; None where no gain is feasible.
+        minima: all of them, best first.
+        nearest_gain: where no gain is feasible, the one that exceeds the limits least; None where none makes contact.
+    """
+
+    problem: Problem
+    scanned: Scan
+    best: Minimum | None
+    minima: tuple[Minimum, ...]
+    nearest_gain: float | None
+
+    @cached_property
+    def gain(self) -> float | None:
+        """The optimal gain [N s]."""
+        return None if self.best is None else float(self.problem.axis.gain(self.best.coordinate))
+
+    @cached_property
+    def result(self) -> ContactResult | None:
+        """The encounter at the optimal gain."""
+        return None if self.gain is None else self.problem.run(self.gain)
+
+    @cached_property
+    def nearest(self) -> ContactResult | None:
+        """The encounter at the nearest gain."""
+        return None if self.nearest_gain is None else self.problem.run(self.nearest_gain)
+
+    @cached_property
+    def no_mitigation(self) -> ContactResult:
+        """The encounter with D_p = 0."""
+        return self.problem.run(0.0)
+
+    @cached_property
+    def scan_result(self) -> ContactResult:
+        """The encounters of the scan."""
+        return self.problem.run(self.problem.axis.gain(self.scanned.coordinate))
+
+    @cached_property
+    def trade_off(self) -> TradeOff:
+        """Objective and contact over the bounds."""
+        return TradeOff(
+            gain=self.problem.axis.gain(self.scanned.coordinate),
+            objective=self.scanned.landscape.objective,
+            reached=self.scanned.landscape.reached,
+            feasible=self.scanned.landscape.feasible,
+            state=self.scan_result.end,
+        )
+
+    @cached_property
+    def constraints(self) -> tuple[ConstraintOutcome, ...]:
+        """Each constraint at the chosen or nearest gain, and the smallest magnitude that any gain reaches."""
+        shown = self.result or self.nearest
+        return tuple(self._outcome(i, constraint, shown) for i, constraint in enumerate(self.problem.constraints))
+
+    def _outcome(self, i: int, constraint: Constraint, shown: ContactResult | None) -> ConstraintOutcome:
+        problem = self.problem
+        best = refine(
+            lambda u: problem.landscape(u).ratios[i], self.scanned.coordinate, self.scanned.landscape.ratios[i]
+        )
+        value = None if shown is None else float(constraint.magnitude(shown.end, problem.impact))
+        return ConstraintOutcome(
+            name=constraint.name,
+            quantity=constraint.quantity,
+            unit=constraint.unit,
+            limit=constraint.limit,
+            value=value,
+            margin=None if value is None else constraint.limit - value,
+            active=value is not None and abs(value / constraint.limit - 1) < _ACTIVE,
+            best_value=best[0].value * constraint.limit if best else None,
+            best_gain=float(problem.axis.gain(best[0].coordinate)) if best else None,
+        )
+
+    @cached_property
+    def at(self) -> str:
+        """Where the optimum sits, as in Certificate."""
+        if self.best is None or not self.best.edge:
+            return "interior"
+        active = next((o.name for o in self.constraints if o.active), None)
+        return active or ("bound" if _at_bound(self.problem.axis, self.best.coordinate) else "edge of contact")
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """Why the gain is believed to be the optimum."""
+        if self.best is None:
+            return None
+        axis = self.problem.axis
+        low, high = self.best.bracket
+        return Certificate(
+            scanned=len(self.scanned.coordinate),
+            resolution=self.scanned.resolution,
+            local_minima=tuple((float(axis.gain(m.coordinate)), m.value) for m in self.minima),
+            bracket=(float(axis.gain(low)), float(axis.gain(high))),
+            stationarity=_stationarity(self.problem, self.best) if self.at == "interior" else None,
+            at=self.at,
+        )
+
+    @cached_property
+    def sensitivities(self) -> tuple[Sensitivity, ...]:
+        """The derivative of the optimum with respect to each input."""
+        if self.gain is None:
+            return ()
+        p = self.problem
+        return gain_sensitivities(
+            scenario=p.scenario,
+            sensor=p.sensor,
+            objective=p.objective,
+            constraint=next((c for c in p.constraints if c.name == self.at), None),
+            impact=p.impact,
+            evaluate=p.evaluate,
+            axis=p.axis,
+            gain=self.gain,
+            at=self.at,
+        )
+
+
+def _at_bound(axis: GainAxis, coordinate: float) -> bool:
+    ends = axis.coordinate(np.array([axis.low, axis.high]))
+    return bool(np.any(np.abs(ends - coordinate) <= 1e-9 * (ends[1] - ends[0])))
+
+
+def _stationarity(problem: Problem, best: Minimum) -> float | None:
+    """Return |df/du| / f at an interior optimum, by a five-point difference that the search did not use."""
+    step = 1e-2
+    f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective
+    if not np.isfinite(f).all():  # the optimum lies that close to where contact ends
+        return None
+    return abs(float(f @ np.array([1.0, -8.0, 8.0, -1.0]) / (12 * step))) / best.value

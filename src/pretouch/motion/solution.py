@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ from .closed_form import solve_closed_form
 from .contact import ContactStatus
 from .integrator import integrate
 from .kernels.layout import COLUMNS
+from .over_damped import STATES, solve_over_damped
 from .parallel import for_stretches
 from .request import Request, Which
 from .uniform_motion import solve_uniform_motion
@@ -21,6 +23,7 @@ __all__ = ["Solution"]
 
 _LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
 _MOST: Final = 16_384
+_FEW: Final = 4096  # encounters that NumPy solves sooner than the compiled core is loaded
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
@@ -31,12 +34,17 @@ class Solution:
         request: the encounters.
     """
 
-    __slots__ = ("_known", "_rows", "_status", "request")
+    __slots__ = ("_known", "_rows", "_states", "_status", "request")
 
     def __init__(self, request: Request) -> None:
         self.request = request
         self._known: dict[str, Any] = {}
-        self._rows, self._status = _guaranteed(request, slice(None))
+        self._rows: FloatArray | None = None
+        self._states: dict[str, FloatArray] = {}
+        if _plainly_solved(request):
+            self._states, self._status = _fast(request)
+        else:
+            self._rows, self._status = _guaranteed(request, slice(None))
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run, a float for a single one.
@@ -48,7 +56,7 @@ class Solution:
             The quantity, of the broadcast shape.
         """
         if name not in self._known:
-            found = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.rows[:, _AT[name]])
+            found = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():
                 self._known[name] = found.reshape(-1)[0].item()
             else:
@@ -60,6 +68,8 @@ class Solution:
     @property
     def rows(self) -> FloatArray:
         """What the guaranteed path gives for every run, shape (n, 15)."""
+        if self._rows is None:
+            self._rows, _ = _guaranteed(self.request, slice(None))
         return self._rows
 
     @property
@@ -69,7 +79,7 @@ class Solution:
 
     def raw(self, name: str) -> FloatArray:
         """Return one of layout.COLUMNS, shape (n,)."""
-        return self.rows[:, _AT[name]]
+        return self._states[name] if name in self._states else self.rows[:, _AT[name]]
 
     def reference(self, derivative: int) -> FloatArray:
         """Return x_d, x_d' or x_d'' at the end of every run."""
@@ -79,6 +89,29 @@ class Solution:
         if derivative == 1:
             return np.asarray(given.velocity + given.acceleration * time).reshape(-1)
         return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
+
+
+def _plainly_solved(request: Request) -> bool:
+    """Tell whether a few encounters of a constant slope are solved without loading the compiled core."""
+    loaded = f"{__package__}.kernels.compiler" in sys.modules
+    return request.method == "closed-form" and not loaded and 0 < request.size <= _FEW
+
+
+def _fast(request: Request) -> tuple[dict[str, FloatArray], IntArray]:
+    """Solve what can be proved fast, and the rest by the guaranteed path."""
+    slope = request.sensor.constant_log_slope or 0.0
+    found, proved = solve_over_damped(request.columns, slope, request.horizon)
+    states = dict(zip(STATES, found, strict=True))
+    states["distance"] = np.zeros(request.size)
+    states["virtual_force"] = slope * request.gain * states["relative_velocity"]
+    status = np.full(request.size, int(ContactStatus.CONTACT))
+    inside = request.sensor.valid_range[0] <= 0
+    rest = np.flatnonzero(~proved) if inside else np.arange(request.size)
+    if len(rest):
+        rows, status[rest] = _guaranteed(request, rest)
+        for name, values in states.items():
+            values[rest] = rows[:, _AT[name]]
+    return states, status
 
 
 def _guaranteed(request: Request, which: Which) -> tuple[FloatArray, IntArray]:

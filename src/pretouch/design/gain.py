@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from pretouch._core.numbers import finite
 from pretouch.motion import Scenario, find_contact
 from pretouch.sensors import SensorModel
 
+from .batch import ArrayEvidence, design_many, scenario_at
 from .constraints import Constraint
 from .evidence import Evaluator, Evidence, Problem
 from .impact import ImpactModel
@@ -40,7 +42,7 @@ def design_gain(
     best one is the answer; nothing depends on a starting point.
 
     Args:
-        scenario: one encounter.
+        scenario: one encounter, or an array of them, each of which gets its own gain.
         sensor: the sensor curve.
         objective: what is minimized.
         bounds: smallest and largest gain [N s]; mitigating gains are negative.
@@ -51,7 +53,8 @@ def design_gain(
         evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and an array of gains.
 
     Returns:
-        The design; infeasible and no-contact are statuses of it, not errors.
+        The design; infeasible and no-contact are statuses of it, not errors. For an array of encounters, status,
+        gain and objective are arrays, and `at` gives a single design with its evidence.
 
     Examples:
         >>> from pretouch.design import excursion_objective
@@ -80,6 +83,8 @@ def design_gain(
         axis=GainAxis(low=low, high=high),
     )
     _check(problem)
+    if scenario.shape != ():
+        return _design_array(problem)
     ends = problem.axis.coordinate(np.array([low, high]))
     scanned = scan(problem.landscape, float(ends[0]), float(ends[1]))
     minima = refine(lambda u: problem.landscape(u).merit, scanned.coordinate, scanned.landscape.merit)
@@ -94,27 +99,48 @@ def design_gain(
         minima=tuple(minima),
         nearest_gain=nearest,
     )
-    infeasible = DesignStatus.NO_CONTACT if nearest is None else DesignStatus.INFEASIBLE
+    impossible = DesignStatus.NO_CONTACT if nearest is None else DesignStatus.INFEASIBLE
+    objective_value = minima[0].value if minima else None
+    return _design(problem, DesignStatus.OPTIMAL if minima else impossible, evidence.gain, objective_value, evidence)
+
+
+def _design_array(problem: Problem) -> GainDesign:
+    """Design the gain of every encounter of an array."""
+
+    def design_one(index: tuple[int, ...]) -> GainDesign:
+        return design_gain(
+            scenario_at(problem.scenario, index),
+            problem.sensor,
+            problem.objective,
+            bounds=(problem.axis.low, problem.axis.high),
+            constraints=problem.constraints,
+            impact=problem.impact,
+            evaluate=problem.evaluate,
+        )
+
+    status, gain, objective = design_many(problem, design_one)
+    return _design(problem, status, gain, objective, ArrayEvidence(design_one=design_one))
+
+
+def _design(problem: Problem, status: Any, gain: Any, objective: Any, evidence: Any) -> GainDesign:
     return GainDesign(
-        status=DesignStatus.OPTIMAL if minima else infeasible,
-        gain=evidence.gain,
-        objective=minima[0].value if minima else None,
-        bounds=(low, high),
-        scenario=scenario,
-        sensor=sensor,
-        definition=objective,
-        impact=impact,
+        status=status,
+        gain=gain,
+        objective=objective,
+        bounds=(problem.axis.low, problem.axis.high),
+        scenario=problem.scenario,
+        sensor=problem.sensor,
+        definition=problem.objective,
+        impact=problem.impact,
         evidence=evidence,
     )
 
 
 def _check(problem: Problem) -> None:
     """Refuse what makes no sense as a design problem."""
-    axis, shape = problem.axis, problem.scenario.shape
+    axis = problem.axis
     if not axis.low < axis.high:
         raise InvalidInputError(f"bounds: found [{axis.low:g}, {axis.high:g}] N*s, expected the smaller gain first")
-    if shape != ():
-        raise InvalidInputError(f"scenario: found an array of shape {shape}, expected one encounter")
     names = [c.name for c in problem.constraints]
     for name in names:
         if names.count(name) > 1:

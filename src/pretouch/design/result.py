@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion.contact import ContactResult, ContactState
@@ -14,9 +14,6 @@ from pretouch.sensors import SensorModel
 
 from .impact import ImpactModel
 from .objectives import Objective
-
-if TYPE_CHECKING:
-    from .evidence import Evidence
 
 __all__ = ["Certificate", "ConstraintOutcome", "DesignStatus", "GainDesign", "Sensitivity", "TradeOff"]
 
@@ -132,26 +129,38 @@ class GainDesign:
 
     Args:
         status: optimal, infeasible (a constraint cannot be met) or no-contact (no gain within the bounds ends in
-            contact).
-        gain: the optimal gain D_p [N s]; None unless optimal.
-        objective: the objective there; None unless optimal.
+            contact); for an array of encounters an array of these words.
+        gain: the optimal gain D_p [N s]; None unless optimal, NaN in an array.
+        objective: the objective there; None unless optimal, NaN in an array.
         bounds: the gains between which the optimum was sought [N s].
-        scenario: the encounter that was designed for.
+        scenario: the encounter that was designed for, or an array of them.
         sensor: the sensor curve.
         definition: the objective's definition.
         impact: the physical properties, where given.
         evidence: what the parts below are computed from.
     """
 
-    status: DesignStatus
-    gain: float | None
-    objective: float | None
+    status: Any
+    gain: Any
+    objective: Any
     bounds: tuple[float, float]
     scenario: Scenario
     sensor: SensorModel
     definition: Objective
     impact: ImpactModel | None
-    evidence: Evidence
+    evidence: Any
+
+    def at(self, *index: int) -> GainDesign:
+        """Return the design of one encounter of an array, with its evidence.
+
+        Args:
+            index: one integer per axis.
+
+        Returns:
+            The design.
+        """
+        found: GainDesign = self.evidence.design_one(index) if self.scenario.shape else self
+        return found
 
     @property
     def method(self) -> str:
@@ -161,17 +170,20 @@ class GainDesign:
     @property
     def result(self) -> ContactResult | None:
         """The encounter at the optimal gain; None unless optimal."""
-        return self.evidence.result
+        found: ContactResult | None = self.evidence.result
+        return found
 
     @property
     def nearest(self) -> ContactResult | None:
         """Where infeasible, the encounter at the gain that exceeds the constraints least; else None."""
-        return self.evidence.nearest
+        found: ContactResult | None = self.evidence.nearest
+        return found
 
     @property
     def no_mitigation(self) -> ContactResult:
         """The encounter with D_p = 0."""
-        return self.evidence.no_mitigation
+        found: ContactResult = self.evidence.no_mitigation
+        return found
 
     @property
     def objective_parts(self) -> dict[str, float]:
@@ -186,27 +198,31 @@ class GainDesign:
         """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact."""
         if self.gain is None:
             return None
-        return self.gain * float(self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0)))
+        return float(self.gain * self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0)))
 
     @property
     def constraints(self) -> tuple[ConstraintOutcome, ...]:
         """Each constraint with its margin."""
-        return self.evidence.constraints
+        found: tuple[ConstraintOutcome, ...] = self.evidence.constraints
+        return found
 
     @property
     def trade_off(self) -> TradeOff:
         """Objective and contact over the bounds."""
-        return self.evidence.trade_off
+        found: TradeOff = self.evidence.trade_off
+        return found
 
     @property
     def certificate(self) -> Certificate | None:
         """Why the gain is believed to be the optimum; None unless optimal."""
-        return self.evidence.certificate
+        found: Certificate | None = self.evidence.certificate
+        return found
 
     @property
     def sensitivities(self) -> tuple[Sensitivity, ...]:
         """The derivative of the optimum with respect to each input."""
-        return self.evidence.sensitivities
+        found: tuple[Sensitivity, ...] = self.evidence.sensitivities
+        return found
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -215,16 +231,20 @@ class GainDesign:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object: numbers in SI, None where there is none."""
+        if self.scenario.shape:
+            return {"status": self.status, "gain": self.gain, "objective": self.objective}
         return design_as_dict(self)
 
     def __repr__(self) -> str:
+        if self.scenario.shape:
+            return f"<GainDesign: {(self.status == DesignStatus.OPTIMAL).sum()} of {self.status.size} optimal>"
         return f"<GainDesign: {headline(self)}>"
 
     def __str__(self) -> str:
-        return design_as_text(self)
+        return repr(self) if self.scenario.shape else design_as_text(self)
 
-    def _repr_html_(self) -> str:
-        return design_as_html(self)
+    def _repr_html_(self) -> str | None:
+        return None if self.scenario.shape else design_as_html(self)
 
 
 from .advice import design_warnings  # noqa: E402 - it describes the class above

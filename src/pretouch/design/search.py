@@ -10,11 +10,15 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
-__all__ = ["GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
+__all__ = ["RESOLVED", "SCANNED", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
 
-_START = 65
+SCANNED = 65
+"""How many gains a scan begins with."""
+
 _LARGEST = 2049
-_RESOLVED = 1e-3
+RESOLVED = 1e-3
+"""The error of predicting an objective from its neighbors, of itself, from which a scan goes on."""
+
 _ZOOM = 17
 
 
@@ -135,9 +139,9 @@ def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
     Returns:
         The scan.
     """
-    u = np.linspace(low, high, _START)
+    u = np.linspace(low, high, SCANNED)
     found = evaluate(u)
-    doubtful = np.ones(_START - 1, dtype=bool)
+    doubtful = np.ones(SCANNED - 1, dtype=bool)
     resolution = np.inf
     while doubtful.any() and len(u) + int(doubtful.sum()) <= _LARGEST:
         middle = 0.5 * (u[:-1] + u[1:])[doubtful]
@@ -147,7 +151,7 @@ def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
             error = np.abs(predicted - new.objective) / np.abs(new.objective)
         error = np.where(np.isfinite(error), error, 0.0)
         resolution = float(error.max(initial=0.0))
-        rough = error > _RESOLVED
+        rough = error > RESOLVED
         order = np.argsort(np.concatenate([u, middle]), kind="stable")
         u = np.concatenate([u, middle])[order]
         found = Landscape(

@@ -1,0 +1,160 @@
+"""Many designs at once: the scan and the refinement of `design_gain` over an array of encounters.
+
+Every encounter is scanned at the same gains; a minimum inside is refined by the polynomial through the nodes of its
+bracket. An encounter that this does not settle for certain, by the measures of the single design, is designed alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import Scenario
+
+from .evidence import Problem
+from .result import DesignStatus, GainDesign
+from .search import RESOLVED, SCANNED
+
+__all__ = ["ArrayEvidence", "design_many", "scenario_at"]
+
+_BLOCK: Final = 8192  # designs that are scanned side by side: 65 encounters each
+_NODES: Final = 17
+_DEGREE: Final = 8
+_FIT: Final = 1e-7  # of the range of values: how well the polynomial must meet the nodes
+_EDGE: Final = np.array([5.0, 15.0, -5.0, 1.0]) / 16
+_CHEBYSHEV: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
+_VALUES: Final = np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _DEGREE)
+_TO_COEFFICIENTS: Final = np.linalg.pinv(_VALUES)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArrayEvidence:
+    """In the place of the evidence of one design: says how to get that.
+
+    Args:
+        design_one: designs the encounter at an index alone.
+    """
+
+    design_one: Callable[[tuple[int, ...]], GainDesign]
+
+    def __getattr__(self, name: str) -> Any:
+        raise ResultUnavailableError(
+            f"{name}: found an array of designs, of which each has its own; choose one with .at(index)"
+        )
+
+
+def design_many(problem: Problem, design_one: Callable[[tuple[int, ...]], GainDesign]) -> tuple[Any, Any, Any]:
+    """Design the gain of every encounter of an array.
+
+    Args:
+        problem: the problem, with an array of encounters.
+        design_one: designs the encounter at an index alone.
+
+    Returns:
+        Status, gain [N s] and objective of the scenario's shape; NaN unless optimal.
+    """
+    shape = problem.scenario.shape
+    size = int(np.prod(shape, dtype=np.int64))
+    status = np.full(size, DesignStatus.OPTIMAL.value, dtype="<U10")
+    gain, objective = np.full(size, np.nan), np.full(size, np.nan)
+    for start in range(0, size, _BLOCK):
+        which = np.arange(start, min(start + _BLOCK, size))
+        part = replace(problem, scenario=_column(problem.scenario, shape, which))
+        found, value, settled = _design_block(part)
+        gain[which], objective[which] = np.where(settled, found, np.nan), np.where(settled, value, np.nan)
+        for i in which[~settled]:
+            one = design_one(tuple(int(k) for k in np.unravel_index(i, shape)))
+            status[i] = one.status.value
+            if one.gain is not None and one.objective is not None:
+                gain[i], objective[i] = one.gain, one.objective
+    return status.reshape(shape), gain.reshape(shape), objective.reshape(shape)
+
+
+def scenario_at(scenario: Scenario, index: tuple[int, ...]) -> Scenario:
+    """Return one encounter of an array.
+
+    Args:
+        scenario: an array of encounters.
+        index: one integer per axis.
+
+    Returns:
+        The encounter.
+    """
+    shape = scenario.shape
+    return _mapped(scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
+
+
+def _column(scenario: Scenario, shape: tuple[int, ...], which: Any) -> Scenario:
+    """Return some encounters as a column, shape (m, 1), so that a row of gains broadcasts with them."""
+    return _mapped(
+        scenario,
+        lambda value: value if np.ndim(value) == 0 else np.broadcast_to(value, shape).reshape(-1)[which][:, None],
+    )
+
+
+def _mapped(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
+    parts = {}
+    for part in ("admittance", "obstacle", "plant", "reference"):
+        body: Any = getattr(scenario, part)
+        parts[part] = replace(body, **{f.name: change(getattr(body, f.name)) for f in fields(body)})
+    return replace(scenario, **parts)
+
+
+def _design_block(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Design a column of encounters; return gain, objective, and for which that is settled."""
+    low, high = problem.axis.coordinate(np.array([problem.axis.low, problem.axis.high]))
+    u = np.linspace(low, high, SCANNED)
+    scanned = problem.landscape(u)
+    every, merit = scanned.objective, scanned.merit
+    settled = scanned.feasible.all(axis=1)  # an edge of contact or of a limit needs the search that halves intervals
+    with np.errstate(invalid="ignore"):
+        error = np.abs(_middles(every[:, ::2]) / every[:, 1::2] - 1).max(axis=1)
+    settled &= error <= RESOLVED
+    best = np.argmin(merit, axis=1)
+    lower, upper = np.clip(best - 1, 0, None), np.clip(best + 1, None, SCANNED - 1)
+    settled &= (best > 0) & (best < SCANNED - 1) & (_count_minima(merit) == 1)
+    at, value, polished = _polish(problem, u[lower], u[upper])
+    return np.asarray(problem.axis.gain(at)), value, settled & polished
+
+
+def _middles(f: FloatArray) -> FloatArray:
+    """Predict f halfway between equally spaced nodes by the cubic through the four nodes nearest to each."""
+    inner = (9 * (f[:, 1:-2] + f[:, 2:-1]) - f[:, :-3] - f[:, 3:]) / 16
+    first, last = f[:, :4] @ _EDGE, f[:, :-5:-1] @ _EDGE
+    return np.column_stack([first, inner, last])
+
+
+def _count_minima(merit: FloatArray) -> Any:
+    padded = np.pad(merit, ((0, 0), (1, 1)), constant_values=np.inf)
+    return ((merit <= padded[:, :-2]) & (merit < padded[:, 2:]) & np.isfinite(merit)).sum(axis=1)
+
+
+def _polish(problem: Problem, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Minimize the polynomial through the Chebyshev nodes of every bracket."""
+    middle, half = (left + right) / 2, (right - left) / 2
+    values = problem.landscape(middle[:, None] + half[:, None] * _CHEBYSHEV).objective
+    usable: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
+    values = np.where(usable[:, None], values, 0.0)
+    coefficients = values @ _TO_COEFFICIENTS.T
+    miss = np.abs(coefficients @ _VALUES.T - values).max(axis=1)
+    usable &= miss <= _FIT * np.ptp(values, axis=1)
+    slope = np.asarray(np.polynomial.chebyshev.chebder(coefficients.T), dtype=np.float64)
+    bend = np.asarray(np.polynomial.chebyshev.chebder(slope), dtype=np.float64)
+    z = _CHEBYSHEV[np.argmin(values, axis=1)]
+    step = np.zeros_like(z)
+    with np.errstate(all="ignore"):
+        for _ in range(8):
+            step = _each(slope, z) / _each(bend, z)
+            z = np.clip(z - step, -1.0, 1.0)
+    usable &= (np.abs(step) < 1e-10) & (_each(bend, z) > 0) & (np.abs(z) < 1)
+    return middle + half * z, _each(coefficients.T, z), usable
+
+
+def _each(coefficients: FloatArray, z: FloatArray) -> FloatArray:
+    """Evaluate one Chebyshev series per column at one point each."""
+    return np.asarray(np.polynomial.chebyshev.chebval(z, coefficients, tensor=False))

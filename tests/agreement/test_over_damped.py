@@ -57,7 +57,7 @@ def wide(n: int) -> Request:
 def test_what_is_solved_is_the_first_contact_and_its_state(make, least: float) -> None:
     request = make(20_000)
     found, proved = solve_over_damped(request.columns, -61.0, request.horizon)
-    rows, status = _guaranteed(request, slice(None))
+    rows, status = _guaranteed(request)
     assert proved.mean() >= least
     assert (status[proved] == ContactStatus.CONTACT).all()
     start = (request.column(5) - request.column(3))[proved]

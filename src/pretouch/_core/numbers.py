@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -30,6 +31,9 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
     Raises:
         InvalidInputError: a number is missing, infinite or no number at all.
     """
+    given: Any = value
+    if type(given) is float and math.isfinite(given):  # by far the most common: without a detour over an array
+        return given
     array = _numbers(value)
     if array is None:
         raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}")
@@ -43,6 +47,8 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
 def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
     """Check that every number is finite and above zero; return it as `finite` does."""
     checked = finite(value, name, unit)
+    if type(checked) is float and checked > 0:
+        return checked
     _require(np.asarray(checked) > 0, np.asarray(checked), name, unit, "must be positive")
     return checked
 
@@ -50,6 +56,8 @@ def positive(value: ArrayLike, name: str, unit: str = "") -> Any:
 def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
     """Check that every number is finite and not below zero; return it as `finite` does."""
     checked = finite(value, name, unit)
+    if type(checked) is float and checked >= 0:
+        return checked
     _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative")
     return checked
 

@@ -21,7 +21,7 @@ def for_stretches(run: Callable[[int, int], object], size: int, *, least: int, m
         least: the shortest stretch that is worth a thread.
         most: the longest stretch.
     """
-    threads = min(_cores(), -(-size // least))
+    threads = 1 if size <= least else min(_cores(), -(-size // least))
     if threads <= 1 and size <= most:
         if size:
             run(0, size)

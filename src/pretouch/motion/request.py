@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
@@ -46,7 +47,7 @@ class Request:
     @property
     def size(self) -> int:
         """How many encounters there are."""
-        return int(np.prod(self.shape, dtype=np.int64))
+        return math.prod(self.shape)
 
     @property
     def values(self) -> FloatArray:
@@ -94,14 +95,17 @@ def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, metho
     if method == "auto":
         method = "integration" if sensor.constant_log_slope is None else "closed-form"
     gains = finite(gain, "gain", "N*s")
-    try:
-        shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
-    except ValueError:
-        raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
-    distance = np.asarray(scenario.distance)
-    inside = sensor.contains(distance)
-    if not np.all(inside):
-        low, high = sensor.valid_range
+    shape: tuple[int, ...] = ()
+    if scenario.shape != () or type(gains) is not float:
+        try:
+            shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
+        except ValueError:
+            raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
+    distance = scenario.distance
+    low, high = sensor.valid_range
+    if not (low <= distance <= high if type(distance) is float else np.all((distance >= low) & (distance <= high))):
+        inside = sensor.contains(distance)
+        distance = np.asarray(distance)
         raise InvalidInputError(
             f"obstacle position: found a distance of {float(distance[~inside].flat[0]):g} m at the start, outside the "
             f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
@@ -111,10 +115,17 @@ def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, metho
         scenario=scenario,
         sensor=sensor,
         shape=shape,
-        columns=tuple(_flat(c, shape) for c in (*scenario.relative_columns(), gains)),
+        columns=_flattened((*scenario.relative_columns(), gains), shape),
         horizon=positive(horizon, "horizon", "s"),
         method=method,
     )
+
+
+def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    if shape == ():
+        numbers = np.array(columns, dtype=np.float64)
+        return tuple(numbers[i : i + 1] for i in range(len(columns)))
+    return tuple(_flat(column, shape) for column in columns)
 
 
 def _flat(column: Any, shape: tuple[int, ...]) -> FloatArray:

@@ -81,6 +81,9 @@ class Scenario:
         plant: the robot's contact surface at the start; at rest at 0 m by default.
         reference: the task's reference x_d; at rest at 0 m by default.
 
+    Attributes:
+        shape: the broadcast shape of all fields; `()` for one encounter.
+
     Examples:
         >>> scenario = Scenario(
         ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
@@ -94,24 +97,22 @@ class Scenario:
     obstacle: Obstacle
     plant: Plant = field(default_factory=Plant)
     reference: Reference = field(default_factory=Reference)
+    shape: tuple[int, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        values = self._values()
         try:
-            shape = self.shape
+            shape = () if all(type(v) is float for v in values) else np.broadcast_shapes(*map(np.shape, values))
         except ValueError:
-            shapes = ", ".join(sorted({str(np.shape(v)) for v in self._values() if np.ndim(v)}))
+            shapes = ", ".join(sorted({str(np.shape(v)) for v in values if np.ndim(v)}))
             raise InvalidInputError(f"scenario: the shapes {shapes} of its fields do not broadcast") from None
-        distance = np.broadcast_to(self.distance, shape)
-        if not np.all(distance > 0):
+        object.__setattr__(self, "shape", shape)
+        if not (self.distance > 0 if shape == () else np.all(self.distance > 0)):
+            least = float(np.min(self.distance))
             raise InvalidInputError(
-                f"obstacle position: found a distance of {float(np.min(distance)):g} m between obstacle and plant, "
+                f"obstacle position: found a distance of {least:g} m between obstacle and plant, "
                 "which must be positive: the encounter starts before contact"
             )
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The broadcast shape of all fields; `()` for one encounter."""
-        return np.broadcast_shapes(*(np.shape(v) for v in self._values()))
 
     @property
     def distance(self) -> Any:
@@ -153,8 +154,13 @@ class Scenario:
         return np.stack(np.broadcast_arrays(*self.relative_columns()), axis=-1).astype(np.float64)
 
     def _values(self) -> tuple[Any, ...]:
-        parts = (self.admittance, self.obstacle, self.plant, self.reference)
-        return tuple(getattr(part, f.name) for part in parts for f in fields(part))
+        a, o, p, r = self.admittance, self.obstacle, self.plant, self.reference
+        return (
+            *(a.mass, a.damping, a.stiffness),
+            *(o.position, o.velocity, o.acceleration),
+            *(p.position, p.velocity),
+            *(r.position, r.velocity, r.acceleration),
+        )
 
 
 def _less(value: Any, reference: Any) -> Any:

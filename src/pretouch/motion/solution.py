@@ -16,7 +16,7 @@ from .integrator import integrate
 from .kernels.layout import COLUMNS
 from .over_damped import STATES, solve_over_damped
 from .parallel import for_stretches
-from .request import Request, Which
+from .request import Request
 from .uniform_motion import solve_uniform_motion
 
 __all__ = ["Solution"]
@@ -44,7 +44,7 @@ class Solution:
         if _plainly_solved(request):
             self._states, self._status = _fast(request)
         else:
-            self._rows, self._status = _guaranteed(request, slice(None))
+            self._rows, self._status = _guaranteed(request)
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run, a float for a single one.
@@ -69,7 +69,7 @@ class Solution:
     def rows(self) -> FloatArray:
         """What the guaranteed path gives for every run, shape (n, 15)."""
         if self._rows is None:
-            self._rows, _ = _guaranteed(self.request, slice(None))
+            self._rows, _ = _guaranteed(self.request)
         return self._rows
 
     @property
@@ -114,32 +114,34 @@ def _fast(request: Request) -> tuple[dict[str, FloatArray], IntArray]:
     return states, status
 
 
-def _guaranteed(request: Request, which: Which) -> tuple[FloatArray, IntArray]:
-    """Solve some encounters of a request by its method, whatever they are like."""
-    count = len(range(request.size)[which]) if isinstance(which, slice) else len(which)
+def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, IntArray]:
+    """Solve some or all encounters of a request by its method, whatever they are like."""
+    count = request.size if which is None else len(which)
     rows = np.empty((count, len(COLUMNS)))
     status = np.empty(count, dtype=np.int64)
     if request.method == "uniform-motion":
-        values, gain = request.part(which)
+        values, gain = request.part(slice(None) if which is None else which)
         solve_uniform_motion(values, request.sensor, gain, rows, status)
     else:
         solve = solve_closed_form if request.method == "closed-form" else integrate
-        every = np.arange(request.size)[which] if isinstance(which, slice) else which
 
         def run(start: int, stop: int) -> None:
-            solve(request, every[start:stop], rows[start:stop], status[start:stop])
+            part = slice(start, stop) if which is None else which[start:stop]
+            solve(request, part, rows[start:stop], status[start:stop])
 
         for_stretches(run, count, least=_LEAST, most=_MOST)
     _hold_overflow(request, which, rows, status)
     return rows, status
 
 
-def _hold_overflow(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
     """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
     always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
+    if np.isfinite(rows).all():
+        return
     bad = np.flatnonzero(~np.isfinite(rows[:, always_finite]).all(axis=1))
     if len(bad):
-        v, _ = request.part(np.arange(request.size)[which][bad] if isinstance(which, slice) else which[bad])
+        v, _ = request.part(bad if which is None else which[bad])
         start = dict.fromkeys(COLUMNS, np.zeros(len(v)))
         start |= {
             "distance": v[:, 5] - v[:, 3],

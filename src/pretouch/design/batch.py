@@ -23,6 +23,11 @@ from .search import RESOLVED, SCANNED
 __all__ = ["ArrayEvidence", "design_many", "scenario_at"]
 
 _BLOCK: Final = 8192  # designs that are scanned side by side: 65 encounters each
+_COUNTS: Final = (
+    SCANNED,
+    2 * SCANNED - 1,
+    4 * SCANNED - 3,
+)  # gains that are scanned until neighbors predict each other
 _NODES: Final = 17
 _DEGREE: Final = 8
 _FIT: Final = 1e-7  # of the range of values: how well the polynomial must meet the nodes
@@ -64,10 +69,14 @@ def design_many(problem: Problem, design_one: Callable[[tuple[int, ...]], GainDe
     gain, objective = np.full(size, np.nan), np.full(size, np.nan)
     for start in range(0, size, _BLOCK):
         which = np.arange(start, min(start + _BLOCK, size))
-        part = replace(problem, scenario=_column(problem.scenario, shape, which))
-        found, value, settled = _design_block(part)
-        gain[which], objective[which] = np.where(settled, found, np.nan), np.where(settled, value, np.nan)
-        for i in which[~settled]:
+        for count in _COUNTS:
+            part = replace(problem, scenario=_column(problem.scenario, shape, which))
+            found, value, settled = _design_block(part, count)
+            gain[which[settled]], objective[which[settled]] = found[settled], value[settled]
+            which = which[~settled]
+            if not len(which):
+                break
+        for i in which:
             one = design_one(tuple(int(k) for k in np.unravel_index(i, shape)))
             status[i] = one.status.value
             if one.gain is not None and one.objective is not None:
@@ -105,10 +114,10 @@ def _mapped(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
     return replace(scenario, **parts)
 
 
-def _design_block(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray]:
+def _design_block(problem: Problem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Design a column of encounters; return gain, objective, and for which that is settled."""
     low, high = problem.axis.coordinate(np.array([problem.axis.low, problem.axis.high]))
-    u = np.linspace(low, high, SCANNED)
+    u = np.linspace(low, high, count)
     scanned = problem.landscape(u)
     every, merit = scanned.objective, scanned.merit
     settled = scanned.feasible.all(axis=1)  # an edge of contact or of a limit needs the search that halves intervals
@@ -116,8 +125,8 @@ def _design_block(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray]:
         error = np.abs(_middles(every[:, ::2]) / every[:, 1::2] - 1).max(axis=1)
     settled &= error <= RESOLVED
     best = np.argmin(merit, axis=1)
-    lower, upper = np.clip(best - 1, 0, None), np.clip(best + 1, None, SCANNED - 1)
-    settled &= (best > 0) & (best < SCANNED - 1) & (_count_minima(merit) == 1)
+    lower, upper = np.clip(best - 1, 0, None), np.clip(best + 1, None, count - 1)
+    settled &= (best > 0) & (best < count - 1) & (_count_minima(merit) == 1)
     at, value, polished = _polish(problem, u[lower], u[upper])
     return np.asarray(problem.axis.gain(at)), value, settled & polished
 

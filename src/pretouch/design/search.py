@@ -12,6 +12,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 __all__ = ["RESOLVED", "SCANNED", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
 
+_HELD = 1 - 1e-11  # of a limit: so that the encounter at the chosen gain, solved again, holds it, too
 SCANNED = 65
 """How many gains a scan begins with."""
 
@@ -82,7 +83,7 @@ class Landscape:
     @property
     def feasible(self) -> BoolArray:
         """Where the encounter ends in contact and every constraint holds."""
-        return self.reached & (self.worst_ratio <= 1.0)
+        return self.reached & (self.worst_ratio <= _HELD)
 
     @property
     def merit(self) -> FloatArray:

@@ -16,6 +16,7 @@ __all__ = ["curve_pieces"]
 _DEGREE: Final = 9
 _TOLERANCE: Final = 1e-13  # of the largest slope on the piece
 _MAX_PIECES: Final = 20_000
+_GROWTH: Final = 64.0
 
 _NODES: Final = np.cos((np.arange(_DEGREE + 1) + 0.5) * np.pi / (_DEGREE + 1))
 _PROBES: Final = np.cos(np.arange(1, _DEGREE + 1) * np.pi / (_DEGREE + 1))
@@ -39,21 +40,21 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
     Raises:
         InvalidInputError: the slope is not finite, or too rough to be a curve.
     """
-    knots = [k for k in sensor.knots if low < k < high]
-    edges = np.array([low, *knots, high])
-    pending = np.stack([edges[:-1], edges[1:]], axis=1)
+    decades = high / _GROWTH ** np.arange(1, 8)  # a far end must not cost the near field its resolution
+    edges = np.unique([low, *(e for e in (*sensor.knots, *decades) if low < e < high), high])
+    pending = np.stack([edges[:-1], edges[1:], 1e-9 * np.diff(edges)], axis=1)
     done: list[FloatArray] = []
-    smallest = 1e-9 * (high - low)
     while len(pending):
-        middle, half = pending.mean(axis=1), np.diff(pending, axis=1)[:, 0] / 2
+        middle, half, smallest = pending[:, :2].mean(axis=1), (pending[:, 1] - pending[:, 0]) / 2, pending[:, 2]
         slope = _slope(sensor, middle, half, _NODES)
         coefficients = slope @ _TO_COEFFICIENTS.T
         error = np.abs(coefficients @ _AT_PROBES.T - _slope(sensor, middle, half, _PROBES)).max(axis=1)
         fits = (error <= _TOLERANCE * np.abs(slope).max(axis=1)) | (half < smallest)
         done.append(np.column_stack([middle, half, coefficients])[fits])
         left = pending[~fits]
-        centers = left.mean(axis=1)
-        pending = np.concatenate([np.column_stack([left[:, 0], centers]), np.column_stack([centers, left[:, 1]])])
+        centers = left[:, :2].mean(axis=1)
+        lower = np.column_stack([left[:, 0], centers, left[:, 2]])
+        pending = np.concatenate([lower, np.column_stack([centers, left[:, 1], left[:, 2]])])
         if len(pending) + sum(map(len, done)) > _MAX_PIECES:
             raise InvalidInputError(
                 f"sensor: the slope of the {sensor.name} curve needs more than {_MAX_PIECES} polynomials between "

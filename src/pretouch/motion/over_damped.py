@@ -11,13 +11,13 @@ the convergence is not proved are left to the guaranteed path.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 
-__all__ = ["STATES", "solve_over_damped"]
+__all__ = ["STATES", "solve_over_damped", "states_over_damped"]
 
 STATES: Final = (
     "time",
@@ -27,7 +27,7 @@ STATES: Final = (
     "relative_velocity",
     "displacement_integral",
 )
-"""The rows that are filled, by their names in layout.COLUMNS."""
+"""What is computed, by its names in layout.COLUMNS."""
 
 _DISTINCT: Final = 1e-3  # of d^2: nearer to critical damping the two exponentials lose digits
 _CANCELED: Final = 1e3  # largest loss of digits
@@ -35,7 +35,9 @@ _STEPS: Final = 12
 _CONVERGED: Final = 1e-6  # of t: each step cubes what is left
 
 
-def solve_over_damped(columns: tuple[FloatArray, ...], slope: float, horizon: float) -> tuple[FloatArray, BoolArray]:
+def solve_over_damped(
+    columns: tuple[FloatArray, ...], slope: float, horizon: float
+) -> tuple[dict[str, FloatArray], BoolArray]:
     """Solve encounters of L(8) by L(10)-(13) where that is proved to find the first contact.
 
     Args:
@@ -44,47 +46,97 @@ def solve_over_damped(columns: tuple[FloatArray, ...], slope: float, horizon: fl
         horizon: how long to wait for contact [s].
 
     Returns:
-        STATES at contact, shape (6, n), and which encounters are solved, shape (n,).
+        STATES at contact by name, shape (n,) each, and which encounters are solved, shape (n,).
     """
-    mass, damping, stiffness, x_0, u_0, p, v, a, _, _, gain = np.broadcast_arrays(*columns)
-    coupling = slope * gain
-    d = damping + coupling
     with np.errstate(all="ignore"):  # what is not finite is not proved
+        form = _Form.of(columns, slope)
+        proved = form.falls()
+        t, converged = form.root()
+        states = form.states(t)
+        proved &= converged & (t > 0) & (t <= horizon) & (states["relative_velocity"] < 0)
+        return states, proved & form.keeps_digits(states)
+
+
+def states_over_damped(columns: tuple[FloatArray, ...], slope: float, time: FloatArray) -> dict[str, FloatArray]:
+    """Evaluate L(10)-(13) at times of contact that `solve_over_damped` has found.
+
+    Args:
+        columns: as for `solve_over_damped`.
+        slope: g [1/m].
+        time: the times [s], shape (n,).
+
+    Returns:
+        STATES by name, shape (n,) each.
+    """
+    with np.errstate(all="ignore"):  # encounters that were not solved are not read
+        return _Form.of(columns, slope).states(time)
+
+
+class _Form(NamedTuple):
+    """The solution l = v t + q + C_1 exp(lambda_1 t) + C_2 exp(lambda_2 t), and the start it came from."""
+
+    start: FloatArray
+    speed: FloatArray
+    v: FloatArray
+    p: FloatArray
+    q: FloatArray
+    c_1: FloatArray
+    c_2: FloatArray
+    slow: FloatArray
+    fast: FloatArray
+    usual: BoolArray
+
+    @classmethod
+    def of(cls, columns: tuple[FloatArray, ...], slope: float) -> _Form:
+        """Solve the initial value problem; `usual` says where it is of this kind, its exponentials well apart."""
+        mass, damping, stiffness, x_0, u_0, p, v, a, _, _, gain = np.broadcast_arrays(*columns)
+        coupling = slope * gain
+        d = damping + coupling
         disc = d * d - 4 * mass * stiffness
         fast = -(d + np.sqrt(disc)) / (2 * mass)
         slow = stiffness / (mass * fast)
         q = p - coupling * v / stiffness
         start, speed = p - x_0, v - u_0
         c_1 = (speed - v - fast * (start - q)) / (slow - fast)
-        c_2 = start - q - c_1
-        proved = (a == 0) & (d > 0) & (stiffness > 0) & (disc > _DISTINCT * d * d) & (speed < 0)
-        proved &= np.maximum(slow * c_1, 0) + np.maximum(fast * c_2, 0) < -v * (1 - 1e-9)
-        t, converged = _root(np.where(q > 0, q, start), start, (v, q, c_1, c_2, slow, fast))
-        e_1, e_2 = np.exp(slow * t), np.exp(fast * t)
-        rate = v + slow * c_1 * e_1 + fast * c_2 * e_2
-        bend = slow * slow * c_1 * e_1 + fast * fast * c_2 * e_2
-        decayed = c_1 * np.expm1(slow * t) / slow + c_2 * np.expm1(fast * t) / fast
-        integral = (p - q) * t - decayed
-        terms = np.abs(v * t) + np.abs(q) + np.abs(c_1) + np.abs(c_2)  # what cancels at contact
-        proved &= terms < _CANCELED * np.abs(rate) * t
-        proved &= converged & (t > 0) & (t <= horizon) & (rate < 0)
-        states = np.stack([t, p + v * t, v - rate, -bend, rate, integral])
-    return states, proved & np.isfinite(states).all(axis=0)
+        usual = (a == 0) & (d > 0) & (stiffness > 0) & (disc > _DISTINCT * d * d)
+        return cls(start, speed, v, p, q, c_1, start - q - c_1, slow, fast, usual)
 
+    def falls(self) -> BoolArray:
+        """Tell where l' < 0 is proved for good."""
+        rise = np.maximum(self.slow * self.c_1, 0) + np.maximum(self.fast * self.c_2, 0)
+        return np.asarray(self.usual & (self.speed < 0) & (rise < -self.v * (1 - 1e-9)))
 
-def _root(asymptotic: FloatArray, start: FloatArray, motion: tuple[FloatArray, ...]) -> tuple[FloatArray, BoolArray]:
-    """Find the zero of a falling l from between the times of the free and the asymptotic motion, by Halley's method."""
-    v, q, c_1, c_2, slow, fast = motion
-    t = np.sqrt(asymptotic * start) / -v
-    step = np.full_like(t, np.inf)
-    for _ in range(_STEPS):
-        e_1, e_2 = c_1 * np.exp(slow * t), c_2 * np.exp(fast * t)
-        value = v * t + q + e_1 + e_2
+    def states(self, t: FloatArray) -> dict[str, FloatArray]:
+        """Return STATES at times t."""
+        slow, fast, v = self.slow, self.fast, self.v
+        e_1, e_2 = self.c_1 * np.exp(slow * t), self.c_2 * np.exp(fast * t)
         rate = v + slow * e_1 + fast * e_2
-        bend = slow * slow * e_1 + fast * fast * e_2
-        newton = value / rate
-        step = newton / np.maximum(1 - 0.5 * newton * bend / rate, 0.5)
-        t = np.maximum(t - step, 0.1 * t)
-        if not (np.abs(step) > _CONVERGED * t).any():
-            break
-    return t, np.abs(step) <= _CONVERGED * t
+        decayed = self.c_1 * np.expm1(slow * t) / slow + self.c_2 * np.expm1(fast * t) / fast
+        found = (
+            *(t, self.p + v * t, v - rate),
+            *(-(slow * slow * e_1 + fast * fast * e_2), rate, (self.p - self.q) * t - decayed),
+        )
+        return dict(zip(STATES, found, strict=True))
+
+    def keeps_digits(self, states: dict[str, FloatArray]) -> BoolArray:
+        """Tell where all is finite and few digits are lost where terms cancel."""
+        t, rate = states["time"], states["relative_velocity"]
+        terms = np.abs(self.v * t) + np.abs(self.q) + np.abs(self.c_1) + np.abs(self.c_2)
+        finite = np.isfinite(list(states.values())).all(axis=0)
+        return np.asarray(self.usual & (terms < _CANCELED * np.abs(rate) * t) & finite)
+
+    def root(self) -> tuple[FloatArray, BoolArray]:
+        """Find the zero of a falling l from between the times of the free and the asymptotic motion, by Halley."""
+        v, slow, fast = self.v, self.slow, self.fast
+        t = np.sqrt(np.where(self.q > 0, self.q, self.start) * self.start) / -v
+        step = np.full_like(t, np.inf)
+        for _ in range(_STEPS):
+            e_1, e_2 = self.c_1 * np.exp(slow * t), self.c_2 * np.exp(fast * t)
+            rate = v + slow * e_1 + fast * e_2
+            bend = slow * slow * e_1 + fast * fast * e_2
+            newton = (v * t + self.q + e_1 + e_2) / rate
+            step = newton / np.maximum(1 - 0.5 * newton * bend / rate, 0.5)
+            t = np.maximum(t - step, 0.1 * t)
+            if not (np.abs(step) > _CONVERGED * t).any():
+                break
+        return t, np.abs(step) <= _CONVERGED * t

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .closed_form import solve_closed_form
 from .contact import ContactStatus
+from .fast_path import QUICK, find_contacts, find_states, is_worth_it
 from .integrator import integrate
 from .kernels.layout import COLUMNS
-from .over_damped import STATES, solve_over_damped
 from .parallel import for_stretches
 from .request import Request
 from .uniform_motion import solve_uniform_motion
@@ -23,28 +23,39 @@ __all__ = ["Solution"]
 
 _LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
 _MOST: Final = 16_384
-_FEW: Final = 4096  # encounters that NumPy solves sooner than the compiled core is loaded
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
 class Solution:
     """The columns of a result.
 
+    Times and statuses come from a path that proves each contact it finds; what it leaves open, and what needs the whole
+    motion, is left to the guaranteed path.
+
     Args:
         request: the encounters.
+        whole: whether the whole motion will be asked for, so that the guaranteed path is taken at once.
     """
 
-    __slots__ = ("_known", "_rows", "_states", "_status", "request")
+    __slots__ = ("_fast", "_known", "_open", "_open_rows", "_proved", "_rows", "_status", "request")
 
-    def __init__(self, request: Request) -> None:
+    def __init__(self, request: Request, *, whole: bool = False) -> None:
         self.request = request
         self._known: dict[str, Any] = {}
         self._rows: FloatArray | None = None
-        self._states: dict[str, FloatArray] = {}
-        if _plainly_solved(request):
-            self._states, self._status = _fast(request)
-        else:
+        self._status: NDArray[Any]
+        self._fast: dict[str, FloatArray] = {}
+        if whole or request.sensor.valid_range[0] > 0 or not is_worth_it(request):
             self._rows, self._status = _guaranteed(request)
+            return
+        self._fast, self._proved = find_contacts(request)
+        self._status = self._proved
+        if self._proved.any():
+            self._open = np.flatnonzero(self._proved)
+            self._open_rows, open_status = _guaranteed(request, self._open)
+            self._status = self._proved.copy()
+            self._status[self._open] = open_status
+            self._fill(self._fast)
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run, a float for a single one.
@@ -72,14 +83,24 @@ class Solution:
             self._rows, _ = _guaranteed(self.request)
         return self._rows
 
-    @property
-    def status(self) -> IntArray:
-        """How every run ended, shape (n,)."""
-        return self._status
-
     def raw(self, name: str) -> FloatArray:
         """Return one of layout.COLUMNS, shape (n,)."""
-        return self._states[name] if name in self._states else self.rows[:, _AT[name]]
+        if self._rows is None and name in QUICK and name not in self._fast:
+            states = find_states(self.request, self._fast["time"], self._proved)
+            self._fill(states)
+            self._fast = {**states, **self._fast}
+        return self._fast[name] if name in self._fast else self.rows[:, _AT[name]]
+
+    def _fill(self, states: dict[str, FloatArray]) -> None:
+        """Put what the guaranteed path has found where the fast one left encounters open."""
+        if self._status is not self._proved:
+            for name, values in states.items():
+                values[self._open] = self._open_rows[:, _AT[name]]
+
+    @property
+    def status(self) -> NDArray[Any]:
+        """How every run ended, shape (n,)."""
+        return self._status
 
     def reference(self, derivative: int) -> FloatArray:
         """Return x_d, x_d' or x_d'' at the end of every run."""
@@ -89,29 +110,6 @@ class Solution:
         if derivative == 1:
             return np.asarray(given.velocity + given.acceleration * time).reshape(-1)
         return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
-
-
-def _plainly_solved(request: Request) -> bool:
-    """Tell whether a few encounters of a constant slope are solved without loading the compiled core."""
-    loaded = f"{__package__}.kernels.compiler" in sys.modules
-    return request.method == "closed-form" and not loaded and 0 < request.size <= _FEW
-
-
-def _fast(request: Request) -> tuple[dict[str, FloatArray], IntArray]:
-    """Solve what can be proved fast, and the rest by the guaranteed path."""
-    slope = request.sensor.constant_log_slope or 0.0
-    found, proved = solve_over_damped(request.columns, slope, request.horizon)
-    states = dict(zip(STATES, found, strict=True))
-    states["distance"] = np.zeros(request.size)
-    states["virtual_force"] = slope * request.gain * states["relative_velocity"]
-    status = np.full(request.size, int(ContactStatus.CONTACT))
-    inside = request.sensor.valid_range[0] <= 0
-    rest = np.flatnonzero(~proved) if inside else np.arange(request.size)
-    if len(rest):
-        rows, status[rest] = _guaranteed(request, rest)
-        for name, values in states.items():
-            values[rest] = rows[:, _AT[name]]
-    return states, status
 
 
 def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, IntArray]:

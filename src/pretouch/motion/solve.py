@@ -96,7 +96,8 @@ def find_contact(
         >>> round(find_contact(scenario, sensor, -1.0).contact.position, 4)
         -0.1353
     """
-    return _solve(make_request(scenario, sensor, gain, method, horizon))
+    request = make_request(scenario, sensor, gain, method, horizon)
+    return ContactResult(Solution(request), request.method)
 
 
 def solve_motion(
@@ -139,7 +140,7 @@ def solve_motion(
     if samples < 2:
         raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
     request = make_request(scenario, sensor, gain, method, horizon)
-    result = _solve(request)
+    result = ContactResult(Solution(request, whole=True), request.method)
     end = np.atleast_1d(np.asarray(result.end.time)).ravel()
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
     times[:, -1] = end
@@ -159,10 +160,6 @@ def solve_motion(
     trace[:, -1, 0] = np.ravel(result.end.distance)
     trace[..., 1] = obstacle - trace[..., 0]
     return _motion(request, times, trace, result, samples)
-
-
-def _solve(request: Request) -> ContactResult:
-    return ContactResult(Solution(request), request.method)
 
 
 def _motion(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult, samples: int) -> Motion:

@@ -31,7 +31,7 @@ def reproduce() -> Reproduction:
     gain = {name: float(variables["candidates"][i]) for name, i in variables["best"].items()}
     loss = {name: np.asarray(variables["losses"][i]) for name, i in variables["best"].items()}
     left = {name: np.asarray(values) for name, values in variables["left"].items()}
-    best = np.array([d.gain for d in variables["designs"]])
+    best = np.asarray(variables["designs"].gain)
     return Reproduction(
         id="one-gain",
         title="One gain for all speeds",

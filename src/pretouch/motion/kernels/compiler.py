@@ -21,7 +21,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-__all__ = ["block_kernel", "cache_folder", "kernel"]
+__all__ = ["block_kernel", "block_part", "cache_folder", "kernel"]
 
 config: Any = numba.core.config
 F = TypeVar("F", bound=Callable[..., Any])
@@ -35,6 +35,11 @@ def kernel(function: F) -> F:
 def block_kernel(function: F) -> F:
     """Compile a function that runs over blocks of encounters side by side: products and sums may be fused."""
     return _compiled(function, fastmath={"contract", "nsz"})
+
+
+def block_part(function: F) -> F:
+    """Compile a function that becomes part of each block kernel that calls it: a call would keep a loop scalar."""
+    return _compiled(function, fastmath={"contract", "nsz"}, forceinline=True)
 
 
 def _compiled(function: F, **options: Any) -> F:

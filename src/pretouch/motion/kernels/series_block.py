@@ -1,0 +1,266 @@
+"""Solve many encounters of one curve side by side, and leave to solve_series whatever is not proved.
+
+Eight encounters at a time take Taylor steps, each with its own time, its own step and its own window of the curve;
+series_step holds the arithmetic. An encounter that ends makes room for the next at once: no lane waits for another, and
+no result depends on what the other lanes hold. Encounters that reach the contact wait in a second set of rows until
+there are eight of them, to be finished together.
+
+What is proved. On each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) bounds dl/ds from
+above. A step counts only where that bound is negative: then l falls all along, its value at the end decides whether it
+passed 0, and the first zero is the only one. Where the bound fails the step is shortened; where that does not help, the
+encounter is left open.
+
+What is estimated. The last coefficient of each step, as an error of l and of l', is carried to the contact (undamped,
+or growing, or strengthened by a damping that fades), and divided by |l'|. Above 1e-10 of the time the encounter is left
+open.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .compiler import kernel
+from .lanes import LANES, aligned_rows
+from .series_gradient import write_gradient
+from .series_lane import carry_responses, enter_window, find_window, level_part, take_step, window_slope
+from .series_step import MOST_STEPS, ORDER, ROWS, Row, find_in_step
+
+__all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_times"]
+
+CONTACT, OPEN = 0, -1
+_LARGEST_DOUBT = 1e-10  # of the time; 1e-9 is promised
+_MOST_CUTS = 4  # of one step before it is taken for a turn
+_LOW, _SWITCH, _TERMS = 1, 3, 5  # columns of a window
+_NEVER = 1e300
+
+DAMPING, STIFFNESS, GAIN = Row.DAMPING, Row.STIFFNESS, Row.GAIN
+POSITION, VELOCITY, ACCELERATION = Row.POSITION, Row.VELOCITY, Row.ACCELERATION
+TIME, DISTANCE, SPEED, INTEGRAL, ERROR, STRONGEST = range(Row.TIME, Row.TIME + 6)
+CAP, LENGTH, END, BOUND, SCALE, HORIZON, STEPS = range(Row.CAP, Row.CAP + 7)
+EDGE = Row.EDGE
+FINAL_TIME, FINAL_SPEED, FINAL_BEND, FINAL_INTEGRAL, DOUBT = range(Row.FINAL_TIME, Row.FINAL_TIME + 5)
+START, MOVED, MASS, FIRST_SPEED, RESPONSES = range(Row.START, Row.START + 5)
+TERMS = Row.TERMS
+
+
+@kernel
+def _finish(queue: Any, owners: Any, count: int, windows: Any, out: Any, gradients: Any, status: Any) -> None:
+    """Find the contacts of the encounters that wait, and write them."""
+    find_in_step(queue)
+    if gradients is not None:
+        for lane in range(LANES):
+            s = (queue[FINAL_TIME, lane] - queue[TIME, lane]) / queue[LENGTH, lane]
+            power = 1.0
+            for k in range(1, ORDER + 1):
+                power *= s
+                queue[k, lane] *= power
+            queue[LENGTH, lane] *= s
+            queue[START, lane], queue[MOVED, lane] = queue[TIME, lane], 1.0
+        carry_responses(queue, windows.shape[1] - _TERMS - 1)
+    for lane in range(count):
+        i, time = owners[lane], queue[FINAL_TIME, lane]
+        if queue[DOUBT, lane] <= _LARGEST_DOUBT and time <= queue[HORIZON, lane] and queue[FINAL_SPEED, lane] < 0:
+            p, v, a = queue[POSITION, lane], queue[VELOCITY, lane], queue[ACCELERATION, lane]
+            out[0, i] = time
+            out[1, i] = p + (v + a / 2 * time) * time
+            out[2, i] = v + a * time - queue[FINAL_SPEED, lane]
+            out[3, i] = a - queue[FINAL_BEND, lane]
+            out[4, i] = queue[FINAL_SPEED, lane]
+            out[5, i] = queue[FINAL_INTEGRAL, lane]
+            status[i] = CONTACT
+            if gradients is not None:
+                write_gradient(queue, lane, window_slope(windows, 0, 0.0), gradients[:, :, i])
+
+
+@kernel
+def contact_times(
+    mass: Any,
+    damping: Any,
+    stiffness: Any,
+    x0: Any,
+    u0: Any,
+    p: Any,
+    v: Any,
+    a: Any,
+    gain: Any,
+    windows: Any,
+    horizon: float,
+    out: Any,
+    status: Any,
+) -> None:
+    """Find the first contact of encounters of one curve, where that can be proved.
+
+    Args:
+        mass: M [kg], shape (n,) or (1,), as the other quantities of an encounter.
+        damping: D [N s/m].
+        stiffness: K [N/m].
+        x0: x~ at the start [m].
+        u0: x~' at the start [m/s].
+        p: x_o - x_d at the start [m].
+        v: its velocity [m/s].
+        a: its acceleration [m/s^2].
+        gain: D_p [N s].
+        windows: the curve as curve_windows gives it, from l = 0 upward.
+        horizon: the latest contact of interest [s].
+        out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
+        status: filled with CONTACT or OPEN, shape (n,).
+    """
+    _solve(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, None, status)
+
+
+@kernel
+def contact_gradients(
+    mass: Any,
+    damping: Any,
+    stiffness: Any,
+    x0: Any,
+    u0: Any,
+    p: Any,
+    v: Any,
+    a: Any,
+    gain: Any,
+    windows: Any,
+    horizon: float,
+    out: Any,
+    gradients: Any,
+    status: Any,
+) -> None:
+    """Find contacts as contact_times does, and how they depend on the inputs.
+
+    Args:
+        mass: the nine inputs, the windows, the horizon, out and status are those of contact_times.
+        damping: see contact_times.
+        stiffness: see contact_times.
+        x0: see contact_times.
+        u0: see contact_times.
+        p: see contact_times.
+        v: see contact_times.
+        a: see contact_times.
+        gain: see contact_times.
+        windows: see contact_times.
+        horizon: see contact_times.
+        out: see contact_times.
+        gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs in the order above,
+            shape (3, 9, n); nan where open.
+        status: see contact_times.
+    """
+    gradients[:] = np.nan
+    _solve(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, gradients, status)
+
+
+@kernel
+def _solve(
+    mass: Any,
+    damping: Any,
+    stiffness: Any,
+    x0: Any,
+    u0: Any,
+    p: Any,
+    v: Any,
+    a: Any,
+    gain: Any,
+    windows: Any,
+    horizon: float,
+    out: Any,
+    gradients: Any,
+    status: Any,
+) -> None:
+    """Solve encounters, with their gradients unless these are None; then their code is not even compiled."""
+    n = status.shape[0]
+    out[:] = np.nan
+    status[:] = OPEN
+    if windows.shape[0] == 0 or windows[0, _LOW] != 0.0:
+        return
+    degree = windows.shape[1] - _TERMS - 1
+    work, queue = aligned_rows(ROWS), aligned_rows(ROWS)
+    owner, owners = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    place, cuts = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    waiting, following, active, hint = 0, 0, 0, 0
+    copied = EDGE if gradients is None else ROWS
+    free = (1 << LANES) - 1
+    while True:
+        lane = 0
+        while free and following < n:
+            i = following
+            following += 1
+            while not (free >> lane) & 1:
+                lane += 1
+            m = mass[i] if mass.shape[0] > 1 else mass[0]
+            d = damping[i] if damping.shape[0] > 1 else damping[0]
+            s = stiffness[i] if stiffness.shape[0] > 1 else stiffness[0]
+            x = x0[i] if x0.shape[0] > 1 else x0[0]
+            u = u0[i] if u0.shape[0] > 1 else u0[0]
+            position = p[i] if p.shape[0] > 1 else p[0]
+            velocity = v[i] if v.shape[0] > 1 else v[0]
+            acceleration = a[i] if a.shape[0] > 1 else a[0]
+            g = gain[i] if gain.shape[0] > 1 else gain[0]
+            l, speed = position - x, velocity - u  # noqa: E741
+            whole = abs(d) + abs(s) + abs(acceleration) + abs(g) + abs(position) + abs(x) + abs(velocity) + abs(u)
+            if not (m > 0 and m < math.inf and whole < math.inf and l > 0 and speed < 0):
+                continue
+            index = find_window(windows, l, hint)
+            if index < 0:
+                continue
+            hint = index
+            inverse = 1 / m
+            work[DAMPING, lane], work[STIFFNESS, lane], work[GAIN, lane] = d * inverse, s * inverse, g * inverse
+            work[POSITION, lane], work[VELOCITY, lane], work[ACCELERATION, lane] = position, velocity, acceleration
+            work[TIME, lane], work[DISTANCE, lane], work[SPEED, lane] = 0.0, l, speed
+            work[INTEGRAL, lane], work[ERROR, lane], work[STRONGEST, lane] = 0.0, 0.0, 0.0
+            work[CAP, lane], work[SCALE, lane], work[STEPS, lane], work[HORIZON, lane] = _NEVER, l, 0.0, horizon
+            enter_window(windows, index, work, lane)
+            if gradients is not None:
+                work[MASS, lane], work[FIRST_SPEED, lane] = m, speed
+                for row in range(RESPONSES, TERMS):
+                    work[row, lane] = 0.0
+                work[TERMS - 2, lane] = 1.0  # the response to l(0), and its momentum
+                work[TERMS - 1, lane] = (d + g * window_slope(windows, index, l)) * inverse
+            owner[lane], place[lane], cuts[lane] = i, index, 0
+            free &= ~(1 << lane)
+            active |= 1 << lane
+        if active == 0:
+            break
+        mask = take_step(work, degree)
+        if gradients is not None:
+            carry_responses(work, degree)
+        stuck, late = ~mask & active, (mask >> LANES) & active
+        if not (stuck or late):
+            continue
+        for lane in range(LANES):
+            if (late >> lane) & 1:
+                index = place[lane]
+                while index > 0 and work[DISTANCE, lane] <= windows[index, _SWITCH]:
+                    index -= 1
+                place[lane] = index
+                enter_window(windows, index, work, lane)
+            if not (stuck >> lane) & 1:
+                continue
+            end, bound, length = work[END, lane], work[BOUND, lane], work[LENGTH, lane]
+            over = True
+            if work[CAP, lane] == _NEVER:  # the last step counted
+                cuts[lane] = 0
+            if bound < -1e-9 * abs(work[1, lane]) and work[STEPS, lane] < MOST_STEPS:
+                if end <= 0.0 and place[lane] == 0:
+                    for row in range(copied):
+                        queue[row, waiting] = work[row, lane]
+                    owners[waiting] = owner[lane]
+                    waiting += 1
+                    if waiting == LANES:
+                        _finish(queue, owners, waiting, windows, out, gradients, status)
+                        waiting = 0
+                elif end <= work[EDGE, lane]:
+                    work[CAP, lane] = length * level_part(work, lane, windows[place[lane], _LOW])
+                    over = False
+            elif bound < math.inf and cuts[lane] < _MOST_CUTS and work[STEPS, lane] < MOST_STEPS:
+                spare = work[1, lane] / (work[1, lane] - bound)
+                work[CAP, lane] = length * (0.95 * spare if spare > 0.8 else 0.7)
+                cuts[lane] += 1
+                over = False
+            if over:
+                free |= 1 << lane
+                active &= ~(1 << lane)
+    if waiting:
+        _finish(queue, owners, waiting, windows, out, gradients, status)

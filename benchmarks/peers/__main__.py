@@ -1,0 +1,103 @@
+"""Run ours and each peer on the same work, pair by pair: `python -m benchmarks.peers --help`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+from .protocol import Peer
+from .registry import OURS, PEERS, load
+from .work import CASES, QUICK, SIZES
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--case", nargs="+", choices=CASES, default=list(CASES), help="which work; all of it by default"
+    )
+    parser.add_argument("--peer", nargs="+", choices=PEERS, default=list(PEERS), help="beside whom; all by default")
+    parser.add_argument("--quick", action="store_true", help="less work and shorter times: to see that it runs")
+    parser.add_argument("--threads", type=int, default=1, help="processors that every library may use (default 1)")
+    parser.add_argument("--seconds", type=float, help="how long each pair is measured (default 3, quick 0.3)")
+    parser.add_argument("--json", type=Path, help="write every number to this file")
+    parser.add_argument("--figure", type=Path, help="measure cost over batch size and draw it to this file")
+    return parser.parse_args()
+
+
+def hold_to(threads: int) -> None:
+    """Hold this process and those that it starts to so many processors, before any library counts them."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-threads:])
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[name] = str(threads)
+
+
+def installed(names: list[str]) -> dict[str, Peer]:
+    """Load the peers, and print which are left out."""
+    peers = {}
+    for name in dict.fromkeys([OURS, *names]):
+        peer = load(name)
+        reason = peer.available()
+        if reason:
+            print(f"skipped: {peer.name}: {reason}")
+        else:
+            peers[name] = peer
+    return peers
+
+
+def main() -> None:
+    """Measure what was asked for."""
+    asked = arguments()
+    hold_to(asked.threads)
+    seconds = asked.seconds or (0.3 if asked.quick else 3.0)
+    peers = installed(asked.peer)
+    record: dict[str, Any] = {
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+        "threads": asked.threads,
+        "seconds_per_pair": seconds,
+        "rows": _rows(asked, peers, seconds),
+    }
+    if asked.figure:
+        record |= _growth(asked, peers, seconds)
+    if asked.json:
+        asked.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def _rows(asked: argparse.Namespace, peers: dict[str, Peer], seconds: float) -> list[dict[str, Any]]:
+    from dataclasses import asdict  # noqa: PLC0415
+
+    from .reference import evidence  # noqa: PLC0415 - after the processors are counted
+    from .rows import HEADER, Row, measure, title  # noqa: PLC0415
+    from .work import SENSORS  # noqa: PLC0415
+
+    rows = []
+    print("reference: Taylor series of pretouch; " + ";\n  ".join(evidence(sensor) for sensor in SENSORS))
+    for case in asked.case:
+        size = (QUICK if asked.quick else SIZES)[case]
+        print(f"\n{title(case, size)}\n{HEADER}")
+        for row in measure(case, size, peers, seconds, 1 if asked.quick else 3):
+            print(row, flush=True)
+            if isinstance(row, Row):
+                rows.append(asdict(row))
+    return rows
+
+
+def _growth(asked: argparse.Namespace, peers: dict[str, Peer], seconds: float) -> dict[str, Any]:
+    from .figure import draw, follow  # noqa: PLC0415
+    from .measuring import exp_cost  # noqa: PLC0415
+
+    limit = exp_cost()
+    grown = follow(list(peers.values()), 1000 if asked.quick else 10**6, seconds / 10)
+    draw(grown, limit, asked.figure)
+    print(f"\none exp(): {limit * 1e9:.2f} ns; {asked.figure} shows cost over batch size")
+    return {"exp_seconds": limit, "growth": [growth.as_dict() for growth in grown]}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""How times are taken: ours and a peer's in turn, so that a drift of the machine meets both."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .protocol import Way
+from .work import Column, contacts, designs
+
+__all__ = [
+    "Pair",
+    "Problem",
+    "cost",
+    "exp_cost",
+    "fresh",
+    "in_turn",
+    "inputs_for",
+    "job_for",
+    "problem_for",
+    "relative_error",
+]
+
+_SAMPLE = 2e-3  # [s]: shorter calls are repeated until they last this long
+_ROUND = 0.05  # [s]: a round of a job takes samples for so long, and keeps the shortest
+_ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """Times of two jobs that were run in turn.
+
+    Args:
+        first: the shortest time of the first [s].
+        second: the shortest time of the second [s].
+        ratio: the median over the rounds of second / first, each the shortest of its samples.
+        rounds: how many rounds there were.
+    """
+
+    first: float
+    second: float
+    ratio: float
+    rounds: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """The inputs of a case for one sensor, and the answers to hold results against.
+
+    Args:
+        inputs: (v, D_p) in case B, (v,) in the others.
+        answers: contact times or gains.
+    """
+
+    inputs: tuple[Column, ...]
+    answers: Column
+
+
+def job_for(way: Way, problem: Problem) -> tuple[Callable[[], Any], int, Column]:
+    """Prepare a way for as much of a problem as it can bear; return its job, its number of solves and its answers."""
+    count = min(len(problem.answers), way.largest)
+    job = way.make(*(column[:count] for column in problem.inputs))
+    return job, count, problem.answers[:count]
+
+
+def relative_error(found: Any, answers: Column) -> float:
+    """Return the largest relative error; infinite where there is no number."""
+    error = np.abs(np.asarray(found, dtype=np.float64) / answers - 1)
+    return float(np.where(np.isfinite(error), error, np.inf).max())
+
+
+def in_turn(first: Callable[[], Any], second: Callable[[], Any], budget: float, least: int = 3) -> Pair:
+    """Run two jobs in turn for about `budget` seconds, `least` rounds at least; both must have run before."""
+    end = time.perf_counter() + budget
+    times: list[tuple[float, float]] = []
+    repeats = [_repeats(_timed(job, 1)) for job in (first, second)]
+    while len(times) < least or (time.perf_counter() < end and len(times) < 1000):
+        times.append((_best(first, repeats[0]), _best(second, repeats[1])))
+    return Pair(
+        first=min(a for a, _ in times),
+        second=min(b for _, b in times),
+        ratio=statistics.median(b / a for a, b in times),
+        rounds=len(times),
+    )
+
+
+def cost(job: Callable[[], Any], budget: float) -> float:
+    """Return the shortest time of a job [s] that has run before."""
+    end = time.perf_counter() + budget
+    best = _timed(job, 1)
+    repeats = _repeats(best)
+    while time.perf_counter() < end:
+        best = min(best, _timed(job, repeats))
+    return best
+
+
+def _repeats(seconds: float) -> int:
+    return max(1, int(_SAMPLE / max(seconds, 1e-9)))
+
+
+def _best(job: Callable[[], Any], repeats: int) -> float:
+    """Return the shortest of the samples of one round."""
+    end = time.perf_counter() + _ROUND
+    best = _timed(job, repeats)
+    while time.perf_counter() < end:
+        best = min(best, _timed(job, repeats))
+    return best
+
+
+def _timed(job: Callable[[], Any], repeats: int) -> float:
+    start = time.perf_counter()
+    for _ in range(repeats):
+        job()
+    return (time.perf_counter() - start) / repeats
+
+
+def fresh(peer: str, sensor: str) -> Callable[[], Column]:
+    """Make the job of a fresh interpreter that designs one gain by a peer."""
+    command = [sys.executable, "-m", "benchmarks.peers.fresh", peer, sensor]
+
+    def job() -> Column:
+        run = subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=True)
+        return np.array([float(run.stdout)])
+
+    return job
+
+
+def exp_cost() -> float:
+    """Return what one exp() costs on this machine [s]: NumPy's vectorized one, on numbers that stay in the cache."""
+    numbers = np.linspace(-8.0, 0.0, 2048)
+    out = np.empty_like(numbers)
+    return cost(lambda: np.exp(numbers, out=out), 0.5) / len(numbers)
+
+
+def inputs_for(case: str, count: int) -> tuple[Column, ...]:
+    """Draw the inputs of a case: (v, D_p) of contacts, (v,) of designs."""
+    return contacts(count) if case == "B" else (designs(count),)
+
+
+def problem_for(case: str, sensor: str, count: int) -> Problem:
+    """Draw the work and solve it by the reference."""
+    from .reference import trusted_gains, trusted_times  # noqa: PLC0415 - it loads pretouch
+
+    inputs = inputs_for(case, count)
+    return Problem(inputs=inputs, answers=(trusted_times if case == "B" else trusted_gains)(sensor, *inputs))

@@ -1,0 +1,128 @@
+"""One row per case, sensor and way: measured, printed, and handed over as JSON."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .measuring import Pair, Problem, fresh, in_turn, job_for, problem_for, relative_error
+from .protocol import Peer, Way
+from .registry import OURS
+from .work import ACCURACY, CASES, SENSORS
+
+__all__ = ["HEADER", "Row", "measure", "title"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """What was measured of one way.
+
+    Args:
+        case: a letter of `work.CASES`.
+        sensor: a name of `work.SENSORS`.
+        peer: the library.
+        way: what it does.
+        solves: how many encounters or designs one call solved.
+        seconds: time per solve [s], the shortest of all rounds.
+        ours: that of pretouch in the same rounds [s].
+        ratio: time of the peer over that of pretouch per solve, the median over the rounds.
+        rounds: how many rounds there were.
+        error: the largest relative error of its contact times or gains.
+        exact: whether the error is within what the work asks for.
+    """
+
+    case: str
+    sensor: str
+    peer: str
+    way: str
+    solves: int
+    seconds: float
+    ours: float
+    ratio: float
+    rounds: int
+    error: float
+    exact: bool
+
+    def __str__(self) -> str:
+        mark = " " if self.exact else "!"
+        return (
+            f"{self.case}  {self.sensor:13s}  {self.peer:15s}  {self.way:36s} {self.solves:7d} "
+            f"{time_text(self.seconds):>10s} {self.error:8.0e}{mark} {_ratio_text(self.ratio):>9s}"
+        )
+
+
+HEADER = (
+    f"case sensor       {'peer':15s}  {'way':36s}  solves  per solve    error   ratio to ours   "
+    "(! less exact than the work asks for)"
+)
+
+
+def time_text(seconds: float) -> str:
+    """Write a time in the unit that suits it."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 1e-9:.3g} ns"
+
+
+def _ratio_text(ratio: float) -> str:
+    return f"{ratio:.3g}x" if ratio < 1000 else f"{ratio:,.0f}x"
+
+
+def measure(case: str, size: int, peers: dict[str, Peer], budget: float, least: int = 3) -> Iterator[Row | str]:
+    """Measure each way of each peer beside ours on one case.
+
+    Args:
+        case: a letter of `work.CASES`.
+        size: how many solves the case asks for.
+        peers: by short name, ours among them.
+        budget: seconds per pair.
+        least: rounds per pair at least.
+
+    Yields:
+        A row per way, ours first, or a line that says why there is none.
+    """
+    for sensor in SENSORS:
+        problem = problem_for(case, sensor, size)
+        (mine,) = (way for way in peers[OURS].cases() if way.sensor == sensor and case in way.cases)
+        for name, peer in peers.items():
+            for way in peer.cases():
+                if way.sensor != sensor or case not in way.cases:
+                    continue
+                try:
+                    yield _row(case, problem, (name, peer, way), mine, (budget, least))
+                except (ArithmeticError, RuntimeError, ValueError, IndexError, subprocess.CalledProcessError) as error:
+                    yield f"{case}  {sensor:13s}  {peer.name:15s}  {way.name}: failed ({str(error).splitlines()[0]})"
+
+
+def _row(case: str, problem: Problem, entry: tuple[str, Peer, Way], mine: Way, effort: tuple[float, int]) -> Row:
+    name, peer, way = entry
+    if case == "D":
+        (ours, our_count), answers = (fresh(OURS, way.sensor), 1), problem.answers
+        theirs, count = fresh(name, way.sensor), 1
+    else:
+        ours, our_count, _ = job_for(mine, problem)
+        theirs, count, answers = job_for(way, problem)
+    ours()
+    error = relative_error(theirs(), answers)
+    pair: Pair = in_turn(ours, theirs, *effort)
+    scale = our_count / count
+    return Row(
+        case=case,
+        sensor=way.sensor,
+        peer=peer.name,
+        way=way.name,
+        solves=count,
+        seconds=pair.second / count,
+        ours=pair.first / our_count,
+        ratio=pair.ratio * scale,
+        rounds=pair.rounds,
+        error=error,
+        exact=error <= ACCURACY[case],
+    )
+
+
+def title(case: str, size: int) -> str:
+    """Name a case and its size."""
+    return f"{case}: {CASES[case]}" if size == 1 else f"{case}: {size:,} {CASES[case]}"

@@ -1,0 +1,118 @@
+"""The peers of benchmarks/ do the same work as pretouch: a smoke test on tiny sizes, of those that are installed."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from benchmarks.peers import registry, work
+from benchmarks.peers.measuring import in_turn, inputs_for, problem_for, relative_error
+from benchmarks.peers.protocol import missing
+
+ROOT = Path(__file__).parents[2]
+NEEDED_BY_ALL = {"pretouch", "numpy", "scipy"}
+TINY = {"A": 1, "B": 5, "C": 2}
+
+
+def ours(case: str, sensor: str, inputs: tuple[np.ndarray, ...]) -> np.ndarray:
+    (way,) = (w for w in registry.load("pretouch").cases() if w.sensor == sensor and case in w.cases)
+    return way.make(*inputs)()
+
+
+@pytest.mark.parametrize("name", registry.PEERS)
+def test_a_peer_says_what_it_is_without_its_library(name: str) -> None:
+    peer = registry.load(name)
+    assert peer.name
+    assert isinstance(peer.available(), str)
+    assert name not in NEEDED_BY_ALL or not peer.available()
+    assert peer.cases()
+    for way in peer.cases():
+        assert way.sensor in work.SENSORS
+        assert way.cases
+        assert set(way.cases) <= set(work.CASES)
+        assert "B" not in way.cases or way.cases == "B", "contacts and designs are made from different inputs"
+        assert not way.grows or way.cases == "B"
+        assert 0 < way.tolerance <= 0.1
+
+
+@pytest.mark.parametrize("name", [n for n in registry.PEERS if n != "pretouch"])
+def test_a_peer_agrees_with_ours_to_its_tolerance(name: str) -> None:
+    peer = registry.load(name)
+    if peer.available():
+        pytest.skip(peer.available())
+    for way in peer.cases():
+        for case in set(way.cases) & set(TINY):
+            inputs = inputs_for(case, TINY[case])
+            found = way.make(*inputs)()
+            assert found.shape == (TINY[case],), way
+            own = ours(case, way.sensor, inputs)
+            assert relative_error(found, own) <= way.tolerance + work.ACCURACY[case], way
+
+
+@pytest.mark.parametrize("sensor", work.SENSORS)
+@pytest.mark.parametrize("case", TINY)
+def test_the_reference_takes_another_way_and_agrees(case: str, sensor: str) -> None:
+    """Contacts by integration, optima from contacts alone; both are good to far more than the work asks for."""
+    problem = problem_for(case, sensor, 5 * TINY[case])
+    assert relative_error(ours(case, sensor, problem.inputs), problem.answers) <= work.ACCURACY[case]
+
+
+def test_fewer_encounters_are_the_first_ones_of_more() -> None:
+    few, many = work.contacts(3), work.contacts(7)
+    for a, b in zip(few, many, strict=True):
+        np.testing.assert_array_equal(a, b[:3])
+    assert work.designs(1).tolist() == [work.VELOCITY]
+
+
+def test_pairs_are_run_in_turn() -> None:
+    order: list[str] = []
+
+    def job(name: str) -> None:
+        order.append(name)
+        time.sleep(1e-3)
+
+    pair = in_turn(lambda: job("a"), lambda: job("b"), 0.0)
+    assert pair.rounds == 3
+    assert re.fullmatch(r"(a+b+){4}", "".join(order))
+    assert pair.ratio > 0
+
+
+def test_a_missing_module_is_a_reason() -> None:
+    assert missing("numpy") == ""
+    assert missing("numpy", "no_such_module_at_all") == "no_such_module_at_all not installed"
+
+
+def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path) -> None:
+    """Case A and the figure beside NumPy alone, in a process of its own: it holds itself to one processor."""
+    file, figure = tmp_path / "rows.json", tmp_path / "cost.png"
+    options = ["--case", "A", "--peer", "numpy", "--quick", "--seconds", "0.01"]
+    run = subprocess.run(
+        [sys.executable, "-m", "benchmarks.peers", *options, "--json", str(file), "--figure", str(figure)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8", "PYTHONPATH": os.pathsep.join([str(ROOT / "src")])},
+    )
+    assert run.returncode == 0, run.stderr
+    record = json.loads(file.read_text(encoding="utf-8"))
+    assert [(row["peer"], row["sensor"]) for row in record["rows"]] == [
+        ("pretouch", "exponential-1"),
+        ("NumPy", "exponential-1"),
+        ("pretouch", "inverse-power"),
+    ]
+    for row in record["rows"]:
+        assert row["exact"]
+        assert f"{row['error']:.0e}" in run.stdout
+    assert {growth["peer"] for growth in record["growth"]} == {"pretouch", "NumPy"}
+    assert figure.read_bytes().startswith(b"\x89PNG")

@@ -1,4 +1,4 @@
-"""A batch is solved by fast paths that prove what they find, and is what the guaranteed path gives for every kind of run."""
+"""A batch is solved by fast paths that prove what they find: it is what the guaranteed path gives, run by run."""
 
 from __future__ import annotations
 

@@ -50,7 +50,8 @@ def test_brute_force_finds_nothing_better(letter_encounter: Scenario, name: str,
     # the grid's best gain lies beside ours: one grid step in ln D is 0.0023
     assert abs(math.log(design.gain / gains[values.argmin()])) < 0.005
     assert design.certificate.at == "bound" or design.certificate.stationarity < 1e-6
-    assert design.objective == pytest.approx(sum(design.objective_parts.values()), rel=1e-14)
+    # the search takes contacts that are good to 1e-10, the result one of the guaranteed path
+    assert design.objective == pytest.approx(sum(design.objective_parts.values()), rel=1e-10)
 
 
 def test_the_optimum_is_global_where_there_are_several(letter_encounter: Scenario) -> None:

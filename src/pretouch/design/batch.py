@@ -20,7 +20,7 @@ from .evidence import Problem
 from .result import DesignStatus, GainDesign
 from .search import RESOLVED, SCANNED
 
-__all__ = ["ArrayEvidence", "design_many", "scenario_at"]
+__all__ = ["ArrayEvidence", "design_many", "scenario_at", "settle_one"]
 
 _BLOCK: Final = 8192  # designs that are scanned side by side: 65 encounters each
 _COUNTS: Final = (
@@ -34,7 +34,8 @@ _FIT: Final = 1e-7  # of the range of values: how well the polynomial must meet 
 _EDGE: Final = np.array([5.0, 15.0, -5.0, 1.0]) / 16
 _CHEBYSHEV: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
 _VALUES: Final = np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _DEGREE)
-_TO_COEFFICIENTS: Final = np.linalg.pinv(_VALUES)
+_TO_COEFFICIENTS: Final = np.linalg.pinv(_VALUES)  # few, for a derivative without the rounding of the nodes
+_TO_ALL: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _NODES - 1))  # all, for the value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +85,22 @@ def design_many(problem: Problem, design_one: Callable[[tuple[int, ...]], GainDe
     return status.reshape(shape), gain.reshape(shape), objective.reshape(shape)
 
 
+def settle_one(problem: Problem) -> tuple[float, float] | None:
+    """Design a single encounter in the way of many.
+
+    Args:
+        problem: the problem, with one encounter.
+
+    Returns:
+        The optimal gain [N s] and the objective there, or None where that is not settled for certain.
+    """
+    for count in _COUNTS:
+        gain, objective, settled = _design_block(problem, count)
+        if settled[0]:
+            return float(gain[0]), float(objective[0])
+    return None
+
+
 def scenario_at(scenario: Scenario, index: tuple[int, ...]) -> Scenario:
     """Return one encounter of an array.
 
@@ -118,7 +135,7 @@ def _design_block(problem: Problem, count: int) -> tuple[FloatArray, FloatArray,
     """Design a column of encounters; return gain, objective, and for which that is settled."""
     low, high = problem.axis.coordinate(np.array([problem.axis.low, problem.axis.high]))
     u = np.linspace(low, high, count)
-    scanned = problem.landscape(u)
+    scanned = problem.landscape(u[None])
     every, merit = scanned.objective, scanned.merit
     settled = scanned.feasible.all(axis=1)  # an edge of contact or of a limit needs the search that halves intervals
     with np.errstate(invalid="ignore"):
@@ -161,7 +178,7 @@ def _polish(problem: Problem, left: FloatArray, right: FloatArray) -> tuple[Floa
             step = _each(slope, z) / _each(bend, z)
             z = np.clip(z - step, -1.0, 1.0)
     usable &= (np.abs(step) < 1e-10) & (_each(bend, z) > 0) & (np.abs(z) < 1)
-    return middle + half * z, _each(coefficients.T, z), usable
+    return middle + half * z, _each((values @ _TO_ALL.T).T, z), usable
 
 
 def _each(coefficients: FloatArray, z: FloatArray) -> FloatArray:

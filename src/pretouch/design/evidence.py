@@ -17,7 +17,7 @@ from .constraints import Constraint
 from .impact import ImpactModel
 from .objectives import Objective
 from .result import Certificate, ConstraintOutcome, Sensitivity, TradeOff
-from .search import GainAxis, Landscape, Minimum, Scan, refine
+from .search import GainAxis, Landscape, Minimum, Scan, refine, scan
 from .sensitivity import gain_sensitivities
 
 __all__ = ["Evaluator", "Evidence", "Problem"]
@@ -71,21 +71,44 @@ class Evidence:
 
     Args:
         problem: what was designed.
-        scanned: the scan of the whole range.
-        best: the best minimum of the objective; None where no gain is feasible.
-        minima: all of them, best first.
-        nearest_gain: where no gain is feasible, the one that exceeds the limits least; None where none makes contact.
+        settled: the optimal gain, where that was settled without the whole scan.
     """
 
     problem: Problem
-    scanned: Scan
-    best: Minimum | None
-    minima: tuple[Minimum, ...]
-    nearest_gain: float | None
+    settled: float | None = None
+
+    @cached_property
+    def scanned(self) -> Scan:
+        """The scan of the whole range, refined until neighbors predict each other."""
+        axis = self.problem.axis
+        low, high = axis.coordinate(np.array([axis.low, axis.high]))
+        return scan(self.problem.landscape, float(low), float(high))
+
+    @cached_property
+    def minima(self) -> tuple[Minimum, ...]:
+        """All local minima of the objective, refined, best first."""
+        found = self.scanned
+        return tuple(refine(lambda u: self.problem.landscape(u).merit, found.coordinate, found.landscape.merit))
+
+    @property
+    def best(self) -> Minimum | None:
+        """The best minimum; None where no gain is feasible."""
+        return self.minima[0] if self.minima else None
+
+    @cached_property
+    def nearest_gain(self) -> float | None:
+        """Where no gain is feasible, the one that exceeds the limits least; None where none makes contact."""
+        if self.minima:
+            return None
+        found, problem = self.scanned, self.problem
+        near = refine(lambda u: problem.landscape(u).worst_ratio, found.coordinate, found.landscape.worst_ratio)
+        return float(problem.axis.gain(near[0].coordinate)) if near else None
 
     @cached_property
     def gain(self) -> float | None:
         """The optimal gain [N s]."""
+        if self.settled is not None:
+            return self.settled
         return None if self.best is None else float(self.problem.axis.gain(self.best.coordinate))
 
     @cached_property
@@ -96,7 +119,9 @@ class Evidence:
     @cached_property
     def nearest(self) -> ContactResult | None:
         """The encounter at the nearest gain."""
-        return None if self.nearest_gain is None else self.problem.run(self.nearest_gain)
+        if self.gain is not None or self.nearest_gain is None:
+            return None
+        return self.problem.run(self.nearest_gain)
 
     @cached_property
     def no_mitigation(self) -> ContactResult:
@@ -146,7 +171,7 @@ class Evidence:
     @cached_property
     def at(self) -> str:
         """Where the optimum sits, as in Certificate."""
-        if self.best is None or not self.best.edge:
+        if self.settled is not None or self.best is None or not self.best.edge:
             return "interior"
         active = next((o.name for o in self.constraints if o.active), None)
         return active or ("bound" if _at_bound(self.problem.axis, self.best.coordinate) else "edge of contact")

@@ -6,20 +6,18 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch.motion import Scenario, find_contact
 from pretouch.sensors import SensorModel
 
-from .batch import ArrayEvidence, design_many, scenario_at
+from .batch import ArrayEvidence, design_many, scenario_at, settle_one
 from .constraints import Constraint
 from .evidence import Evaluator, Evidence, Problem
 from .impact import ImpactModel
 from .objectives import Objective
 from .result import DesignStatus, GainDesign
-from .search import GainAxis, refine, scan
+from .search import GainAxis
 
 __all__ = ["Evaluator", "design_gain"]
 
@@ -85,23 +83,14 @@ def design_gain(
     _check(problem)
     if scenario.shape != ():
         return _design_array(problem)
-    ends = problem.axis.coordinate(np.array([low, high]))
-    scanned = scan(problem.landscape, float(ends[0]), float(ends[1]))
-    minima = refine(lambda u: problem.landscape(u).merit, scanned.coordinate, scanned.landscape.merit)
-    nearest = None
-    if not minima:
-        near = refine(lambda u: problem.landscape(u).worst_ratio, scanned.coordinate, scanned.landscape.worst_ratio)
-        nearest = float(problem.axis.gain(near[0].coordinate)) if near else None
-    evidence = Evidence(
-        problem=problem,
-        scanned=scanned,
-        best=minima[0] if minima else None,
-        minima=tuple(minima),
-        nearest_gain=nearest,
-    )
-    impossible = DesignStatus.NO_CONTACT if nearest is None else DesignStatus.INFEASIBLE
-    objective_value = minima[0].value if minima else None
-    return _design(problem, DesignStatus.OPTIMAL if minima else impossible, evidence.gain, objective_value, evidence)
+    settled = settle_one(problem)
+    if settled is not None:
+        return _design(problem, DesignStatus.OPTIMAL, *settled, Evidence(problem=problem, settled=settled[0]))
+    evidence = Evidence(problem=problem)
+    if evidence.best is not None:
+        return _design(problem, DesignStatus.OPTIMAL, evidence.gain, evidence.best.value, evidence)
+    contact = evidence.nearest_gain is not None
+    return _design(problem, DesignStatus.INFEASIBLE if contact else DesignStatus.NO_CONTACT, None, None, evidence)
 
 
 def _design_array(problem: Problem) -> GainDesign:

@@ -35,6 +35,8 @@ _EDGE: Final = np.array([5.0, 15.0, -5.0, 1.0]) / 16
 _CHEBYSHEV: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
 _VALUES: Final = np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _DEGREE)
 _TO_COEFFICIENTS: Final = np.linalg.pinv(_VALUES)  # few, for a derivative without the rounding of the nodes
+_SLOPE: Final = np.polynomial.chebyshev.chebder(np.eye(_DEGREE + 1)).T
+_BEND: Final = np.pad(np.polynomial.chebyshev.chebder(np.eye(_DEGREE + 1), 2).T, ((0, 0), (0, 1)))
 _TO_ALL: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _NODES - 1))  # all, for the value
 
 
@@ -169,18 +171,20 @@ def _polish(problem: Problem, left: FloatArray, right: FloatArray) -> tuple[Floa
     coefficients = values @ _TO_COEFFICIENTS.T
     miss = np.abs(coefficients @ _VALUES.T - values).max(axis=1)
     usable &= miss <= _FIT * np.ptp(values, axis=1)
-    slope = np.asarray(np.polynomial.chebyshev.chebder(coefficients.T), dtype=np.float64)
-    bend = np.asarray(np.polynomial.chebyshev.chebder(slope), dtype=np.float64)
+    first_two = np.stack([coefficients @ _SLOPE, coefficients @ _BEND])  # df/dz and its derivative
+    both = np.asarray(first_two.transpose(2, 0, 1), dtype=np.float64)
     z = _CHEBYSHEV[np.argmin(values, axis=1)]
-    step = np.zeros_like(z)
     with np.errstate(all="ignore"):
         for _ in range(8):
-            step = _each(slope, z) / _each(bend, z)
+            slope, bend = _each(both, z)
+            step = slope / bend
             z = np.clip(z - step, -1.0, 1.0)
-    usable &= (np.abs(step) < 1e-10) & (_each(bend, z) > 0) & (np.abs(z) < 1)
+            if (np.abs(step) < 1e-13).all():
+                break
+    usable &= (np.abs(step) < 1e-10) & (bend > 0) & (np.abs(z) < 1)
     return middle + half * z, _each((values @ _TO_ALL.T).T, z), usable
 
 
 def _each(coefficients: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate one Chebyshev series per column at one point each."""
+    """Evaluate Chebyshev series, coefficients first and one column per point, at one point each."""
     return np.asarray(np.polynomial.chebyshev.chebval(z, coefficients, tensor=False))

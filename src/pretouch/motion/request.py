@@ -80,6 +80,8 @@ class Request:
 
     def block(self, start: int, stop: int) -> tuple[FloatArray, ...]:
         """Return the columns of a stretch of encounters without a copy; those of length 1 as they are."""
+        if stop - start == self.size:
+            return self.columns
         return tuple(c if len(c) == 1 else c[start:stop] for c in self.columns)
 
 

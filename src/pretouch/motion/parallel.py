@@ -52,3 +52,7 @@ def _cores() -> int:
 @lru_cache(maxsize=1)
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=max(_cores() - 1, 1), thread_name_prefix="pretouch")
+
+
+if hasattr(os, "register_at_fork"):  # a child process has the pool, but none of its threads: work would wait for good
+    os.register_at_fork(after_in_child=_pool.cache_clear)

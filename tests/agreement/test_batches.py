@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tracemalloc
 
 import numpy as np
@@ -75,3 +77,31 @@ def test_memory_is_that_of_input_and_output(name: str, monkeypatch: pytest.Monke
     blocks = 4 * 48 * 10_000 + 200_000
     assert found.end.time.nbytes + found.status.nbytes == output
     assert peak <= output + gain.nbytes + blocks + n, "a truth value per encounter is made on the way"
+
+
+def test_no_mixture_of_inputs_compiles_a_kernel_again() -> None:
+    """Numba compiles for each type of array, and a read-only one is a type of its own."""
+    code = """
+import numpy as np, pretouch as pt
+from pretouch.motion.kernels import linear, linear_block, linear_block_states, series, series_block
+many, sensors = np.linspace(1.0, 2.0, 20), (
+    pt.ExponentialFirstOrder(scale=0.458, rate=-61.0),
+    pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
+)
+mixtures = ((1.0, many, -many), (1.0, 1.0, -many), (many, 1.0, -0.5), (many, many, -0.5), (1.0, 1.0, -0.5))
+for mass, speed, gain in mixtures:
+    scenario = pt.Scenario(
+        admittance=pt.Admittance(mass=mass, damping=10.0, stiffness=25.0),
+        obstacle=pt.Obstacle(position=0.0422, velocity=-0.3 * speed),
+    )
+    for sensor in sensors:
+        end = pt.find_contact(scenario, sensor, gain).end
+        end.position, end.largest_excursion
+kernels = (
+    linear.solve_linear, linear_block.contact_times, linear_block_states.contact_states,
+    series.solve_series, series_block.contact_times,
+)
+print([len(kernel.signatures) for kernel in kernels])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[1, 1, 1, 1, 1]\n"

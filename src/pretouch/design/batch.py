@@ -56,12 +56,12 @@ class ArrayEvidence:
         )
 
 
-def design_many(problem: Problem, design_one: Callable[[tuple[int, ...]], GainDesign]) -> tuple[Any, Any, Any]:
+def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -> tuple[Any, Any, Any]:
     """Design the gain of every encounter of an array.
 
     Args:
         problem: the problem, with an array of encounters.
-        design_one: designs the encounter at an index alone.
+        search_one: designs a single encounter by the whole search.
 
     Returns:
         Status, gain [N s] and objective of the scenario's shape; NaN unless optimal.
@@ -80,7 +80,8 @@ def design_many(problem: Problem, design_one: Callable[[tuple[int, ...]], GainDe
             if not len(which):
                 break
         for i in which:
-            one = design_one(tuple(int(k) for k in np.unravel_index(i, shape)))
+            index = tuple(int(k) for k in np.unravel_index(i, shape))
+            one = search_one(replace(problem, scenario=scenario_at(problem.scenario, index)))
             status[i] = one.status.value
             if one.gain is not None and one.objective is not None:
                 gain[i], objective[i] = one.gain, one.objective

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -81,34 +82,30 @@ def design_gain(
         axis=GainAxis(low=low, high=high),
     )
     _check(problem)
-    if scenario.shape != ():
-        return _design_array(problem)
+    if scenario.shape == ():
+        return _design_one(problem)
+
+    def design_at(index: tuple[int, ...]) -> GainDesign:
+        return _design_one(replace(problem, scenario=scenario_at(scenario, index)))
+
+    return _design(problem, *design_many(problem, _search_one), ArrayEvidence(design_one=design_at))
+
+
+def _design_one(problem: Problem) -> GainDesign:
+    """Design a single encounter, by the search of many where that settles it for certain."""
     settled = settle_one(problem)
-    if settled is not None:
-        return _design(problem, DesignStatus.OPTIMAL, *settled, Evidence(problem=problem, settled=settled[0]))
+    if settled is None:
+        return _search_one(problem)
+    return _design(problem, DesignStatus.OPTIMAL, *settled, Evidence(problem=problem, settled=settled[0]))
+
+
+def _search_one(problem: Problem) -> GainDesign:
+    """Design a single encounter by the scan that halves intervals until neighbors predict each other."""
     evidence = Evidence(problem=problem)
     if evidence.best is not None:
         return _design(problem, DesignStatus.OPTIMAL, evidence.gain, evidence.best.value, evidence)
     contact = evidence.nearest_gain is not None
     return _design(problem, DesignStatus.INFEASIBLE if contact else DesignStatus.NO_CONTACT, None, None, evidence)
-
-
-def _design_array(problem: Problem) -> GainDesign:
-    """Design the gain of every encounter of an array."""
-
-    def design_one(index: tuple[int, ...]) -> GainDesign:
-        return design_gain(
-            scenario_at(problem.scenario, index),
-            problem.sensor,
-            problem.objective,
-            bounds=(problem.axis.low, problem.axis.high),
-            constraints=problem.constraints,
-            impact=problem.impact,
-            evaluate=problem.evaluate,
-        )
-
-    status, gain, objective = design_many(problem, design_one)
-    return _design(problem, status, gain, objective, ArrayEvidence(design_one=design_one))
 
 
 def _design(problem: Problem, status: Any, gain: Any, objective: Any, evidence: Any) -> GainDesign:

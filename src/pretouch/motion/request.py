@@ -76,7 +76,7 @@ class Request:
         values = np.empty((count, 10))
         for i in range(10):
             values[:, i] = self.columns[i][0] if len(self.columns[i]) == 1 else self.columns[i][which]
-        return values, np.ascontiguousarray(self.column(10)[which])
+        return values, self.column(10)[which].copy()
 
     def block(self, start: int, stop: int) -> tuple[FloatArray, ...]:
         """Return the columns of a stretch of encounters without a copy; those of length 1 as they are."""
@@ -126,6 +126,7 @@ def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, metho
 def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
+        numbers.setflags(write=False)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))
     return tuple(_flat(column, shape) for column in columns)
 
@@ -133,8 +134,8 @@ def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatA
 def _flat(column: Any, shape: tuple[int, ...]) -> FloatArray:
     """Flatten a column over the broadcast shape; a number shared by all stays one."""
     array = np.asarray(column, dtype=np.float64)
-    if array.size == 1:
-        return array.reshape(1)
-    if array.shape != shape:
+    if array.size != 1 and array.shape != shape:
         array = np.broadcast_to(array, shape)
-    return np.ascontiguousarray(array).reshape(-1)
+    flat = np.ascontiguousarray(array).reshape(-1)[:]
+    flat.setflags(write=False)  # all alike: a kernel is compiled anew for every mixture of arrays that are and are not
+    return flat

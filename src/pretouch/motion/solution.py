@@ -112,7 +112,7 @@ class Solution:
         return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
 
 
-def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, IntArray]:
+def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
     """Solve some or all encounters of a request by its method, whatever they are like."""
     count = request.size if which is None else len(which)
     rows = np.empty((count, len(COLUMNS)))
@@ -129,14 +129,12 @@ def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatA
 
         for_stretches(run, count, least=_LEAST, most=_MOST)
     _hold_overflow(request, which, rows, status)
-    return rows, status
+    return rows, status.astype(np.int8)
 
 
 def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
     """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
     always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
-    if np.isfinite(rows).all():
-        return
     bad = np.flatnonzero(~np.isfinite(rows[:, always_finite]).all(axis=1))
     if len(bad):
         v, _ = request.part(bad if which is None else which[bad])

@@ -32,6 +32,7 @@ class Pretouch:
                 on(name="find_contact", cases="B", make=partial(_contacts, sensor), tolerance=1e-9, grows=True),
                 on(name="design_gain", cases="AD", make=partial(_one_by_one, sensor), tolerance=1e-7),
                 on(name="design_gain", cases="C", make=partial(_designs, sensor), tolerance=1e-7, size=_most_designs),
+                on(name="design_gain, each alone", cases="C", make=partial(_scattered, sensor), tolerance=1e-7),
             ]
         return ways
 
@@ -97,6 +98,21 @@ def _one_by_one(name: str, v: Column) -> Job:
 
     sensor, encounters = sensor_named(name), [scenario(velocity) for velocity in v.tolist()]
     return lambda: np.array([_design(encounter, sensor) for encounter in encounters])
+
+
+def _scattered(name: str, v: Column) -> Job:
+    """Return the same designs for encounters that differ in more than the speed, if only by a unit of rounding."""
+    import numpy as np  # noqa: PLC0415
+
+    from pretouch import Admittance, Obstacle, Scenario  # noqa: PLC0415
+
+    damping = DAMPING * (1 + 2.0**-52 * (np.arange(len(v)) % 2))
+    encounters = Scenario(
+        admittance=Admittance(mass=MASS, damping=damping, stiffness=STIFFNESS),
+        obstacle=Obstacle(position=DISTANCE, velocity=v),
+    )
+    sensor = sensor_named(name)
+    return lambda: np.asarray(_design(encounters, sensor), dtype=np.float64)
 
 
 def _designs(name: str, v: Column) -> Job:

@@ -172,15 +172,18 @@ def test_not_even_a_temporary_folder_has_to_exist(found: Callable, monkeypatch: 
     assert found() is None
 
 
-def test_other_sources_are_other_machine_code(found: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("changed", ["motion/kernels/layout.py", "design/kernels/sampling.py"])
+def test_other_sources_are_other_machine_code(
+    found: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
     """The folder follows the sources of all kernels, not only that of the function that is called."""
     before = found(cache=str(tmp_path / "cache"))
-    copy = tmp_path / "kernels"
-    copy.mkdir()
-    for path in Path(compiler.__file__).parent.glob("*.py"):
-        (copy / path.name).write_bytes(path.read_bytes())
-    monkeypatch.setattr(compiler, "__file__", str(copy / "compiler.py"))
+    package, copy = Path(compiler.__file__).parents[2], tmp_path / "package"
+    for path in package.glob("*/kernels/*.py"):
+        (copy / path.relative_to(package)).parent.mkdir(parents=True, exist_ok=True)
+        (copy / path.relative_to(package)).write_bytes(path.read_bytes())
+    monkeypatch.setattr(compiler, "__file__", str(copy / "motion" / "kernels" / "compiler.py"))
     assert found(cache=str(tmp_path / "cache")) == before
-    with (copy / "layout.py").open("a") as stream:
+    with (copy / changed).open("a") as stream:
         stream.write("# changed\n")
     assert found(cache=str(tmp_path / "cache")) != before

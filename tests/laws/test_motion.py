@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from encounters import CURVES, KINDS, random_encounters
@@ -114,6 +114,45 @@ def test_more_gain_never_arrives_faster(scenario: Scenario, gain: float, more: f
     steady = replace(scenario, obstacle=replace(scenario.obstacle, acceleration=0.0))
     weak, strong = find_contact(steady, CURVES[name], [-gain, -gain * more], horizon=100.0).end.time
     assert strong >= weak * (1 - 1e-12)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(
+    mass=st.floats(0.1, 10),
+    omega=st.floats(0, 20),
+    ratio=st.floats(1, 4),
+    start=st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.5)),
+    velocity=st.floats(-1, -0.01),
+    acceleration=st.floats(-2, 0),
+    gain=st.floats(0.001, 2),
+    more=st.floats(1.01, 3),
+    name=curves,
+)
+def test_a_stronger_gain_touches_later_where_the_designs_rely_on_it(
+    mass: float,
+    omega: float,
+    ratio: float,
+    start: tuple[float, float],
+    velocity: float,
+    acceleration: float,
+    gain: float,
+    more: float,
+    name: str,
+) -> None:
+    """The theorem of docs/fast-designs.md: no less than critical damping, a plant anywhere, an obstacle that comes."""
+    damping, stiffness = 2 * ratio * omega * mass, mass * omega**2
+    x0, u0 = start
+    rate = omega * (ratio - np.sqrt(ratio**2 - 1)) * mass
+    assume(-damping * velocity - stiffness * x0 >= rate * (u0 - velocity) > 0)
+    scenario = Scenario(
+        admittance=Admittance(mass=mass, damping=damping, stiffness=stiffness),
+        obstacle=Obstacle(position=x0 + 0.0422, velocity=velocity, acceleration=acceleration),
+        plant=Plant(position=x0, velocity=u0),
+    )
+    motion = solve_motion(scenario, CURVES[name], [-gain, -gain * more], horizon=100.0)
+    weak, strong = motion.result.end.time
+    assert strong >= weak * (1 - 1e-12)
+    assert (motion.relative_velocity <= 1e-9).all(), "l falls all along"
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)

@@ -34,6 +34,8 @@ def finite(value: ArrayLike, name: str, unit: str = "") -> Any:
     given: Any = value
     if type(given) is float and math.isfinite(given):  # by far the most common: without a detour over an array
         return given
+    if type(given) is int and abs(given) < 2**53:
+        return float(given)
     array = _numbers(value)
     if array is None:
         raise InvalidInputError(f"{name}: found {value!r}, expected a number{_in(unit)}")

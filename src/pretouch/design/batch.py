@@ -16,7 +16,9 @@ from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import Scenario
 
-from .evidence import Problem
+from .compiled_search import search_compiled
+from .family import find_family
+from .problem import Problem
 from .result import DesignStatus, GainDesign
 from .search import RESOLVED, SCANNED
 
@@ -67,15 +69,25 @@ def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -
         Status, gain [N s] and objective of the scenario's shape; NaN unless optimal.
     """
     shape = problem.scenario.shape
+    found = find_family(problem)
+    if found is not None and found[2].all():
+        optimal = np.broadcast_to(np.array(DesignStatus.OPTIMAL.value, dtype="<U10"), shape)
+        return optimal, found[0].reshape(shape), found[1].reshape(shape)
     size = int(np.prod(shape, dtype=np.int64))
     status = np.full(size, DesignStatus.OPTIMAL.value, dtype="<U10")
     gain, objective = np.full(size, np.nan), np.full(size, np.nan)
-    for start in range(0, size, _BLOCK):
-        which = np.arange(start, min(start + _BLOCK, size))
+    waiting = np.arange(size)
+    for again in (False, True):
+        tried = search_compiled(_column(problem, waiting)) if again else found
+        if tried is not None:
+            settled = tried[2]
+            gain[waiting[settled]], objective[waiting[settled]] = tried[0][settled], tried[1][settled]
+            waiting = waiting[~settled]
+    for start in range(0, len(waiting), _BLOCK):
+        which = waiting[start : start + _BLOCK]
         for count in _COUNTS:
-            part = replace(problem, scenario=_column(problem.scenario, shape, which))
-            found, value, settled = _design_block(part, count)
-            gain[which[settled]], objective[which[settled]] = found[settled], value[settled]
+            best, value, settled = _design_block(_column(problem, which), count)
+            gain[which[settled]], objective[which[settled]] = best[settled], value[settled]
             which = which[~settled]
             if not len(which):
                 break
@@ -97,11 +109,8 @@ def settle_one(problem: Problem) -> tuple[float, float] | None:
     Returns:
         The optimal gain [N s] and the objective there, or None where that is not settled for certain.
     """
-    for count in _COUNTS:
-        gain, objective, settled = _design_block(problem, count)
-        if settled[0]:
-            return float(gain[0]), float(objective[0])
-    return None
+    gain, objective, settled = _design_block(problem, SCANNED)
+    return (float(gain[0]), float(objective[0])) if settled[0] else None
 
 
 def scenario_at(scenario: Scenario, index: tuple[int, ...]) -> Scenario:
@@ -118,12 +127,14 @@ def scenario_at(scenario: Scenario, index: tuple[int, ...]) -> Scenario:
     return _mapped(scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
 
 
-def _column(scenario: Scenario, shape: tuple[int, ...], which: Any) -> Scenario:
-    """Return some encounters as a column, shape (m, 1), so that a row of gains broadcasts with them."""
-    return _mapped(
-        scenario,
-        lambda value: value if np.ndim(value) == 0 else np.broadcast_to(value, shape).reshape(-1)[which][:, None],
-    )
+def _column(problem: Problem, which: Any) -> Problem:
+    """Return the problem of some encounters as a column, shape (m, 1), so that a row of gains broadcasts with them."""
+    shape = problem.scenario.shape
+
+    def taken(value: Any) -> Any:
+        return value if np.ndim(value) == 0 else np.broadcast_to(value, shape).reshape(-1)[which][:, None]
+
+    return replace(problem, scenario=_mapped(problem.scenario, taken))
 
 
 def _mapped(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:

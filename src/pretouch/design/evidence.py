@@ -2,67 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
-from pretouch.motion import ContactResult, Scenario
-from pretouch.sensors import SensorModel
+from pretouch.motion import ContactResult
 
 from .constraints import Constraint
-from .impact import ImpactModel
-from .objectives import Objective
+from .problem import Problem
 from .result import Certificate, ConstraintOutcome, Sensitivity, TradeOff
-from .search import GainAxis, Landscape, Minimum, Scan, refine, scan
+from .search import GainAxis, Minimum, Scan, refine, scan
 from .sensitivity import gain_sensitivities
 
-__all__ = ["Evaluator", "Evidence", "Problem"]
+__all__ = ["Evidence"]
 
-Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 _ACTIVE = 1e-6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
-    """One design problem, and the two views of it that the search needs.
-
-    Args:
-        scenario: one encounter.
-        sensor: the sensor curve.
-        objective: what is minimized.
-        constraints: limits that the encounter must keep.
-        impact: physical properties, where given.
-        evaluate: solves encounters.
-        axis: the coordinate of the gain, with its bounds.
-    """
-
-    scenario: Scenario
-    sensor: SensorModel
-    objective: Objective
-    constraints: tuple[Constraint, ...]
-    impact: ImpactModel | None
-    evaluate: Evaluator
-    axis: GainAxis
-
-    def run(self, gain: Any) -> ContactResult:
-        """Solve the encounter with one gain or several."""
-        return self.evaluate(self.scenario, self.sensor, gain)
-
-    def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Appraise gains by their coordinates."""
-        result = self.run(self.axis.gain(coordinate))
-        reached = result.reached
-        speed = abs(self.scenario.obstacle.velocity)
-        value = self.objective.value(result.end, speed, self.impact)
-        ratios = [c.magnitude(result.end, self.impact) / c.limit for c in self.constraints]
-        return Landscape(
-            objective=np.where(reached, value, np.inf),
-            ratios=np.where(reached, np.reshape(ratios, (len(ratios), *np.shape(reached))), np.inf),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

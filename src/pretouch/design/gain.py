@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
-from pretouch.motion import Scenario, find_contact
+from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
 from .batch import ArrayEvidence, design_many, scenario_at, settle_one
+from .compiled_search import search_compiled
 from .constraints import Constraint
-from .evidence import Evaluator, Evidence, Problem
+from .evidence import Evidence
 from .impact import ImpactModel
 from .objectives import Objective
+from .problem import Evaluator, Problem
 from .result import DesignStatus, GainDesign
 from .search import GainAxis
 
@@ -78,8 +79,10 @@ def design_gain(
         objective=objective,
         constraints=tuple(constraints),
         impact=impact,
-        evaluate=evaluate or partial(find_contact, method=method, horizon=horizon),
         axis=GainAxis(low=low, high=high),
+        method=method,
+        horizon=horizon,
+        evaluator=evaluate,
     )
     _check(problem)
     if scenario.shape == ():
@@ -93,10 +96,15 @@ def design_gain(
 
 def _design_one(problem: Problem) -> GainDesign:
     """Design a single encounter, by the search of many where that settles it for certain."""
-    settled = settle_one(problem)
-    if settled is None:
-        return _search_one(problem)
-    return _design(problem, DesignStatus.OPTIMAL, *settled, Evidence(problem=problem, settled=settled[0]))
+    found = search_compiled(problem)
+    if found is not None and found[2][0]:
+        gain, value = float(found[0][0]), float(found[1][0])
+    else:
+        settled = settle_one(problem)
+        if settled is None:
+            return _search_one(problem)
+        gain, value = settled
+    return _design(problem, DesignStatus.OPTIMAL, gain, value, Evidence(problem=problem, settled=gain))
 
 
 def _search_one(problem: Problem) -> GainDesign:

@@ -41,6 +41,11 @@ class GainAxis:
         small, large = sorted((abs(self.low), abs(self.high)))
         return small if self.low * self.high > 0 else 1e-3 * large
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both bounds [N s], the lower one first."""
+        return self.low, self.high
+
     def coordinate(self, gain: FloatArray | float) -> FloatArray:
         """Return u of a gain [N s]."""
         return np.asarray(np.arcsinh(np.asarray(gain) / self.scale))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from typing import Any, Final
@@ -10,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray
+from pretouch.sensors import SensorModel
 
 from .over_damped import STATES, solve_over_damped, states_over_damped
 from .parallel import for_stretches
 from .request import Request
+from .scenario import Scenario
 from .windows import curve_windows
 
-__all__ = ["QUICK", "find_contacts", "find_states", "is_worth_it"]
+__all__ = ["QUICK", "farthest", "find_contacts", "find_states", "is_compiled", "is_worth_it"]
 
 QUICK: Final = frozenset((*STATES, "distance", "virtual_force"))
 """What is known of a contact without the rest of its motion."""
@@ -27,6 +30,8 @@ _LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
 _LEAST_SERIES: Final = 512
 _MOST: Final = 1 << 18
 _KEPT: Final = 1 << 22  # encounters up to which the states are kept that come with the times
+_OFTEN: Final = 200  # questions after which NumPy has taken about as long as loading does
+_ASKED: Final = itertools.count()
 _CONTACT, _OPEN = np.int8(0), np.int8(-1)
 
 
@@ -34,7 +39,7 @@ def is_worth_it(request: Request) -> bool:
     """Tell whether a request is large enough, or so small that it should not load the compiled core."""
     if request.method == "uniform-motion":
         return False
-    return request.size >= _LANES or (request.method == "closed-form" and not _compiled() and request.size > 0)
+    return request.size >= _LANES or (request.method == "closed-form" and not is_compiled() and request.size > 0)
 
 
 def find_contacts(request: Request) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
@@ -66,7 +71,7 @@ def find_states(request: Request, time: FloatArray, status: NDArray[np.int8]) ->
     if request.method != "closed-form":
         return _series_states(request)[0]
     slope = request.sensor.constant_log_slope or 0.0
-    if _compiled():
+    if is_compiled():
         from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when it pays
 
         contact_states: Any = linear_block_states.contact_states
@@ -84,8 +89,16 @@ def find_states(request: Request, time: FloatArray, status: NDArray[np.int8]) ->
     return _with_force(request, states)
 
 
-def _compiled() -> bool:
-    return f"{__package__}.kernels.compiler" in sys.modules
+def farthest(scenario: Scenario, sensor: SensorModel) -> float:
+    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two or the curve's end."""
+    distance = scenario.distance
+    largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
+    return min(2.0 ** math.frexp(largest)[1], sensor.valid_range[1])
+
+
+def is_compiled() -> bool:
+    """Tell whether the compiled core is loaded already, or worth loading: a process that asks often goes on to ask."""
+    return next(_ASKED) >= _OFTEN or f"{__package__}.kernels.compiler" in sys.modules
 
 
 def _with_force(request: Request, states: dict[str, FloatArray]) -> dict[str, FloatArray]:
@@ -95,7 +108,7 @@ def _with_force(request: Request, states: dict[str, FloatArray]) -> dict[str, Fl
 
 def _find_linear(request: Request) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
     slope = request.sensor.constant_log_slope or 0.0
-    if not _compiled() and request.size <= _FEW:
+    if not is_compiled() and request.size <= _FEW:
         states, proved = solve_over_damped(request.columns, slope, request.horizon)
         return {"time": states["time"]}, np.where(proved, _CONTACT, _OPEN)
     from .kernels import linear_block  # noqa: PLC0415 - the compiled core is loaded when it pays
@@ -121,9 +134,7 @@ def _series_states(request: Request, *, whole: bool = True) -> tuple[dict[str, F
     from .kernels import series_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
     contact_times: Any = series_block.contact_times
-    farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
-    reach = min(2.0 ** math.ceil(math.log2(farthest)), request.sensor.valid_range[1])  # few windows to be kept
-    windows = curve_windows(request.sensor, 0.0, reach)
+    windows = curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor))
     kept = np.empty((len(STATES) if whole else 1, request.size))
     status = np.empty(request.size, dtype=np.int8)
 

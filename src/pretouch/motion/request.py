@@ -15,7 +15,7 @@ from pretouch.sensors import SensorModel
 
 from .scenario import Scenario
 
-__all__ = ["METHODS", "Request", "Which", "make_request"]
+__all__ = ["METHODS", "Request", "Which", "checked_method", "make_request"]
 
 Which: TypeAlias = slice | IntArray
 """A stretch of encounters, or the indices of some."""
@@ -85,8 +85,20 @@ class Request:
         return tuple(c if len(c) == 1 else c[start:stop] for c in self.columns)
 
 
-def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> Request:
-    """Check a call and flatten it; choose its method where that is left open."""
+def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
+    """Check that a curve holds where encounters start, and choose their method where that is left open.
+
+    Args:
+        scenario: the encounters.
+        sensor: the sensor curve.
+        method: one of METHODS.
+
+    Returns:
+        The method, never "auto".
+
+    Raises:
+        InvalidInputError: there is no such method, or not for this curve, or an encounter starts outside its range.
+    """
     if method not in METHODS:
         raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
     if method == "closed-form" and sensor.constant_log_slope is None:
@@ -96,13 +108,6 @@ def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, metho
         )
     if method == "auto":
         method = "integration" if sensor.constant_log_slope is None else "closed-form"
-    gains = finite(gain, "gain", "N*s")
-    shape: tuple[int, ...] = ()
-    if scenario.shape != () or type(gains) is not float:
-        try:
-            shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
-        except ValueError:
-            raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
     distance = scenario.distance
     low, high = sensor.valid_range
     if not (low <= distance <= high if type(distance) is float else np.all((distance >= low) & (distance <= high))):
@@ -113,13 +118,25 @@ def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, metho
             f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
             "enters the detection range"
         )
+    return method
+
+
+def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> Request:
+    """Check a call and flatten it; choose its method where that is left open."""
+    gains = finite(gain, "gain", "N*s")
+    shape: tuple[int, ...] = ()
+    if scenario.shape != () or type(gains) is not float:
+        try:
+            shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
+        except ValueError:
+            raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
     return Request(
         scenario=scenario,
         sensor=sensor,
         shape=shape,
         columns=_flattened((*scenario.relative_columns(), gains), shape),
         horizon=positive(horizon, "horizon", "s"),
-        method=method,
+        method=checked_method(scenario, sensor, method),
     )
 
 

@@ -1,0 +1,137 @@
+"""The compiled search for optimal gains: which problems it takes, and its call."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray, positive
+from pretouch.motion import Scenario
+from pretouch.motion.fast_path import farthest, is_compiled
+from pretouch.motion.parallel import for_stretches
+from pretouch.motion.request import checked_method
+from pretouch.motion.windows import curve_windows
+from pretouch.sensors import SensorModel
+
+from .impact import HertzImpact, ImpactModel, SpringImpact
+from .objectives import Objective
+from .problem import Problem
+
+__all__ = ["known_terms", "search_compiled"]
+
+_ROWS: Final = ("time", "displacement", "velocity", "acceleration", "relative_velocity", "virtual_force")
+_LEAST_LINEAR: Final = 128  # designs that are worth a thread
+_LEAST_SERIES: Final = 16
+_MOST: Final = 4096
+
+
+def search_compiled(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+    """Find the optimal gains of encounters, each alone, in compiled code.
+
+    Args:
+        problem: the problem, with one encounter or an array of them.
+
+    Returns:
+        The gain [N s] and the objective of each encounter and whether both are known for certain, shape (n,); or None
+        where a problem asks for what this search does not know: constraints, quantities of the whole motion, another
+        evaluator; or one small problem that should not wait for the compiled core to be loaded.
+    """
+    terms = known_terms(problem)
+    if terms is None:
+        return None
+    method = checked_method(problem.scenario, problem.sensor, problem.method)
+    horizon = positive(problem.horizon, "horizon", "s")
+    linear, size = method == "closed-form", math.prod(problem.scenario.shape)
+    if size == 0 or (linear and size == 1 and not is_compiled()):
+        return None
+    return _search(problem, linear, horizon, np.array(terms), size)
+
+
+def known_terms(problem: Problem) -> list[tuple[float, float, float, float]] | None:
+    """Return the terms of an objective as the compiled search has them.
+
+    Args:
+        problem: the problem.
+
+    Returns:
+        A row per term, as `find_gains` describes it; None where the search does not know the problem.
+    """
+    if problem.evaluator is not None or problem.constraints or problem.sensor.valid_range[0] > 0:
+        return None
+    if problem.method == "uniform-motion" or type(problem.objective) is not Objective or not _has_scales(problem):
+        return None
+    return _terms(problem.objective, problem.impact)
+
+
+def _search(
+    problem: Problem, linear: bool, horizon: float, terms: FloatArray, size: int
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    find_gains, axis = _kernel(), problem.axis
+    inputs = _inputs(problem.scenario, size)
+    reach = farthest(problem.scenario, problem.sensor)
+    slope, falling, windows = _curve(problem.sensor, reach, linear)
+    scale, low, high = axis.scale, axis.low, axis.high
+    strong, weak = math.asinh(low / scale), math.asinh(high / scale)
+    out = np.empty((3, size))
+    if size == 1:
+        find_gains(inputs, slope, windows, falling, horizon, terms, scale, strong, weak, low, high, out)
+        return out[0], out[1], out[2] == 1
+
+    def run(start: int, stop: int) -> None:
+        part, found = np.ascontiguousarray(inputs[:, start:stop]), np.empty((3, stop - start))
+        find_gains(part, slope, windows, falling, horizon, terms, scale, strong, weak, low, high, found)
+        out[:, start:stop] = found
+
+    for_stretches(run, size, least=_LEAST_LINEAR if linear else _LEAST_SERIES, most=_MOST)
+    return out[0], out[1], out[2] == 1
+
+
+@lru_cache(maxsize=1)
+def _kernel() -> Any:
+    from .kernels.gain_search import find_gains  # noqa: PLC0415 - the compiled core is loaded when it pays
+
+    return find_gains
+
+
+def _terms(objective: Objective, impact: ImpactModel | None) -> list[tuple[float, float, float, float]] | None:
+    """Return the rows of the kernel's terms, or None where a quantity is not known there."""
+    rows: list[tuple[float, float, float, float]] = []
+    for term in objective.terms:
+        factor, exponent, quantity = 1.0, 2.0, term.quantity
+        if quantity == "impact_force" and type(impact) in {SpringImpact, HertzImpact} and impact is not None:
+            factor, quantity = impact.peak_force(1.0), "relative_velocity"
+            exponent = 2.0 if type(impact) is SpringImpact else 2.4
+        if quantity not in _ROWS:
+            return None
+        follows = isinstance(term.scale, str)
+        scale = 1.0 if isinstance(term.scale, str) else term.scale
+        rows.append((_ROWS.index(quantity), term.weight * (factor / scale) ** 2, exponent, float(follows)))
+    return rows
+
+
+def _has_scales(problem: Problem) -> bool:
+    """Tell whether no scale follows an obstacle at rest."""
+    if not any(isinstance(term.scale, str) for term in problem.objective.terms):
+        return True
+    return bool(np.all(np.asarray(problem.scenario.obstacle.velocity) != 0))
+
+
+def _inputs(scenario: Scenario, size: int) -> FloatArray:
+    """Return the relative quantities of every encounter, shape (10, n)."""
+    columns = scenario.relative_columns()
+    if scenario.shape == ():
+        return np.array(columns).reshape(10, 1)
+    inputs = np.empty((10, size))
+    for row, column in zip(inputs, columns, strict=True):
+        row[:] = np.broadcast_to(column, scenario.shape).reshape(-1)
+    return inputs
+
+
+@lru_cache(maxsize=256)
+def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, bool, FloatArray | None]:
+    """Return g [1/m] at contact, whether g < 0 up to a distance, and the windows of the curve."""
+    falls = bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, 257))) < 0).all())
+    return float(sensor.log_slope(0.0)), falls, None if linear else curve_windows(sensor, 0.0, reach)

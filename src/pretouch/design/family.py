@@ -1,0 +1,153 @@
+"""Optimal gains of many encounters that differ in one quantity: designs at a few, and what lies between them.
+
+The optimum follows a quantity smoothly, except where two minima change places, an end is met, or contact is lost. So
+gain and objective are interpolated at Chebyshev nodes, each designed alone, on intervals that are halved until the
+last coefficients vanish; where they do not, as at such a place, the encounters are left to be designed alone. Each
+gain that is interpolated is then put to the test: its own encounter is solved, and must lead to the objective that is
+interpolated beside it. An optimum is flat, so this one number tells of an error in either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import Scenario
+
+from .compiled_search import known_terms, search_compiled
+from .problem import Problem
+
+__all__ = ["find_family"]
+
+_NODES: Final = 20
+_LEAST: Final = 20 * _NODES  # encounters that are worth it
+_FEW: Final = 2 * _NODES  # on an interval: fewer are designed alone
+_PROBES: Final = 3  # encounters of an interval that are designed alone, too
+_GAIN: Final = 1e-9  # of the gain: what its last coefficients, and the probes, may amount to
+_VALUE: Final = 1e-10  # of the objective: the same, and the test of every encounter
+_LOGARITHMIC: Final = 3.0  # ratio of largest to smallest from which the logarithm is the better coordinate
+_Z: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
+_TO_COEFFICIENTS: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_Z, _NODES - 1))
+
+
+def find_family(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+    """Find the optimal gains of encounters that differ in one quantity.
+
+    Args:
+        problem: the problem, with an array of encounters.
+
+    Returns:
+        The gain [N s] and the objective of each encounter and whether both are known for certain, shape (n,); or None
+        where the encounters differ in more, are few, or are no matter for the compiled search.
+    """
+    varied = list(_varied(problem.scenario))
+    if len(varied) != 1 or np.size(varied[0][2]) < _LEAST or known_terms(problem) is None:
+        return None
+    family = _family(problem, *varied[0])
+    out = np.full((2, family.place.size), np.nan)
+    _cover(family, float(family.place.min()), float(family.place.max()), None, out)
+    gain, value = out
+    known = bool(np.isfinite(gain).all())
+    tried = np.clip(gain if known else np.where(np.isnan(gain), problem.axis.high, gain), *problem.axis.ends)
+    return tried, value, _is_met(problem, tried, value)
+
+
+def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray) -> None:
+    """Interpolate gain and objective of some encounters, or of all, on an interval or on its parts."""
+    place = family.place if which is None else family.place[which]
+    if len(place) < _FEW or not low < high:
+        return
+    coefficients = family.interpolate(low, high, place)
+    if coefficients is not None:
+        if which is None:
+            _evaluate(place, low, high, coefficients, out)
+        else:
+            out[:, which] = _evaluate(place, low, high, coefficients, np.empty((2, len(place))))
+        return
+    middle = 0.5 * (low + high)
+    every = np.arange(len(place)) if which is None else which
+    _cover(family, low, middle, every[place <= middle], out)
+    _cover(family, middle, high, every[place > middle], out)
+
+
+def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArray, out: FloatArray) -> FloatArray:
+    from .kernels.interpolation import interpolate  # noqa: PLC0415 - the compiled core is loaded when it pays
+
+    interpolate(place, low, high, coefficients, out)
+    return out
+
+
+def _is_met(problem: Problem, gain: FloatArray, value: FloatArray) -> BoolArray:
+    """Tell for which encounters their gain leads to the objective, by solving each."""
+    result = problem.run(gain.reshape(problem.scenario.shape))
+    found = problem.objective.value(result.end, abs(problem.scenario.obstacle.velocity), problem.impact).reshape(-1)
+    met = np.abs(found - value) <= _VALUE * found
+    reached = result.reached
+    return np.asarray(met if reached.all() else met & reached.reshape(-1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Family:
+    """Encounters that differ in one quantity.
+
+    Args:
+        problem: the problem of any of them.
+        part: the part of the scenario that holds the quantity.
+        name: the field.
+        sign: of the quantity where its logarithm is the coordinate, else 0.
+        place: the coordinate of every encounter, shape (n,).
+    """
+
+    problem: Problem
+    part: str
+    name: str
+    sign: float
+    place: FloatArray
+
+    def at(self, place: FloatArray) -> Problem:
+        """Return the problem of the encounters at some places."""
+        value = self.sign * np.exp(place) if self.sign else place
+        return replace(self.problem, scenario=_with(self.problem.scenario, self.part, self.name, value))
+
+    def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
+        """Return the coefficients of gain and objective on an interval, shape (2, nodes), or None if they do not do."""
+        probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
+        found = search_compiled(self.at(np.concatenate([0.5 * (low + high) + 0.5 * (high - low) * _Z, probes])))
+        if found is None or not found[2].all():
+            return None
+        both = np.stack(found[:2])
+        coefficients = both[:, :_NODES] @ _TO_COEFFICIENTS.T
+        least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
+        between = _evaluate(probes, low, high, coefficients, np.empty((2, _PROBES)))
+        error = np.abs(between - both[:, _NODES:]).max(axis=1)
+        if (np.abs(coefficients[:, -2:]).sum(axis=1) > least).any() or (error > least).any():
+            return None
+        return np.asarray(coefficients)
+
+
+def _family(problem: Problem, part: str, name: str, value: Any) -> _Family:
+    x = np.asarray(value, dtype=np.float64).reshape(-1)
+    low, high = float(x.min()), float(x.max())
+    near, far = sorted((abs(low), abs(high)))
+    logarithmic = low * high > 0 and far > _LOGARITHMIC * near
+    sign = float(np.sign(low)) if logarithmic else 0.0
+    return _Family(problem=problem, part=part, name=name, sign=sign, place=np.log(np.abs(x)) if logarithmic else x)
+
+
+def _varied(scenario: Scenario) -> Iterator[tuple[str, str, Any]]:
+    """Yield the fields that are arrays of more than one number."""
+    for part in ("admittance", "obstacle", "plant", "reference"):
+        body: Any = getattr(scenario, part)
+        for f in fields(body):
+            value = getattr(body, f.name)
+            if np.size(value) > 1:
+                yield part, f.name, value
+
+
+def _with(scenario: Scenario, part: str, name: str, value: Any) -> Scenario:
+    body: Any = getattr(scenario, part)
+    return replace(scenario, **{part: replace(body, **{name: value})})

@@ -1,0 +1,1 @@
+"""Compiled searches for optimal gains: floats and arrays only."""

@@ -1,0 +1,67 @@
+"""Where stronger gains cannot do better: they touch later, and what grows with the time of contact is then larger."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import ContactState, Scenario
+from pretouch.motion.fast_path import farthest
+from pretouch.sensors import SensorModel
+
+from .objectives import Objective
+
+__all__ = ["least_objective", "touches_later"]
+
+_PROBES: Final = 257
+
+
+def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
+    """Tell for which encounters a stronger mitigating gain is known to touch later (docs/fast-designs.md).
+
+    Args:
+        scenario: the encounters.
+        sensor: the sensor curve.
+
+    Returns:
+        Truth values of the scenario's shape.
+    """
+    m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
+    room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
+    sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
+    holds = (room >= 0) & (v < 0) & (np.asarray(a) <= 0) & (np.asarray(u0) > v) & (-d * v - k * x0 >= sigma * (u0 - v))
+    low = sensor.valid_range[0]
+    return np.asarray(
+        np.broadcast_to(holds, scenario.shape) & (low <= 0 and _falls(sensor, farthest(scenario, sensor)))
+    )
+
+
+def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
+    """Return the part of an objective that stronger gains can only enlarge where they touch later.
+
+    Args:
+        objective: the objective.
+        state: the state at contact for some gain.
+        obstacle_speed: |x_o'| at the start [m/s].
+
+    Returns:
+        A bound from below for every stronger gain, of the shape of the state.
+    """
+    total = np.zeros(np.shape(state.time))
+    if type(objective) is not Objective:
+        return total
+    for term in objective.terms:
+        if term.quantity not in {"time", "displacement"}:
+            continue
+        value = getattr(state, term.quantity)
+        counts = value if term.quantity == "time" else np.minimum(value, 0.0)
+        total = total + term.weight * (counts / term.scale_for(obstacle_speed)) ** 2
+    return np.asarray(total)
+
+
+@lru_cache(maxsize=256)
+def _falls(sensor: SensorModel, reach: float) -> bool:
+    return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -1,0 +1,215 @@
+"""What is made of an objective that differs from encounter to encounter: one number to be minimized."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite
+
+from ..constraints import Constraint
+
+__all__ = ["ConditionalValueAtRisk", "Expected", "Measure", "Quantile", "Required", "WorstCase"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure(ABC):
+    """One number for many objectives; it never falls where none of them does."""
+
+    @property
+    @abstractmethod
+    def label(self) -> str:
+        """What it is called in reports."""
+
+    @abstractmethod
+    def of(self, values: Any) -> Any:
+        """Return the number for values along the last axis; infinite where the values that count are."""
+
+    @abstractmethod
+    def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
+        """Return the estimate from independent samples, and the ends of its confidence interval."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected(Measure):
+    """The mean.
+
+    Examples:
+        >>> Expected().of([1.0, 2.0, 6.0])
+        3.0
+    """
+
+    @property
+    def label(self) -> str:
+        """What it is called in reports."""
+        return "expected value"
+
+    def of(self, values: Any) -> Any:
+        """Return the mean."""
+        return _plain(np.mean(values, axis=-1))
+
+    def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
+        """Return the mean and its interval by Student's t."""
+        from scipy.special import stdtrit  # noqa: PLC0415 - SciPy, only when something is validated
+
+        middle = float(np.mean(values))
+        if not math.isfinite(middle) or len(values) < 2:
+            return middle, -math.inf, math.inf
+        half = float(stdtrit(len(values) - 1, 0.5 + 0.5 * confidence)) * float(np.std(values, ddof=1))
+        half /= math.sqrt(len(values))
+        return middle, middle - half, middle + half
+
+
+def _probability(value: Any) -> float:
+    p = float(finite(value, "probability"))
+    if not 0 < p < 1:
+        raise InvalidInputError(f"probability: found {p:g}, expected a number between 0 and 1, such as 0.95")
+    return p
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantile(Measure):
+    """The objective that is not exceeded with a probability.
+
+    Args:
+        probability: in (0, 1).
+
+    Examples:
+        >>> Quantile(probability=0.6).of([1.0, 2.0, 3.0, 4.0, 5.0])
+        3.0
+    """
+
+    probability: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "probability", _probability(self.probability))
+
+    @property
+    def label(self) -> str:
+        """What it is called in reports."""
+        return f"{100 * self.probability:g} % quantile"
+
+    def of(self, values: Any) -> Any:
+        """Return the smallest value that at least this share does not exceed."""
+        return _quantile(values, self.probability)
+
+    def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
+        """Return the quantile and an interval between order statistics, which holds for every distribution."""
+        from scipy.stats import binom  # noqa: PLC0415 - SciPy, only when something is validated
+
+        ordered, n = np.sort(values), len(values)
+        beside = 0.5 * (1 - confidence)
+        # P(x_(k) <= q) = P(Binomial(n, p) >= k)
+        lower = int(binom.ppf(beside, n, self.probability))
+        upper = int(binom.ppf(1 - beside, n, self.probability)) + 1
+        low = float(ordered[lower - 1]) if lower >= 1 else -math.inf
+        high = float(ordered[upper - 1]) if upper <= n else math.inf
+        return float(self.of(values)), low, high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionalValueAtRisk(Measure):
+    """The mean of the worst cases: of what lies beyond a quantile (Rockafellar and Uryasev, J. Risk 2 (2000) 21).
+
+    Args:
+        probability: of the quantile, in (0, 1): 0.9 averages the worst tenth.
+
+    Examples:
+        >>> ConditionalValueAtRisk(probability=0.6).of([1.0, 2.0, 3.0, 4.0, 5.0])
+        4.5
+    """
+
+    probability: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "probability", _probability(self.probability))
+
+    @property
+    def label(self) -> str:
+        """What it is called in reports."""
+        return f"mean of the worst {100 * (1 - self.probability):g} %"
+
+    def of(self, values: Any) -> Any:
+        """Return q + mean(max(f - q, 0)) / (1 - p) with the quantile q."""
+        f = np.asarray(values, dtype=np.float64)
+        q = np.asarray(_quantile(f, self.probability))[..., None]
+        with np.errstate(invalid="ignore"):
+            beyond = np.where(f > q, f - q, 0.0).mean(axis=-1)
+        return _plain(q[..., 0] + beyond / (1 - self.probability))
+
+    def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
+        """Return the mean of the tail and its asymptotic interval: that of the mean of q + max(f - q, 0) / (1 - p)."""
+        q = _quantile(values, self.probability)
+        return Expected().estimate(q + np.maximum(values - q, 0.0) / (1 - self.probability), confidence)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstCase(Measure):
+    """The largest objective of all encounters that are possible.
+
+    Examples:
+        >>> WorstCase().of([1.0, 2.0, 6.0])
+        6.0
+    """
+
+    @property
+    def label(self) -> str:
+        """What it is called in reports."""
+        return "worst case"
+
+    def of(self, values: Any) -> Any:
+        """Return the largest value."""
+        return _plain(np.max(values, axis=-1))
+
+    def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
+        """Return the largest value; no sample bounds a worst case from above."""
+        del confidence
+        largest = float(np.max(values))
+        return largest, largest, math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Required:
+    """A constraint that must hold with a probability: a chance constraint.
+
+    Args:
+        constraint: the limit.
+        probability: with which it must hold, in (0, 1]; 1 asks for every encounter that is sampled.
+
+    Examples:
+        >>> Required(constraint=Constraint(name="relative_velocity", limit=0.1), probability=0.99).label
+        'relative_velocity <= 0.1 m/s with probability 0.99'
+    """
+
+    constraint: Constraint
+    probability: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.probability != 1:
+            object.__setattr__(self, "probability", _probability(self.probability))
+
+    def share(self, ratios: Any) -> Any:
+        """Return the ratio |quantity| / limit that is not exceeded with the probability, along the last axis."""
+        return _plain(np.max(ratios, axis=-1)) if self.probability == 1 else _quantile(ratios, self.probability)
+
+    @property
+    def label(self) -> str:
+        """What it is called in reports."""
+        c = self.constraint
+        often = "always" if self.probability == 1 else f"with probability {self.probability:g}"
+        return f"{c.name} <= {c.limit:g} {c.unit} {often}"
+
+
+def _quantile(values: Any, probability: float) -> Any:
+    f = np.asarray(values, dtype=np.float64)
+    rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
+    return _plain(np.partition(f, rank, axis=-1)[..., rank])
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else value

@@ -1,0 +1,90 @@
+"""The price of robustness: what knowing an input exactly would have gained."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch.motion import Scenario
+from pretouch.motion.inputs import SCENARIO_INPUTS, scenario_with, sensor_inputs, sensor_with
+from pretouch.sensors import SensorModel
+from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
+
+from ..gain import design_gain
+from ..impact import ImpactModel
+from ..objectives import Objective
+from .result import Price
+
+__all__ = ["price_of_robustness"]
+
+_TAIL = 0.01
+
+
+def price_of_robustness(
+    name: str,
+    count: int,
+    *,
+    scenario: Scenario,
+    sensor: SensorModel,
+    objective: Objective,
+    bounds: tuple[float, float],
+    impact: ImpactModel | None,
+    uncertainty: Uncertainty,
+    gain: float | None,
+    options: dict[str, Any],
+) -> Price:
+    """Hold one gain against the best gain for each value of an input, the others at their given values.
+
+    Args:
+        name: the input.
+        count: at how many values, from its 1 % to its 99 % quantile.
+        scenario: the encounter.
+        sensor: the sensor curve.
+        objective: what is minimized.
+        bounds: smallest and largest gain [N s].
+        impact: physical properties, where given.
+        uncertainty: what is known of the inputs.
+        gain: the robust gain [N s].
+        options: method and horizon, as in `find_contact`.
+
+    Returns:
+        The curve.
+
+    Raises:
+        ResultUnavailableError: there is no robust gain.
+    """
+    if gain is None:
+        raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
+    low, high = _range(uncertainty, name)
+    x = np.linspace(low, high, count)
+    several = make_ensemble(scenario, sensor, {name: x}, **options)
+    result = several.contacts(gain)
+    robust = np.where(result.reached, objective.value(result.end, several.speed, impact), np.nan)
+    common = {"bounds": bounds, "impact": impact, **options}
+    if name in SCENARIO_INPUTS:
+        best = design_gain(scenario_with(scenario, {name: x}), sensor, objective, **common)
+        gains, values = np.asarray(best.gain), np.asarray(best.objective)
+    else:
+        own = name.removeprefix("sensor.")
+        each = [design_gain(scenario, sensor_with(sensor, {own: v}), objective, **common) for v in x.tolist()]
+        gains = np.array([np.nan if d.gain is None else d.gain for d in each])
+        values = np.array([np.nan if d.objective is None else d.objective for d in each])
+    unit = {**SCENARIO_INPUTS, **sensor_inputs(sensor)}[name]
+    return Price(name=name, unit=unit, value=x, best_gain=gains, best=values, robust=robust, low=low, high=high)
+
+
+def _range(uncertainty: Uncertainty, name: str) -> tuple[float, float]:
+    for key, known in uncertainty.items():
+        if isinstance(known, CorrelatedNormal):
+            if name in known.names:
+                i = known.names.index(name)
+                one = Normal(mean=known.mean[i], deviation=float(np.sqrt(known.covariance[i][i])))
+                return one.quantile(_TAIL), one.quantile(1 - _TAIL)
+        elif key == name:
+            low, high = known.support
+            if np.isfinite(low) and np.isfinite(high):
+                return low, high
+            return known.quantile(_TAIL), known.quantile(1 - _TAIL)
+    raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(uncertainty)}")

@@ -1,0 +1,109 @@
+"""A robust design problem as a value: encounters that may happen, and how gains are appraised over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch.uncertainty import Ensemble
+
+from ..bound import least_objective, touches_later
+from ..impact import ImpactModel
+from ..objectives import Objective
+from ..search import GainAxis, Landscape
+from .measures import Measure, Required
+
+__all__ = ["RobustProblem"]
+
+_BLOCK: Final = 1 << 19  # encounters that are solved at once: their states stay small beside the cache
+_STRIDE: Final = 0.5  # of u between gains that look for the end of the axis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobustProblem:
+    """One robust design problem.
+
+    Args:
+        ensemble: the encounters.
+        objective: what is minimized.
+        measure: what is made of the objectives of all encounters.
+        limits: the constraints, each with the probability with which it must hold.
+        impact: physical properties, where given.
+        axis: the coordinate of the gain, with its bounds.
+    """
+
+    ensemble: Ensemble
+    objective: Objective
+    measure: Measure
+    limits: tuple[Required, ...]
+    impact: ImpactModel | None
+    axis: GainAxis
+
+    def landscape(self, coordinate: FloatArray) -> Landscape:
+        """Appraise gains by their coordinates, shape (m,)."""
+        gains = self.axis.gain(coordinate)
+        parts = list(self._parts(gains))
+        return Landscape(
+            objective=np.concatenate([objective for objective, _, _ in parts]),
+            ratios=np.concatenate([ratios for _, ratios, _ in parts], axis=1),
+        )
+
+    def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
+        """Return the objective, shape (n,), and |quantity| / limit of each constraint, shape (k, n), at one gain.
+
+        Args:
+            gain: D_p [N s].
+
+        Returns:
+            Both; infinite where there is no contact.
+        """
+        objective, ratios, _ = self._raw(np.array([gain]))
+        return objective[0], ratios[:, 0]
+
+    def lowest_needed(self) -> float:
+        """Return the coordinate beyond which no stronger gain can be the optimum, or that of the strongest gain.
+
+        Gains are appraised from the weakest on; where the part of the measure that only grows exceeds the best
+        measure found, the axis ends.
+        """
+        low, high = map(float, self.axis.coordinate(np.array(self.axis.ends)))
+        sensor = self.ensemble.sensor if self.ensemble.likeness is None else self.ensemble.likeness.sensor
+        if not touches_later(self.ensemble.scenario, sensor).all():
+            return low
+        best = np.inf
+        count = int(np.ceil((high - low) / _STRIDE)) + 1
+        for u in np.linspace(high, low, count)[1:]:
+            objective, ratios, least = next(self._parts(self.axis.gain(np.array([u]))))
+            found = Landscape(objective=objective, ratios=ratios)
+            best = min(best, float(found.merit[0]))
+            if float(least[0]) > best:
+                return float(u)
+        return low
+
+    def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Yield measure, ratios and the least measure of stronger gains, for gains in blocks."""
+        step = max(1, _BLOCK // len(self.ensemble))
+        for start in range(0, len(gains), step):
+            objective, ratios, least = self._raw(gains[start : start + step])
+            held = [limit.share(ratio) for limit, ratio in zip(self.limits, ratios, strict=True)]
+            yield (
+                np.asarray(self.measure.of(objective)),
+                np.reshape(held, (len(held), objective.shape[0])),
+                np.asarray(self.measure.of(least)),
+            )
+
+    def _raw(self, gains: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return objective and its least part, shape (m, n), and the ratios, shape (k, m, n)."""
+        result = self.ensemble.contacts(gains[:, None])
+        reached, state, speed = result.reached, result.end, self.ensemble.speed
+        objective = np.where(reached, self.objective.value(state, speed, self.impact), np.inf)
+        ratios = [
+            np.where(reached, limit.constraint.magnitude(state, self.impact) / limit.constraint.limit, np.inf)
+            for limit in self.limits
+        ]
+        least = least_objective(self.objective, state, speed)
+        return objective, np.reshape(ratios, (len(ratios), *objective.shape)), least

@@ -1,0 +1,193 @@
+"""What a robust design comes to: the gain, what it promises, and what fresh samples say to that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from pretouch._core.numbers import FloatArray
+from pretouch.motion import Scenario
+from pretouch.sensors import SensorModel
+from pretouch.uncertainty import Uncertainty
+
+from ..impact import ImpactModel
+from ..objectives import Objective
+from ..result import DesignStatus
+from .measures import Measure, Required
+
+__all__ = ["LimitOutcome", "Price", "RobustDesign", "Validation", "WorstEncounter"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitOutcome:
+    """One constraint at the chosen gain, on fresh samples.
+
+    Args:
+        required: the constraint and the probability with which it must hold.
+        held: the share of the fresh samples in which it does.
+        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
+        magnitude: |quantity| that is not exceeded with the required probability (in all samples, where that is 1), SI.
+    """
+
+    required: Required
+    held: float
+    low: float
+    magnitude: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validation:
+    """What independent samples that the design has not seen say of its gain.
+
+    Args:
+        samples: how many.
+        confidence: of the intervals.
+        value: the measure of the objective.
+        low: lower end of its confidence interval.
+        high: upper end.
+        nominal: the measure at the gain that is optimal where nothing is uncertain; None where there is none.
+        limits: each constraint.
+        reached: the share that ends in contact.
+    """
+
+    samples: int
+    confidence: float
+    value: float
+    low: float
+    high: float
+    nominal: float | None
+    limits: tuple[LimitOutcome, ...]
+    reached: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstEncounter:
+    """The worst encounter of all that are possible, and why none is worse.
+
+    Args:
+        inputs: its inputs by name, in SI.
+        value: the objective there.
+        bound: what no possible encounter exceeds, as far as the search of all boxes certifies it.
+        lower: what no gain can get below, since these encounters alone ask for it.
+        boxes: how many boxes of inputs were told apart to find that out.
+        monotone: inputs in which the objective only grows or only falls over all of the box, with the sign.
+        encounters: the encounters that decide, as rows of inputs in the order of `inputs`.
+    """
+
+    inputs: dict[str, float]
+    value: float
+    bound: float
+    lower: float
+    boxes: int
+    monotone: dict[str, int]
+    encounters: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Price:
+    """What one input, known exactly, would gain: the robust gain beside the one made for each value of the input.
+
+    Args:
+        name: the input.
+        unit: its SI unit.
+        value: its values, shape (n,).
+        best_gain: the gain that is optimal for each [N s]; NaN where there is none.
+        best: the objective there.
+        robust: the objective of the robust gain.
+        low: the input's 1 % quantile, or the smallest value that is possible.
+        high: its 99 % quantile, or the largest.
+    """
+
+    name: str
+    unit: str
+    value: FloatArray
+    best_gain: FloatArray
+    best: FloatArray
+    robust: FloatArray
+    low: float
+    high: float
+
+    @property
+    def loss(self) -> FloatArray:
+        """By how much the robust gain is worse than the best, as a share of the best objective."""
+        return self.robust / self.best - 1
+
+    def __repr__(self) -> str:
+        return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {self.loss.max():.3g}>"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class RobustDesign:
+    """What `design_robust_gain` returns.
+
+    Args:
+        status: optimal, infeasible (a constraint cannot be met) or no-contact.
+        gain: D_p [N s]; None unless optimal.
+        value: the measure of the objective that was minimized; None unless optimal.
+        measure: its definition.
+        nominal_gain: the gain that is optimal where every input has its given value [N s]; None where there is none.
+        validation: what fresh samples say; None unless optimal.
+        worst: the worst encounter, for a worst case; else None.
+        local_minima: the local minima of the measure, as (gain, value), best first.
+        scanned: how many gains were appraised to find them.
+        strongest: the gain beyond which none is needed: none stronger can be the optimum [N s].
+        samples: how many encounters the measure was taken over.
+        seed: of the samples.
+        bounds: the gains between which the optimum was sought [N s].
+        scenario: the encounter as given.
+        sensor: the sensor as given.
+        uncertainty: what is known of the inputs.
+        definition: the objective.
+        limits: the constraints.
+        impact: the physical properties, where given.
+        pricing: what `price` calls.
+    """
+
+    status: DesignStatus
+    gain: float | None
+    value: float | None
+    measure: Measure
+    nominal_gain: float | None
+    validation: Validation | None
+    worst: WorstEncounter | None
+    local_minima: tuple[tuple[float, float], ...]
+    scanned: int
+    strongest: float
+    samples: int
+    seed: int
+    bounds: tuple[float, float]
+    scenario: Scenario
+    sensor: SensorModel
+    uncertainty: Uncertainty
+    definition: Objective
+    limits: tuple[Required, ...]
+    impact: ImpactModel | None
+    pricing: Callable[[str, int], Price] = field(repr=False)
+
+    def price(self, name: str, *, count: int = 101) -> Price:
+        """Tell what knowing one input exactly would have gained, as a curve over that input.
+
+        Args:
+            name: an uncertain input, such as `obstacle.velocity`.
+            count: at how many values.
+
+        Returns:
+            The curve; the other inputs have their given values.
+        """
+        return self.pricing(name, count)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the design as one JSON object: numbers in SI, None where there is none."""
+        return robust_as_dict(self)
+
+    def __repr__(self) -> str:
+        if self.gain is None:
+            return f"<RobustDesign: {self.status.value}>"
+        return f"<RobustDesign: D_p = {self.gain:.4g} N s, {self.measure.label} {self.value:.4g}>"
+
+    def __str__(self) -> str:
+        return robust_as_text(self)
+
+
+from .summary import robust_as_dict, robust_as_text  # noqa: E402 - it describes the classes above

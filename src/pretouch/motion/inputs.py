@@ -1,0 +1,146 @@
+"""The inputs of an encounter by name, with their units, and how they are changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch.sensors import Recessed, SensorModel
+
+from .admittance import Admittance
+from .scenario import Scenario
+
+__all__ = ["SCENARIO_INPUTS", "input_value", "scenario_with", "sensor_inputs", "sensor_with"]
+
+SCENARIO_INPUTS: Final[dict[str, str]] = {
+    "admittance.mass": "kg",
+    "admittance.damping": "N*s/m",
+    "admittance.stiffness": "N/m",
+    "admittance.natural_frequency": "rad/s",
+    "admittance.damping_ratio": "",
+    "obstacle.position": "m",
+    "obstacle.velocity": "m/s",
+    "obstacle.acceleration": "m/s^2",
+    "plant.position": "m",
+    "plant.velocity": "m/s",
+    "reference.position": "m",
+    "reference.velocity": "m/s",
+    "reference.acceleration": "m/s^2",
+}
+"""The inputs of a scenario with their SI units; those that differ from encounter to encounter within one call."""
+
+_OF_FREQUENCY: Final = {"admittance.natural_frequency", "admittance.damping_ratio"}
+_OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
+
+
+def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
+    """Return the parameters of a curve as inputs, `sensor.NAME`, with their SI units.
+
+    Args:
+        sensor: the curve; that of a recessed sensor is looked into.
+
+    Returns:
+        The units by name.
+    """
+    curve = sensor.sensor if isinstance(sensor, Recessed) else sensor
+    found = {f"sensor.{f.name}": f.metadata["unit"] for f in fields(curve) if "unit" in f.metadata}
+    return {**found, "sensor.recess": "m"} if isinstance(sensor, Recessed) else found
+
+
+def input_value(scenario: Scenario, sensor: SensorModel, name: str) -> Any:
+    """Return the value of an input in SI.
+
+    Args:
+        scenario: the encounter.
+        sensor: its sensor.
+        name: the input, such as `obstacle.velocity` or `sensor.exponent`.
+
+    Returns:
+        The value.
+    """
+    part, _, rest = name.partition(".")
+    if part != "sensor":
+        return getattr(getattr(scenario, part), rest)
+    if isinstance(sensor, Recessed) and rest != "recess":
+        return getattr(sensor.sensor, rest)
+    return getattr(sensor, rest)
+
+
+def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
+    """Change parameters of a curve.
+
+    Args:
+        sensor: the curve.
+        values: parameters and values in SI, without `sensor.`.
+
+    Returns:
+        The changed copy.
+    """
+    if not isinstance(sensor, Recessed):
+        return replace(sensor, **values)
+    curve = {name: value for name, value in values.items() if name != "recess"}
+    inner = replace(sensor.sensor, **curve) if curve else sensor.sensor
+    return Recessed(sensor=inner, recess=values.get("recess", sensor.recess))
+
+
+def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
+    """Change inputs of an encounter; arrays broadcast.
+
+    Mass, damping and stiffness are changed each for itself; where natural frequency or damping ratio is named, the
+    other of the two and the mass hold instead.
+
+    Args:
+        scenario: one encounter.
+        values: input names, keys of SCENARIO_INPUTS, and values in SI.
+
+    Returns:
+        The encounters.
+
+    Examples:
+        >>> from pretouch.motion import Obstacle
+        >>> still = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.04)
+        ... )
+        >>> scenario_with(still, {"obstacle.velocity": -0.3, "admittance.natural_frequency": 10.0}).admittance
+        Admittance(mass=1.0, damping=20.0, stiffness=100.0)
+    """
+    changes: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        part, _, rest = name.partition(".")
+        changes.setdefault(part, {})[rest] = value
+    parts: dict[str, Any] = {}
+    for part, given in changes.items():
+        if part == "admittance":
+            parts[part] = _admittance_with(scenario.admittance, given)
+        else:
+            parts[part] = replace(getattr(scenario, part), **given)
+    return replace(scenario, **parts) if parts else scenario
+
+
+def _admittance_with(admittance: Admittance, given: dict[str, Any]) -> Admittance:
+    names = {f"admittance.{name}" for name in given}
+    if not names & _OF_FREQUENCY:
+        return replace(admittance, **given)
+    if names & _OF_DAMPING:
+        found = ", ".join(sorted(names - {"admittance.mass"}))
+        raise InvalidInputError(
+            f"inputs: found {found}, expected either damping and stiffness, or natural frequency and damping ratio"
+        )
+    if "damping_ratio" in given:
+        ratio = given["damping_ratio"]
+    elif np.all(np.asarray(admittance.stiffness) > 0):
+        ratio = admittance.damping_ratio
+    else:
+        raise InvalidInputError(
+            "inputs: found admittance.natural_frequency for a stiffness of 0 N/m, whose damping ratio is not defined; "
+            "give admittance.damping_ratio, too"
+        )
+    return Admittance.from_natural_frequency(
+        mass=given.get("mass", admittance.mass),
+        natural_frequency=given.get("natural_frequency", admittance.natural_frequency),
+        damping_ratio=ratio,
+    )

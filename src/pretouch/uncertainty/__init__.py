@@ -1,0 +1,27 @@
+"""Inputs that are not known exactly: distributions as values, seeded samples of them, and the encounters they make."""
+
+from .distributions import (
+    CorrelatedNormal,
+    Distribution,
+    Empirical,
+    Interval,
+    Normal,
+    TruncatedNormal,
+    Uniform,
+)
+from .ensemble import Ensemble, make_ensemble
+from .sampling import Uncertainty, sample_inputs
+
+__all__ = [
+    "CorrelatedNormal",
+    "Distribution",
+    "Empirical",
+    "Ensemble",
+    "Interval",
+    "Normal",
+    "TruncatedNormal",
+    "Uncertainty",
+    "Uniform",
+    "make_ensemble",
+    "sample_inputs",
+]

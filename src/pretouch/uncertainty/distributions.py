@@ -1,0 +1,297 @@
+"""What is known of an input that is not known exactly: an interval, or a distribution, as a value."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite, positive
+
+__all__ = ["CorrelatedNormal", "Distribution", "Empirical", "Interval", "Normal", "TruncatedNormal", "Uniform"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distribution(ABC):
+    """What is known of one input: its quantiles say everything."""
+
+    @property
+    @abstractmethod
+    def support(self) -> tuple[float, float]:
+        """The smallest and the largest value that is possible; infinite where there is none."""
+
+    @property
+    @abstractmethod
+    def mean(self) -> float:
+        """The mean; the middle of an interval."""
+
+    @abstractmethod
+    def _quantile(self, probability: FloatArray) -> FloatArray:
+        """Return quantiles for probabilities in (0, 1)."""
+
+    @final
+    def quantile(self, probability: Any) -> Any:
+        """Return the value that is not exceeded with a probability.
+
+        Args:
+            probability: in [0, 1], any shape. At 0 and 1 the ends of the support.
+
+        Returns:
+            The value, of the same shape.
+
+        Examples:
+            >>> Uniform(low=-0.5, high=-0.1).quantile(0.25)
+            -0.4
+        """
+        p = np.asarray(probability, dtype=np.float64)
+        inside = np.clip(p, np.finfo(np.float64).tiny, 1 - 2.0**-53)
+        low, high = self.support
+        found = np.where(p <= 0, low, np.where(p >= 1, high, self._quantile(inside)))
+        return float(found) if found.ndim == 0 else found
+
+
+def _ordered(low: Any, high: Any) -> tuple[float, float]:
+    a, b = float(finite(low, "low")), float(finite(high, "high"))
+    if not a < b:
+        raise InvalidInputError(f"low: found {a:g} with high = {b:g}, expected the smaller one first")
+    return a, b
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval(Distribution):
+    """Bounds, and nothing about what is likelier between them: what a worst case is taken over.
+
+    Where a sample is drawn all the same (to explore, or together with others), it is uniform.
+
+    Args:
+        low: the smallest value, in SI.
+        high: the largest value.
+
+    Examples:
+        >>> Interval(low=0.03, high=0.05).mean
+        0.04
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        for name, value in zip(("low", "high"), _ordered(self.low, self.high), strict=True):
+            object.__setattr__(self, name, value)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Both bounds."""
+        return self.low, self.high
+
+    @property
+    def mean(self) -> float:
+        """The middle."""
+        return 0.5 * (self.low + self.high)
+
+    def _quantile(self, probability: FloatArray) -> FloatArray:
+        return self.low + (self.high - self.low) * probability
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uniform(Interval):
+    """Equally likely everywhere between two values.
+
+    Args:
+        low: the smallest value, in SI.
+        high: the largest value.
+
+    Examples:
+        >>> Uniform(low=-0.5, high=-0.1).support
+        (-0.5, -0.1)
+    """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Normal(Distribution):
+    """The normal distribution.
+
+    Args:
+        mean: mu, in SI.
+        deviation: the standard deviation sigma > 0.
+
+    Examples:
+        >>> round(Normal(mean=0.0, deviation=1.0).quantile(0.975), 4)
+        1.96
+    """
+
+    mean: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mean", finite(self.mean, "mean"))
+        object.__setattr__(self, "deviation", positive(self.deviation, "deviation"))
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Everything."""
+        return -math.inf, math.inf
+
+    def _quantile(self, probability: FloatArray) -> FloatArray:
+        from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
+        return np.asarray(self.mean + self.deviation * ndtri(probability))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruncatedNormal(Distribution):
+    """The normal distribution, given that it lies between two values.
+
+    Args:
+        location: mu of the normal distribution before it is cut, in SI.
+        deviation: its standard deviation sigma > 0.
+        low: the smallest value that is possible; may be minus infinity.
+        high: the largest value that is possible; may be infinite.
+
+    Examples:
+        >>> speed = TruncatedNormal(location=-0.3, deviation=0.1, low=-0.5, high=-0.05)
+        >>> round(speed.mean, 4)
+        -0.2962
+    """
+
+    location: float
+    deviation: float
+    low: float = -math.inf
+    high: float = math.inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "location", finite(self.location, "location"))
+        object.__setattr__(self, "deviation", positive(self.deviation, "deviation"))
+        low, high = float(self.low), float(self.high)
+        if not low < high:
+            raise InvalidInputError(f"low: found {low:g} with high = {high:g}, expected the smaller one first")
+        if max(low - self.location, self.location - high) > 30 * self.deviation:
+            raise InvalidInputError(
+                f"low: found {low:g} to {high:g}, more than 30 deviations from the location {self.location:g}"
+            )
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", high)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """The two values."""
+        return self.low, self.high
+
+    @property
+    def mean(self) -> float:
+        """The mean of what is left, mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), exact in both tails."""
+        from scipy.special import log_ndtr  # noqa: PLC0415 - SciPy, only when something is asked
+
+        a, b = ((x - self.location) / self.deviation for x in self.support)
+        if a > 0:  # Phi(b) - Phi(a) loses its digits in the upper tail
+            a, b = -b, -a
+            sign = -1.0
+        else:
+            sign = 1.0
+        mass = math.exp(log_ndtr(b)) - math.exp(log_ndtr(a))
+        density = (math.exp(-a * a / 2) - math.exp(-b * b / 2)) / math.sqrt(2 * math.pi)
+        return self.location + sign * self.deviation * density / mass
+
+    def _quantile(self, probability: FloatArray) -> FloatArray:
+        from scipy.special import ndtr, ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
+        a, b = ((x - self.location) / self.deviation for x in self.support)
+        if a > 0:
+            z = -ndtri(ndtr(-a) * (1 - probability) + ndtr(-b) * probability)
+        else:
+            z = ndtri(ndtr(a) * (1 - probability) + ndtr(b) * probability)
+        return np.asarray(np.clip(self.location + self.deviation * z, self.low, self.high))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Empirical(Distribution):
+    """What was measured: each value as likely as it is frequent.
+
+    Args:
+        samples: the values, in SI, in any order; at least two.
+
+    Examples:
+        >>> Empirical(samples=(-0.31, -0.28, -0.30, -0.35)).quantile([0.1, 0.9])
+        array([-0.35, -0.28])
+    """
+
+    samples: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        values = np.atleast_1d(finite(self.samples, "samples"))
+        if values.ndim != 1 or len(values) < 2:
+            raise InvalidInputError(f"samples: found {np.shape(values)}, expected a row of two values or more")
+        object.__setattr__(self, "samples", tuple(np.sort(values).tolist()))
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """The smallest and the largest value."""
+        return self.samples[0], self.samples[-1]
+
+    @property
+    def mean(self) -> float:
+        """The mean of the values."""
+        return math.fsum(self.samples) / len(self.samples)
+
+    def _quantile(self, probability: FloatArray) -> FloatArray:
+        count = len(self.samples)
+        return np.asarray(self.samples)[np.minimum((probability * count).astype(np.int64), count - 1)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrelatedNormal:
+    """Several inputs that were estimated together, such as the parameters of a fitted curve.
+
+    Args:
+        names: the inputs, such as `sensor.exponent`.
+        mean: their estimates, in SI.
+        covariance: their covariance, in the order of the names; rows of numbers.
+
+    Examples:
+        >>> both = CorrelatedNormal(
+        ...     names=("sensor.exponent", "sensor.distance_offset"),
+        ...     mean=(3.32, 0.0419),
+        ...     covariance=((1e-2, 2e-4), (2e-4, 5e-6)),
+        ... )
+        >>> both.root.shape
+        (2, 2)
+    """
+
+    names: tuple[str, ...]
+    mean: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        mean = np.atleast_1d(finite(self.mean, "mean"))
+        covariance = np.atleast_2d(finite(self.covariance, "covariance"))
+        count = len(self.names)
+        if mean.shape != (count,) or covariance.shape != (count, count):
+            raise InvalidInputError(
+                f"covariance: found shape {covariance.shape} and {mean.shape[0]} means for {count} names"
+            )
+        scale = np.sqrt(np.outer(np.diag(covariance).clip(0), np.diag(covariance).clip(0)))
+        if np.abs(covariance - covariance.T).max(initial=0) > 1e-9 * scale.max(initial=0):
+            raise InvalidInputError("covariance: found a matrix that is not symmetric")
+        object.__setattr__(self, "names", tuple(map(str, self.names)))
+        object.__setattr__(self, "mean", tuple(mean.tolist()))
+        object.__setattr__(self, "covariance", tuple(map(tuple, covariance.tolist())))
+        self.root  # noqa: B018 - raises where no such covariance is possible
+
+    @property
+    def root(self) -> FloatArray:
+        """A matrix R with R R^T the covariance: what independent normal numbers are multiplied by.
+
+        Raises:
+            InvalidInputError: the matrix is no covariance.
+        """
+        covariance = np.asarray(self.covariance)
+        deviation = np.sqrt(np.diag(covariance).clip(0))
+        unit = np.where(deviation > 0, deviation, 1.0)
+        values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
+        if values.min(initial=0) < -1e-9:
+            raise InvalidInputError("covariance: found a matrix with a negative eigenvalue, which none has")
+        return np.asarray(unit[:, None] * vectors * np.sqrt(values.clip(0)))

@@ -1,0 +1,165 @@
+"""Encounters that may happen: samples of inputs put into a scenario and its sensor, and their contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite
+from pretouch.motion import ContactResult, Scenario, find_contact
+from pretouch.motion.inputs import SCENARIO_INPUTS, scenario_with, sensor_inputs, sensor_with
+from pretouch.motion.similar import Likeness, find_likeness
+from pretouch.sensors import SensorModel
+
+__all__ = ["Ensemble", "make_ensemble"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ensemble:
+    """Encounters that differ in their inputs, those of the sensor among them.
+
+    Args:
+        scenario: the encounters, of the shape (n,) or of a shape that broadcasts with it.
+        sensor: the sensor as given.
+        values: the inputs that differ, in SI, shape (n,) each.
+        likeness: how their sensors are one; None where they are not.
+        method: how encounters are solved, as in `find_contact`.
+        horizon: how long to wait for contact [s].
+    """
+
+    scenario: Scenario
+    sensor: SensorModel
+    values: Mapping[str, FloatArray]
+    likeness: Likeness | None
+    method: str
+    horizon: float
+
+    def __len__(self) -> int:
+        return len(next(iter(self.values.values())))
+
+    @property
+    def speed(self) -> Any:
+        """|x_o'| of each encounter at the start [m/s]."""
+        return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
+
+    def contacts(self, gain: Any) -> ContactResult:
+        """Find the contacts of all encounters.
+
+        Args:
+            gain: D_p [N s]: one, or an array whose last axis is 1 or n.
+
+        Returns:
+            Their results, of the shape (..., n).
+        """
+        gains = np.asarray(gain, dtype=np.float64)
+        gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
+        options: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
+        if self.likeness is not None:
+            one = self.likeness
+            found = find_contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
+            return one.result(found)
+        columns = _Stacked([find_contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
+        return ContactResult(columns, columns.parts[0].method)
+
+    def at(self, index: int) -> tuple[Scenario, SensorModel]:
+        """Return one encounter and its sensor.
+
+        Args:
+            index: which.
+
+        Returns:
+            Both.
+        """
+        own = {name.removeprefix("sensor."): float(v[index]) for name, v in self.values.items() if _of_sensor(name)}
+        return _one(self.scenario, index), sensor_with(self.sensor, own) if own else self.sensor
+
+
+class _Stacked:
+    """The columns of results that belong together, side by side."""
+
+    __slots__ = ("parts",)
+
+    def __init__(self, parts: list[ContactResult]) -> None:
+        self.parts = parts
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run."""
+        return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
+
+
+def make_ensemble(
+    scenario: Scenario,
+    sensor: SensorModel,
+    values: Mapping[str, Any],
+    *,
+    method: str = "auto",
+    horizon: float = 600.0,
+) -> Ensemble:
+    """Put samples of inputs into an encounter.
+
+    Args:
+        scenario: one encounter.
+        sensor: its sensor.
+        values: inputs such as `obstacle.velocity` or `sensor.exponent` and their values in SI, shape (n,) each.
+        method: how encounters are solved, as in `find_contact`.
+        horizon: how long to wait for contact [s].
+
+    Returns:
+        The encounters.
+
+    Raises:
+        InvalidInputError: an input is unknown, a value is impossible, or there are not as many of each.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import InversePower
+        >>> several = make_ensemble(
+        ...     Scenario(
+        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ...     ),
+        ...     InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
+        ...     {"sensor.exponent": [3.0, 3.5], "obstacle.velocity": [-0.3, -0.25]},
+        ... )
+        >>> several.contacts(-0.7).contact.relative_velocity.round(3)
+        array([-0.085, -0.071])
+    """
+    if scenario.shape != ():
+        raise InvalidInputError(f"scenario: found encounters of shape {scenario.shape}, expected one")
+    known = {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
+    checked: dict[str, FloatArray] = {}
+    for name, given in values.items():
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
+            raise InvalidInputError(f"uncertainty: found {name!r}, which is no input; {hint}")
+        checked[name] = np.atleast_1d(finite(given, name, known[name]))
+    if len({v.shape for v in checked.values()}) != 1 or next(iter(checked.values())).ndim != 1:
+        shapes = ", ".join(f"{v.shape} for {name}" for name, v in checked.items()) or "none"
+        raise InvalidInputError(f"uncertainty: found values of shapes {shapes}, expected a row of as many for each")
+    own = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
+    several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
+    if not own:
+        likeness: Likeness | None = Likeness(sensor=sensor, length=1.0, gain=1.0)
+    else:
+        likeness = find_likeness(sensor, own, several.distance)
+    return Ensemble(scenario=several, sensor=sensor, values=checked, likeness=likeness, method=method, horizon=horizon)
+
+
+def _of_sensor(name: str) -> bool:
+    return name.startswith("sensor.")
+
+
+def _one(scenario: Scenario, index: int) -> Scenario:
+    """Return one of several encounters; what they share stays."""
+    parts = {}
+    for part in ("admittance", "obstacle", "plant", "reference"):
+        body: Any = getattr(scenario, part)
+        own = {f.name: getattr(body, f.name) for f in fields(body)}
+        parts[part] = replace(body, **{k: float(v[index]) if np.ndim(v) else v for k, v in own.items()})
+    return replace(scenario, **parts)

@@ -1,0 +1,93 @@
+"""Encounters of many sensors, solved as encounters of one, are what each gives alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pretouch._core.errors import InvalidInputError
+from pretouch.motion import Admittance, ContactState, Obstacle, Plant, Reference, Scenario, find_contact
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
+from pretouch.uncertainty import make_ensemble
+
+SCENARIO = Scenario(
+    admittance=Admittance(mass=1.0, damping=10.0, stiffness=20.0),
+    obstacle=Obstacle(position=0.0422, velocity=-0.3, acceleration=-0.1),
+    plant=Plant(position=0.001, velocity=0.01),
+    reference=Reference(position=0.002, velocity=-0.01),
+)
+POWER = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+RNG = np.random.default_rng(5)
+SENSORS: dict[str, tuple[SensorModel, dict[str, np.ndarray]]] = {
+    "inverse power": (
+        POWER,
+        {"sensor.exponent": RNG.uniform(2, 4, 12), "sensor.distance_offset": RNG.uniform(0.02, 0.06, 12)},
+    ),
+    "recessed inverse power": (
+        Recessed(
+            sensor=InversePower(scale=1.0, distance_offset=0.01, exponent=2.5, minimum_distance=0.003), recess=0.006
+        ),
+        {"sensor.exponent": RNG.uniform(2, 4, 12), "sensor.recess": RNG.uniform(0.004, 0.008, 12)},
+    ),
+    "first order": (ExponentialFirstOrder(scale=0.458, rate=-61.0), {"sensor.rate": RNG.uniform(-70, -50, 12)}),
+    "second order": (
+        ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0),
+        {"sensor.rate": RNG.uniform(-80, -70, 12), "sensor.curvature": RNG.uniform(300, 500, 12)},
+    ),
+    "scale": (POWER, {"sensor.scale": RNG.uniform(1e-6, 1e-5, 12)}),
+}
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_an_ensemble_is_what_each_of_its_encounters_gives_alone(name: str) -> None:
+    sensor, own = SENSORS[name]
+    values = {**own, "obstacle.velocity": RNG.uniform(-0.6, -0.1, 12), "admittance.mass": RNG.uniform(0.5, 2.0, 12)}
+    several = make_ensemble(SCENARIO, sensor, values)
+    gains = np.array([[-1.5], [-0.3], [0.0]])
+    found = several.contacts(gains)
+    assert found.reached.shape == (3, 12)
+    for i in range(12):
+        alone = find_contact(*several.at(i), gains[:, 0])
+        np.testing.assert_array_equal(found.status[:, i], alone.status)
+        for quantity in ContactState.names():
+            # each way is good to 1e-11 or better; peaks of the motion to 1e-9
+            np.testing.assert_allclose(
+                getattr(found.end, quantity)[:, i],
+                getattr(alone.end, quantity),
+                rtol=1e-8,
+                atol=1e-11,
+                err_msg=quantity,
+            )
+        np.testing.assert_allclose(found.gain[:, i], gains[:, 0], rtol=1e-14)
+
+
+def test_curves_of_one_kind_are_one_call() -> None:
+    for name in ("inverse power", "recessed inverse power", "first order"):
+        sensor, own = SENSORS[name]
+        assert make_ensemble(SCENARIO, sensor, own).likeness is not None, name
+    sensor, own = SENSORS["second order"]
+    assert make_ensemble(SCENARIO, sensor, own).likeness is None
+
+
+def test_a_curve_that_ends_too_soon_is_solved_for_itself() -> None:
+    """Where the calibrated range does not reach from the start to contact, its own checks have to speak."""
+    short = InversePower(scale=1.0, distance_offset=0.01, exponent=2.0, minimum_distance=0.005)
+    several = make_ensemble(SCENARIO, Recessed(sensor=short, recess=0.006), {"sensor.recess": [0.004, 0.007]})
+    assert several.likeness is None
+    assert several.contacts(-0.3).reached.tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"obstacle.speed": [1.0]}, "found 'obstacle.speed', which is no input; did you mean"),
+        ({"sensor.rate": [1.0]}, "which is no input"),
+        ({"obstacle.velocity": [-0.1, -0.2], "admittance.mass": [1.0]}, "expected a row of as many for each"),
+        ({}, "none"),
+        ({"admittance.mass": [1.0, -1.0]}, "mass: found -1 kg, which must be positive"),
+        ({"sensor.exponent": [3.0, -1.0]}, "exponent: found -1"),
+    ],
+)
+def test_impossible_values_are_refused(values: dict[str, list[float]], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        make_ensemble(SCENARIO, POWER, values).contacts(-0.3)

@@ -1,0 +1,110 @@
+"""Distributions are values whose quantiles say everything; samples of them are the same for the same seed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from pretouch._core.errors import InvalidInputError
+from pretouch.uncertainty import (
+    CorrelatedNormal,
+    Distribution,
+    Empirical,
+    Interval,
+    Normal,
+    TruncatedNormal,
+    Uniform,
+    sample_inputs,
+)
+
+KNOWN: dict[str, tuple[Distribution, object]] = {
+    "uniform": (Uniform(low=-0.5, high=-0.1), stats.uniform(-0.5, 0.4)),
+    "normal": (Normal(mean=3.3, deviation=0.2), stats.norm(3.3, 0.2)),
+    "truncated": (
+        TruncatedNormal(location=-0.3, deviation=0.1, low=-0.5, high=-0.05),
+        stats.truncnorm(-2, 2.5, loc=-0.3, scale=0.1),
+    ),
+    "one-sided": (
+        TruncatedNormal(location=1.0, deviation=2.0, low=0.0),
+        stats.truncnorm(-0.5, math.inf, loc=1.0, scale=2.0),
+    ),
+    "upper tail": (TruncatedNormal(location=0.0, deviation=1.0, low=8.0, high=9.0), stats.truncnorm(8, 9)),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_quantiles_and_means_are_those_of_scipy(name: str) -> None:
+    ours, theirs = KNOWN[name]
+    p = np.array([1e-6, 0.01, 0.3, 0.5, 0.9, 0.999, 1 - 1e-9])
+    np.testing.assert_allclose(ours.quantile(p), theirs.ppf(p), rtol=1e-9)
+    assert ours.mean == pytest.approx(theirs.mean(), rel=1e-12)
+    assert (ours.quantile(0.0), ours.quantile(1.0)) == ours.support
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(samples=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=30), p=st.floats(0, 1))
+def test_an_empirical_quantile_is_one_of_the_values(samples: list[float], p: float) -> None:
+    known = Empirical(samples=tuple(samples))
+    value = known.quantile(p)
+    assert value in samples
+    assert np.mean(np.asarray(samples) <= value) >= p - 1e-12
+    assert known.mean == pytest.approx(np.mean(samples), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube", "random"])
+def test_samples_follow_the_seed_and_nothing_else(sampling: str) -> None:
+    known = {"obstacle.velocity": Uniform(low=-0.5, high=-0.1), "admittance.mass": Normal(mean=1.0, deviation=0.1)}
+    one = sample_inputs(known, 300, seed=7, sampling=sampling)
+    again = sample_inputs(known, 300, seed=7, sampling=sampling)
+    other = sample_inputs(known, 300, seed=8, sampling=sampling)
+    for name, value in known.items():
+        assert one[name].shape == (300,)
+        np.testing.assert_array_equal(one[name], again[name])
+        assert not np.array_equal(one[name], other[name])
+        # the mean of 300 independent samples is within five of its standard errors
+        deviation = float(np.diff(value.quantile([0.16, 0.84]))[0]) / 2
+        assert abs(one[name].mean() - value.mean) < 5 * deviation / math.sqrt(300)
+
+
+def test_correlated_inputs_have_the_covariance_that_was_given() -> None:
+    names, mean = ("sensor.exponent", "sensor.distance_offset"), (3.3, 0.04)
+    covariance = ((1e-2, 1.8e-4), (1.8e-4, 4e-6))
+    known = CorrelatedNormal(names=names, mean=mean, covariance=covariance)
+    drawn = sample_inputs({"sensor": known}, 1 << 14, seed=1)
+    table = np.array([drawn[n] for n in names])
+    np.testing.assert_allclose(table.mean(axis=1), mean, rtol=1e-3)
+    np.testing.assert_allclose(np.cov(table), covariance, rtol=0.02)  # Sobol points of 16,384 are better than 1 %
+    np.testing.assert_allclose(known.root @ known.root.T, covariance, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Interval(low=1.0, high=1.0), "low: found 1 with high = 1"),
+        (lambda: Uniform(low=2.0, high=math.nan), "high: found nan"),
+        (lambda: Normal(mean=0.0, deviation=0.0), "deviation: found 0, which must be positive"),
+        (lambda: TruncatedNormal(location=0.0, deviation=1.0, low=40.0, high=41.0), "more than 30 deviations"),
+        (lambda: Empirical(samples=(1.0,)), "expected a row of two values or more"),
+        (lambda: CorrelatedNormal(names=("a", "b"), mean=(0.0, 0.0), covariance=((1.0, 2.0), (2.0, 1.0))), "negative"),
+        (lambda: CorrelatedNormal(names=("a", "b"), mean=(0.0, 0.0), covariance=((1.0, 0.5), (0.1, 1.0))), "symmetric"),
+        (lambda: CorrelatedNormal(names=("a",), mean=(0.0, 0.0), covariance=((1.0,),)), "for 1 names"),
+        (lambda: sample_inputs({}, 10), "uncertainty: found none"),
+        (lambda: sample_inputs({"a": Normal(mean=0, deviation=1)}, 0), "samples: found 0"),
+        (lambda: sample_inputs({"a": Normal(mean=0, deviation=1)}, 9, sampling="grid"), "sampling: found 'grid'"),
+        (
+            lambda: sample_inputs(
+                {"a": Normal(mean=0, deviation=1), "b": CorrelatedNormal(names=("a",), mean=(0,), covariance=((1,),))},
+                9,
+            ),
+            "found a twice",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_refused(make: object, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words.replace("(", r"\(")):
+        make()

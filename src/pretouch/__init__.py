@@ -19,13 +19,16 @@ Everything that is public is listed in `__all__`; numbers are SI floats or array
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ._core.errors import (
         CalibrationDataError,
         InvalidInputError,
+        MissingExtraError,
         OutOfRangeError,
         OutputExistsError,
         PretouchError,
@@ -86,6 +89,7 @@ if TYPE_CHECKING:
         motion_figure,
         panel_figure,
         sensitivity_figure,
+        sweep_figure,
         trade_off_figure,
         write_design_report,
         write_fit_report,
@@ -101,6 +105,7 @@ if TYPE_CHECKING:
         Table,
         check_sensor,
     )
+    from .sweep import sweep
     from .uncertainty import (
         CorrelatedNormal,
         Empirical,
@@ -138,6 +143,7 @@ __all__ = [
     "InversePower",
     "LetterReport",
     "Mark",
+    "MissingExtraError",
     "MittagLeffler",
     "Motion",
     "Normal",
@@ -183,6 +189,8 @@ __all__ = [
     "sample_inputs",
     "sensitivity_figure",
     "solve_motion",
+    "sweep",
+    "sweep_figure",
     "time_objective",
     "trade_off_figure",
     "write_design_report",
@@ -194,6 +202,7 @@ _HOMES = {  # loaded on first use: a program pays only for the folders that it n
     "_core.errors": (
         "CalibrationDataError",
         "InvalidInputError",
+        "MissingExtraError",
         "OutOfRangeError",
         "OutputExistsError",
         "PretouchError",
@@ -264,6 +273,7 @@ _HOMES = {  # loaded on first use: a program pays only for the folders that it n
         "excursion_objective",
         "time_objective",
     ),
+    "sweep": ("sweep",),
     "config": ("load_scenario",),
     "letter": ("LetterReport", "Reproduction", "reproduce", "write_letter_report"),
     "report": (
@@ -274,6 +284,7 @@ _HOMES = {  # loaded on first use: a program pays only for the folders that it n
         "motion_figure",
         "panel_figure",
         "sensitivity_figure",
+        "sweep_figure",
         "trade_off_figure",
         "write_design_report",
         "write_fit_report",
@@ -294,3 +305,14 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return [*__all__, "__version__"]
+
+
+class _Front(ModuleType):
+    """Keeps `pretouch.sweep` the verb: Python puts a folder that it loads in the place of the same name."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        folder = name == "sweep" and isinstance(value, ModuleType)
+        super().__setattr__(name, value.sweep if folder else value)  # type: ignore[attr-defined]
+
+
+sys.modules[__name__].__class__ = _Front

@@ -276,7 +276,7 @@ def test_everything_a_result_may_hold_becomes_json():
 def test_the_reference_names_the_options_that_there_are(run):
     text = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"--[a-z][a-z-]+", text)) - {"--help", "--version"}
-    helps = [run(verb, "--help")[1] for verb in ("fit", "design", "reproduce")]
+    helps = [run(verb, "--help")[1] for verb in ("fit", "design", "sweep", "reproduce")]
     offered = {option for text in helps for option in re.findall(r"--[a-z][a-z-]+", text)}
     assert documented == offered - {"--help", "--report"}  # --report is the default, spelled out
 

@@ -18,7 +18,16 @@ import pretouch
 SOURCE = Path(pretouch.__file__).parent
 FILES = sorted(SOURCE.rglob("*.py"))
 LONGEST = 350  # lines
-VERBS = ("find_contact", "solve_motion", "design_gain", "check_sensor", "rank_models", "fit_sensor", "read_calibration")
+VERBS = (
+    "find_contact",
+    "solve_motion",
+    "design_gain",
+    "check_sensor",
+    "rank_models",
+    "fit_sensor",
+    "read_calibration",
+    "sweep",
+)
 # "safe" and "compliant" are verdicts of standards on whole machines, which no program about a gain can give
 FORBIDDEN = re.compile(r"\b(safe|compliant)\b", re.IGNORECASE)
 

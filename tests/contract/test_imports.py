@@ -12,10 +12,13 @@ import pytest
 
 import pretouch
 
-HEAVY = {"scipy", "numba", "matplotlib", "pydantic", "typer", "jinja2"}
+EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas"}
+HEAVY = {"scipy", "numba", "matplotlib", "pydantic", "typer", "jinja2", *EXTRA}
 
 
-@pytest.mark.parametrize("module", ["pretouch", "pretouch.sensors", "pretouch.motion", "pretouch.design"])
+@pytest.mark.parametrize(
+    "module", ["pretouch", "pretouch.sensors", "pretouch.motion", "pretouch.design", "pretouch.sweep"]
+)
 def test_importing_loads_nothing_heavy(module: str) -> None:
     code = f"import sys, {module}; print(*sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
@@ -50,7 +53,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
 
 
 def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
-    for folder in ("sensors", "motion", "design", "calibration", "config", "report"):
+    for folder in ("sensors", "motion", "design", "calibration", "config", "report", "sweep"):
         module = importlib.import_module(f"pretouch.{folder}")
         for name in set(module.__all__) & set(pretouch.__all__):
             assert getattr(pretouch, name) is getattr(module, name)
@@ -58,3 +61,13 @@ def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
 
 def test_the_version_is_that_of_the_package() -> None:
     assert pretouch.__version__ == version("pretouch")
+
+
+@pytest.mark.parametrize("first", ["import pretouch.sweep.plan", "import pretouch", "from pretouch.sweep import Axis"])
+def test_sweep_is_the_verb_whatever_is_imported_first(first: str) -> None:
+    """A folder of that name is there, too, which Python would put in its place."""
+    code = (
+        f"{first}; import pretouch, pretouch.sweep.axes; print(type(pretouch.sweep).__name__, pretouch.sweep.__name__)"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert answer.stdout.split() == ["function", "sweep"]

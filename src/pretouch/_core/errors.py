@@ -9,6 +9,7 @@ The tree:
     │   ├── CalibrationDataError                 a calibration file or table that cannot be read
     │   ├── ScenarioFileError                    a scenario file with a mistake in it
     │   └── OutputExistsError                    a file that would have to be overwritten unasked
+    ├── MissingExtraError                        a library of an optional extra that is not installed
     └── ResultUnavailableError                   reading a result that the run did not reach
 
 A run that ends badly (no contact, infeasible constraint) is no error: it is a result with a status.
@@ -19,6 +20,7 @@ from __future__ import annotations
 __all__ = [
     "CalibrationDataError",
     "InvalidInputError",
+    "MissingExtraError",
     "OutOfRangeError",
     "OutputExistsError",
     "PretouchError",
@@ -54,6 +56,10 @@ class ScenarioFileError(InvalidInputError):
 
 class OutputExistsError(InvalidInputError):
     """A file that stands where an output should go and that pretouch will not overwrite unasked."""
+
+
+class MissingExtraError(PretouchError):
+    """A library of an optional extra that this call needs and that is not installed: the message says how to."""
 
 
 class ResultUnavailableError(PretouchError):

@@ -11,7 +11,7 @@ from typing import Final
 
 from .errors import InvalidInputError, OutputExistsError
 
-__all__ = ["is_own_unchanged", "sign", "write_text"]
+__all__ = ["is_own_unchanged", "sign", "write_bytes", "write_text"]
 
 _SIGNATURE: Final = re.compile(r'<meta name="generator" content="pretouch sha256:([0-9a-f]{64})">\n?')
 _HEAD: Final = re.compile(r"<head>\n?")
@@ -32,21 +32,35 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Fal
     Returns:
         The path.
 
-    Raises:
-        OutputExistsError: a file stands there and `overwrite` is false.
-        InvalidInputError: the folder does not exist or cannot be written.
-
     Examples:
         >>> import tempfile
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     print(write_text(f"{folder}/note.txt", "as it is").read_text())
         as it is
     """
+    return write_bytes(path, text.encode(), overwrite=overwrite)
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool = False) -> Path:
+    """Write a file as `write_text` does.
+
+    Args:
+        path: where the file goes; its folder must exist.
+        content: what is written.
+        overwrite: whether a file that stands there may be replaced.
+
+    Returns:
+        The path.
+
+    Raises:
+        OutputExistsError: a file stands there and `overwrite` is false.
+        InvalidInputError: the folder does not exist or cannot be written.
+    """
     asked = Path(path)
     target = Path(os.path.realpath(asked))  # a link stays a link, its target is written
     temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
     try:
-        _write_through(temporary, text.encode())
+        _write_through(temporary, content)
         try:
             if overwrite:
                 temporary.replace(target)

@@ -11,6 +11,7 @@ import typer
 from .design import design
 from .fit import fit
 from .reproduce import reproduce
+from .sweep import sweep
 
 __all__ = ["app", "main"]
 
@@ -24,6 +25,7 @@ app = typer.Typer(
 )
 app.command()(fit)
 app.command()(design)
+app.command()(sweep)
 app.command()(reproduce)
 
 

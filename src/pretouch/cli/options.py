@@ -8,6 +8,11 @@ from typing import Annotated, TypeAlias
 import typer
 
 __all__ = [
+    "AxisTexts",
+    "DaskAddress",
+    "DataOutput",
+    "FigurePath",
+    "FixedGain",
     "FloorSigmas",
     "Force",
     "Json",
@@ -16,9 +21,12 @@ __all__ = [
     "NoObject",
     "Offset",
     "Output",
+    "Replace",
     "Report",
+    "ResultNames",
     "Saturation",
     "Select",
+    "SweepJson",
 ]
 
 Json: TypeAlias = Annotated[
@@ -67,4 +75,55 @@ Model: TypeAlias = Annotated[
 FloorSigmas: TypeAlias = Annotated[
     float,
     typer.Option("--floor-sigmas", metavar="NUMBER", help="Sigmas above the offset from which a signal is usable."),
+]
+
+AxisTexts: TypeAlias = Annotated[
+    list[str],
+    typer.Option(
+        "--axis",
+        metavar="NAME=START:STOP:COUNT",
+        help="An input and its values, such as obstacle.velocity=-1:-0.01:100; with :log for equal ratios, or a list "
+        "NAME=VALUE,VALUE,...; values with units or bare in SI; repeatable.",
+        show_default=False,
+    ),
+]
+ResultNames: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--result",
+        metavar="NAME",
+        help="A quantity to be computed, such as relative_velocity; repeatable.",
+        show_default=False,
+    ),
+]
+FixedGain: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--gain", metavar="GAIN", help='The gain of all encounters, such as "-0.7 N*s".', show_default=False),
+]
+DataOutput: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="PATH", help="Where the dataset goes: NAME.zarr or NAME.nc.", show_default=False
+    ),
+]
+FigurePath: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--figure", metavar="PATH", help="Draw the results over one or two axes: PNG, SVG or PDF.", show_default=False
+    ),
+]
+DaskAddress: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS",
+        help="Compute on the workers of this Dask scheduler, such as tcp://10.0.0.1:8786; they write the dataset.",
+        show_default=False,
+    ),
+]
+SweepJson: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object, all SI, and nothing else; with values, if not too many.")
+]
+Replace: TypeAlias = Annotated[
+    bool, typer.Option("--force", help="Replace another sweep at the output, or a figure; unasked, nothing is.")
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError
 from pretouch.design.constraints import Constraint
@@ -18,8 +18,11 @@ from .placing import place
 from .positions import key_lines
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from pretouch.calibration import CalibrationReport
     from pretouch.design.result import GainDesign
+    from pretouch.sweep import Axes
 
 __all__ = ["DesignProblem", "ScenarioSource"]
 
@@ -91,6 +94,25 @@ class DesignProblem:
             )
         except InvalidInputError as error:
             raise ScenarioFileError(self._placed(str(error))) from error
+
+    def sweep(self, axes: Axes, *, gain: float | None = None, **options: Any) -> xr.Dataset:
+        """Compute this problem over a grid of inputs, as `pretouch.sweep` does.
+
+        Args:
+            axes: inputs and their values.
+            gain: D_p [N s] of all encounters; where it is neither given nor an axis, each encounter is designed.
+            options: what else `pretouch.sweep` takes.
+
+        Returns:
+            The dataset.
+        """
+        from pretouch.sweep import sweep  # noqa: PLC0415
+
+        asked: dict[str, Any] = {"gain": gain}
+        if gain is None and "gain" not in axes:
+            asked = {"objective": self.objective, "bounds": self.bounds, "constraints": self.constraints}
+        held: dict[str, Any] = {"impact": self.impact, "method": self.method, "horizon": self.horizon}
+        return sweep(self.scenario, self.sensor, axes, **asked, **held, **options)
 
     def _placed(self, message: str) -> str:
         """Put the line and the key before a message, as near as they are known."""

@@ -4,6 +4,7 @@ from .calibration_figures import calibration_figure
 from .design_figures import motion_figure, sensitivity_figure, trade_off_figure
 from .html import design_report_html, fit_report_html, write_design_report, write_fit_report
 from .panels import Curve, Mark, Panel, panel_figure
+from .sweep_figures import sweep_figure
 
 __all__ = [
     "Curve",
@@ -15,6 +16,7 @@ __all__ = [
     "motion_figure",
     "panel_figure",
     "sensitivity_figure",
+    "sweep_figure",
     "trade_off_figure",
     "write_design_report",
     "write_fit_report",

@@ -1,0 +1,177 @@
+"""What bounds a sweep: computing beside writing, memory, and what every chunk, block and task costs on top.
+
+`python -m benchmarks.sweeping --encounters 1e8 --folder .` needs 9 bytes of disk per encounter and result.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import pretouch as pt
+from pretouch.sweep import Progress
+from pretouch.sweep.executors import run_block
+from pretouch.sweep.held import Held
+from pretouch.sweep.plan import Plan, make_plan
+from pretouch.sweep.stores import MemoryStore, ZarrStore
+
+from .solving import OBJECTIVE, SCENARIO, SENSORS
+
+QUICK = ("time", "relative_velocity", "displacement", "virtual_force")
+CASES = (
+    ("exponential-1", ("relative_velocity",)),
+    ("exponential-1", QUICK),
+    ("inverse-power", QUICK),
+)
+
+
+def grid(count: int) -> dict[str, np.ndarray]:
+    """Return velocities and gains, about so many combinations."""
+    gains = int(np.sqrt(count))
+    return {"obstacle.velocity": np.linspace(-1.0, -0.05, count // gains), "gain": -np.geomspace(2.0, 0.05, gains)}
+
+
+def plain_writing(folder: Path, size: float) -> float:
+    """Write so many bytes to files of 8 MB, and nothing else; return the seconds until the disk has them."""
+    block = np.random.default_rng(1).random(1 << 20)
+    _sync()
+    with tempfile.TemporaryDirectory(dir=folder) as place:
+        start = time.perf_counter()
+        for i in range(int(size) // block.nbytes):
+            Path(place, str(i)).write_bytes(block.data)
+        _sync()
+        return time.perf_counter() - start
+
+
+def _sync() -> None:
+    """Wait until the disk has what was written."""
+    if hasattr(os, "sync"):
+        os.sync()
+
+
+def sweep_row(sensor: str, results: tuple[str, ...], count: int, folder: Path) -> str:
+    """Sweep into a store; return a row."""
+    last: list[Progress] = []
+    _sync()
+    axes = grid(count)
+    with tempfile.TemporaryDirectory(dir=folder) as place:
+        start = time.perf_counter()
+        dataset = pt.sweep(
+            SCENARIO, SENSORS[sensor], axes, results=results, output=Path(place, "out.zarr"), progress=last.append
+        )
+        wall = time.perf_counter() - start
+        _sync()
+        durable = time.perf_counter() - start
+        size = sum(f.stat().st_size for f in Path(place).rglob("*") if f.is_file())
+        total = int(np.prod(dataset["status"].shape))
+    done, plain = last[-1], plain_writing(folder, size)
+    each = 1e9 / total
+    return (
+        f"{sensor:14s} {len(results):7d} {total:12,d} {wall:7.1f} s {durable:7.1f} s"
+        f" {done.computing * each:8.1f} ns {done.writing * each:7.1f} ns {done.computing / done.writing:10.2f}"
+        f" {size / 1e9:7.2f} GB {plain:6.1f} s {durable / plain:9.2f}x"
+    )
+
+
+def shortest(work: Callable[[], object], rounds: int = 20) -> float:
+    """Return the shortest time of some calls [s]."""
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def tiny(blocks: int) -> Plan:
+    """Return a plan whose blocks hold a single encounter."""
+    held = Held(scenario=SCENARIO, sensor=SENSORS["exponential-1"], gain=-0.5)
+    axes = {"obstacle.velocity": np.linspace(-1.0, -0.05, blocks)}
+    return make_plan(held, axes, results=["relative_velocity"], chunk_size=1)
+
+
+def overheads(folder: Path) -> list[str]:
+    """Measure what a block, a chunk and a worker's look at the store cost where there is nearly nothing to compute."""
+    plan = tiny(1000)
+    in_memory = MemoryStore(plan, 1)
+    rows = [f"block of one chunk, in memory          {shortest(lambda: run_block(plan, in_memory, 0)) * 1e3:8.2f} ms"]
+    with tempfile.TemporaryDirectory(dir=folder) as place:
+        path = Path(place, "tiny.zarr")
+        start = time.perf_counter()
+        store = ZarrStore.create(path, plan, 1)
+        rows.append(f"making a store                         {(time.perf_counter() - start) * 1e3:8.2f} ms")
+        rows.append(
+            f"block of one chunk, two files, ledger  {shortest(lambda: run_block(plan, store, 0)) * 1e3:8.2f} ms"
+        )
+        rows.append(f"  of it the ledger                     {shortest(lambda: store.finish(1)) * 1e3:8.2f} ms")
+        rows.append(f"opening a store on a worker            {shortest(lambda: ZarrStore(path, plan)) * 1e3:8.2f} ms")
+        rows.append(f"reading a ledger of 1,000 blocks       {shortest(store.finished, 5) * 1e3:8.2f} ms")
+    return rows
+
+
+def tasks(folder: Path, count: int = 1000) -> str:
+    """Run blocks of one encounter on two worker processes; return what each costs."""
+    from distributed import LocalCluster  # noqa: PLC0415 - only for this row
+
+    from pretouch.sweep import cluster  # noqa: PLC0415
+
+    plan = tiny(count)
+    with (
+        tempfile.TemporaryDirectory(dir=folder) as place,
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as workers,
+        cluster.connected(workers.scheduler_address) as client,
+    ):
+        client.wait_for_workers(2)
+        store = ZarrStore.create(Path(place, "tiny.zarr"), plan, 1)
+        cluster.run_on(client, plan, store, [0, 1], lambda _: None)  # the workers import pretouch
+        start = time.perf_counter()
+        cluster.run_on(client, plan, store, list(range(2, count)), lambda _: None)
+        each = (time.perf_counter() - start) / (count - 2)
+    return f"task on a cluster of two processes     {each * 1e3:8.2f} ms, two at a time"
+
+
+def designs(count: int) -> list[str]:
+    """Sweep designs in memory; return a row for each curve."""
+    rows = []
+    for name, sensor in SENSORS.items():
+        axes = {"obstacle.velocity": np.linspace(-1.0, -0.05, count), "admittance.mass": [1.0]}
+        options = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01), "results": ["gain"]}
+        pt.sweep(SCENARIO, sensor, axes, **options)
+        start = time.perf_counter()
+        pt.sweep(SCENARIO, sensor, axes, **options)
+        rows.append(f"{name:14s} {count:12,d} designs {(time.perf_counter() - start) / count * 1e6:8.2f} us each")
+    return rows
+
+
+def main() -> None:
+    """Print all of it."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.sweeping", description=__doc__.splitlines()[0])
+    parser.add_argument("--encounters", type=float, default=1e7, help="of each sweep (default 1e7)")
+    parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="on the disk to be measured")
+    parser.add_argument("--no-dask", action="store_true", help="without a local cluster")
+    asked = parser.parse_args()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    print(f"{cores} cores; plain: files of 8 MB with as many bytes, and nothing else")
+    for sensor in SENSORS:  # the kernels are compiled once
+        pt.sweep(SCENARIO, SENSORS[sensor], grid(1000), results=QUICK)
+    print("\nsensor         results   encounters     ended   on disk   computing    writing", end="")
+    print("  comp/write       size    plain  to plain")
+    for sensor, results in CASES:
+        print(sweep_row(sensor, results, int(asked.encounters), asked.folder), flush=True)
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6  # Linux counts kilobytes
+    print(f"largest memory of this process: {largest:.2f} GB")
+    print("\n" + "\n".join(designs(4096)))
+    print("\n" + "\n".join(overheads(asked.folder)))
+    if not asked.no_dask:
+        print(tasks(asked.folder))
+
+
+if __name__ == "__main__":
+    main()

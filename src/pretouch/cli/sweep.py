@@ -1,0 +1,147 @@
+"""`pretouch sweep`: contacts or optimal gains over a grid of inputs of a scenario file."""
+
+from __future__ import annotations
+
+import time
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.json_text import as_json
+from pretouch._core.units import to_si
+
+from .options import AxisTexts, DaskAddress, DataOutput, FigurePath, FixedGain, Replace, ResultNames, SweepJson
+from .terminal import NO_RESULT, OK, conclude, print_message, print_progress, print_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from pretouch.config import DesignProblem
+    from pretouch.sweep import Progress
+
+__all__ = ["sweep"]
+
+_FIGURES = (".png", ".svg", ".pdf")
+_SECONDS = 1.0  # between two lines of progress
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).", show_default=False)],
+    *,
+    axis: AxisTexts,
+    result: ResultNames = None,
+    gain: FixedGain = None,
+    output: DataOutput = None,
+    figure: FigurePath = None,
+    dask: DaskAddress = None,
+    json: SweepJson = False,
+    force: Replace = False,
+) -> None:
+    """Compute contacts or optimal gains over a grid of inputs.
+
+    Every combination of the values of all axes is an encounter; what no axis names is that of the scenario file. With
+    --gain, or an axis gain=..., contacts are found; else each encounter gets its optimal gain. With --output the same
+    command goes on where it was ended.
+
+    Exit status: 0 some encounter ends in contact, or has an optimal gain, 1 none does, 2 a mistake in the request.
+    """
+
+    def run() -> int:
+        from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
+
+        problem = load_scenario(file)
+        fixed = None if gain is None else to_si(gain, "N*s", name="--gain")
+        axes = _axes(problem, axis, fixed)
+        if figure is not None:
+            _check_figure(figure, axes, force=force)
+        try:
+            found = problem.sweep(
+                axes,
+                gain=fixed,
+                results=result or None,
+                output=output,
+                overwrite=force,
+                dask=dask,
+                progress=_Teller().tell,
+            )
+        except KeyboardInterrupt:
+            if output is not None:
+                print_message("interrupted; the same command goes on from here")
+            raise
+        return _present(found, output, figure, json=json, force=force)
+
+    conclude(run, json_wanted=json)
+
+
+def _axes(problem: DesignProblem, texts: list[str], gain: float | None) -> dict[str, Any]:
+    """Read the axes; which inputs there are depends on whether gains are designed."""
+    from pretouch.config.axis_text import read_axis  # noqa: PLC0415
+    from pretouch.sweep.held import Held  # noqa: PLC0415
+
+    contacts = gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
+    held = Held(
+        scenario=problem.scenario,
+        sensor=problem.sensor,
+        objective=None if contacts else problem.objective,
+        constraints=problem.constraints,
+        impact=problem.impact,
+    )
+    axes: dict[str, Any] = {}
+    for text in texts:
+        name, values = read_axis(text, held.inputs())
+        if name in axes:
+            raise InvalidInputError(f"--axis: found {name} twice, expected every input once")
+        axes[name] = values
+    return axes
+
+
+def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
+    """Refuse before anything is computed what could not be drawn or written after."""
+    if path.suffix.lower() not in _FIGURES:
+        raise InvalidInputError(f"--figure: found {str(path)!r}, expected a name that ends in {', '.join(_FIGURES)}")
+    long = [name for name, values in axes.items() if len(values) > 1]
+    if len(long) not in {1, 2}:
+        raise InvalidInputError(f"--figure: found {len(long)} axes of more than one value, expected one or two")
+    if path.exists() and not force:
+        raise OutputExistsError(f"{path}: this file exists and is not overwritten unasked; replace it with --force")
+
+
+class _Teller:
+    """Tells how far a sweep is, not too often."""
+
+    def __init__(self) -> None:
+        self._last = time.monotonic()
+
+    def tell(self, progress: Progress) -> None:
+        now = time.monotonic()
+        if now - self._last >= _SECONDS and progress.finished < progress.total:
+            self._last = now
+            print_progress(
+                f"{progress.finished:,} of {progress.total:,} encounters "
+                f"({100 * progress.finished / progress.total:.0f} %), about {progress.remaining:.0f} s left"
+            )
+
+
+def _present(found: xr.Dataset, output: Path | None, figure: Path | None, *, json: bool, force: bool) -> int:
+    from pretouch.sweep.summary import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
+
+    if figure is not None:
+        from pretouch._core.files import write_bytes  # noqa: PLC0415
+        from pretouch.report import sweep_figure  # noqa: PLC0415 - Matplotlib, only when needed
+
+        content = BytesIO()
+        sweep_figure(found).savefig(content, format=figure.suffix[1:].lower())
+        write_bytes(figure, content.getvalue(), overwrite=force)
+    if json:
+        print_text(as_json({**sweep_as_dict(found), "output": output, "figure": figure}))
+    else:
+        print_text(sweep_as_text(found))
+        for what, path in (("Dataset", output), ("Figure", figure)):
+            if path is not None:
+                print_text(f"{what}: {path}")
+    first = next(iter(counts(found).values()))  # contact, or optimal
+    found.close()
+    return OK if first else NO_RESULT

@@ -1,0 +1,151 @@
+"""Pictures of a sweep: curves over one axis, families of curves or maps over two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+
+from .panels import Curve, Panel, panel_figure
+from .style import CURVES, Scale, drawing, new_figure, scale_for
+from .wording import QUANTITY_LABELS, word
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+__all__ = ["sweep_figure"]
+
+_MOST_POINTS: Final = 1000  # along a curve
+_MOST_CELLS: Final = 300  # along an axis of a map
+_SYMBOLS: Final = {"gain": ("optimal gain", "D_p"), "objective": ("objective", "f")}
+
+
+def sweep_figure(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
+    """Draw the results of a sweep over its axes.
+
+    One axis gives curves. Two give a family of curves where one of them has up to five values, else a map of labeled
+    contour lines, in which hatching marks encounters without a value. Axes of one value are left out.
+
+    Args:
+        dataset: what `sweep` returned, with one or two axes of more than one value.
+        results: which of its results are drawn; all of them by default.
+
+    Returns:
+        A panel for each result.
+
+    Raises:
+        InvalidInputError: there are more axes, or no result with a value.
+    """
+    flat = dataset.squeeze(drop=True)
+    names = [str(n) for n in (results or flat.data_vars) if n != "status"]
+    unknown = next((n for n in names if n not in flat.data_vars), None)
+    if unknown is not None or not names:
+        listed = ", ".join(str(n) for n in flat.data_vars if n != "status")
+        raise InvalidInputError(f"results: found {unknown or 'none'}, expected some of {listed}")
+    dims = [str(dim) for dim in flat["status"].dims]
+    if len(dims) not in {1, 2}:
+        raise InvalidInputError(
+            f"dataset: found {len(dims)} axes of more than one value, expected one or two; choose values of the others "
+            "first, for example with dataset.sel({'gain': -0.7}, method='nearest')"
+        )
+    for name in names:
+        if not bool(np.isfinite(flat[name].values).any()):
+            raise InvalidInputError(f"{name}: found no encounter with a value, expected some; status says why")
+    if len(dims) == 1:
+        return panel_figure(*(_panel(flat, name, dims[0], None) for name in names))
+    across, up = sorted(dims, key=lambda dim: -flat.sizes[dim]) if _few(flat, dims) else dims
+    if _few(flat, dims):
+        return panel_figure(*(_panel(flat, name, across, up) for name in names))
+    return _maps(flat, names, across, up)
+
+
+def _few(flat: xr.Dataset, dims: list[str]) -> bool:
+    return any(flat.sizes[dim] <= len(CURVES) for dim in dims)
+
+
+def _axis(flat: xr.Dataset, dim: str) -> tuple[FloatArray, Scale, str]:
+    """Return the values of an axis in the unit in which they are shown, that unit, and the label."""
+    values = np.asarray(flat[dim].values, dtype=np.float64)
+    scale = _scale(flat[dim], values)
+    name = word(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
+    return values / scale.factor, scale, f"{'gain D_p' if dim == 'gain' else name} [{scale.unit or '1'}]"
+
+
+def _scale(variable: Any, values: FloatArray) -> Scale:
+    unit = str(variable.attrs.get("units", "1"))
+    known = values[np.isfinite(values)]
+    return scale_for("" if unit == "1" else unit, float(np.max(np.abs(known), initial=0.0)))
+
+
+def _label(name: str, scale: Scale, *, short: bool = False) -> str:
+    words, symbol = _SYMBOLS.get(name) or QUANTITY_LABELS.get(name, (word(name), ""))
+    return f"{words} {'' if short else symbol} [{scale.unit or '1'}]".replace("  ", " ")
+
+
+def _equal_ratios(values: FloatArray) -> bool:
+    """Tell whether an axis was made of equal ratios over a decade or more."""
+    if len(values) < 3 or not (values > 0).all() or values.max() < 10 * values.min():
+        return False
+    return bool(np.allclose(np.diff(np.log(values)), np.log(values[-1] / values[0]) / (len(values) - 1), rtol=1e-6))
+
+
+def _panel(flat: xr.Dataset, name: str, across: str, family: str | None) -> Panel:
+    x, _, x_label = _axis(flat, across)
+    step = -(-len(x) // _MOST_POINTS)
+    variable = flat[name]
+    scale = _scale(variable, np.asarray(variable.values))
+    curves = []
+    if family is None:
+        curves.append(
+            _curve(x[::step], np.asarray(variable.values)[::step] / scale.factor, "", "units" in flat[across].attrs)
+        )
+    else:
+        values, unit, _ = _axis(flat, family)
+        for i, value in enumerate(values):
+            label = f"{word(family.rpartition('.')[2])} {value:.4g} {unit.unit}".strip()
+            y = np.asarray(variable.isel({family: i}).values)[::step] / scale.factor
+            if np.isfinite(y).any():
+                curves.append(_curve(x[::step], y, label, "units" in flat[across].attrs, style=i))
+    return Panel(x_label=x_label, y_label=_label(name, scale), curves=curves, x_log=_equal_ratios(x))
+
+
+def _curve(x: FloatArray, y: FloatArray, label: str, ordered: bool, style: int | None = None) -> Curve:
+    if not ordered:  # samples, one beside another in no order
+        return Curve(x=x, y=y, label=label, kind="points", style=style)
+    order = np.argsort(x, kind="stable")
+    return Curve(x=x[order], y=y[order], label=label, style=style)
+
+
+def _maps(flat: xr.Dataset, names: list[str], across: str, up: str) -> Figure:
+    from .sweep_maps import Map, draw_maps  # noqa: PLC0415 - drawing is loaded when it is asked for
+
+    thin = {dim: slice(None, None, -(-flat.sizes[dim] // _MOST_CELLS)) for dim in (across, up)}
+    few = flat.isel(thin)
+    x, _, x_label = _axis(few, across)
+    y, _, y_label = _axis(few, up)
+    maps = []
+    for name in names:
+        values = np.asarray(few[name].transpose(up, across).values, dtype=np.float64)
+        scale = _scale(few[name], values)
+        maps.append(
+            Map(
+                x=x,
+                y=y,
+                values=values / scale.factor,
+                title=_label(name, scale, short=True),
+                x_label=x_label,
+                y_label=y_label,
+                x_log=_equal_ratios(x),
+                y_log=_equal_ratios(y),
+            )
+        )
+    columns = min(2, len(maps))
+    with drawing():
+        figure = new_figure(7.4 if columns == 2 else 5.2, 3.3 * -(-len(maps) // columns))
+        draw_maps(figure, maps, columns)
+    return figure

@@ -1,0 +1,113 @@
+"""The same blocks on the workers of a Dask scheduler, which write to the Zarr folder themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from pretouch._core.errors import InvalidInputError
+
+from .executors import BlockRecord, regions_of, run_block, size_of
+from .extras import require
+from .plan import Plan
+from .stores import ZarrStore
+
+__all__ = ["connected", "run_on", "worker_count"]
+
+_WAITING: Final = 3  # blocks per thread of the cluster that are under way or wait at a worker
+_RETRIES: Final = 3  # of a block whose worker was lost; finished ones are never computed again
+_TIMEOUT: Final = "10 s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Job:
+    """What a worker needs to know."""
+
+    plan: Plan
+    path: str
+
+
+@contextmanager
+def connected(dask: Any) -> Iterator[Any]:
+    """Hold a client for a scheduler.
+
+    Args:
+        dask: the address of a scheduler, such as `tcp://10.0.0.1:8786`, or a `distributed.Client`, which stays open.
+
+    Yields:
+        The client.
+
+    Raises:
+        InvalidInputError: nothing answers there.
+    """
+    distributed = require("distributed", extra="dask")
+    if not isinstance(dask, str):
+        yield dask
+        return
+    try:
+        client = distributed.Client(dask, timeout=_TIMEOUT)
+    except (OSError, ValueError) as error:  # TimeoutError is an OSError
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InvalidInputError(f"dask: found no scheduler at {dask} ({reason})") from None
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def worker_count(client: Any) -> int:
+    """Count the threads of a cluster that take blocks; 1 where no worker is there yet."""
+    return max(1, int(sum(client.nthreads().values())))
+
+
+def run_on(client: Any, plan: Plan, store: ZarrStore, blocks: list[int], report: Callable[[BlockRecord], None]) -> None:
+    """Compute blocks on the workers of a cluster.
+
+    Args:
+        client: a `distributed.Client`.
+        plan: the sweep.
+        store: the folder, which all workers must reach under the same path.
+        blocks: what is to be computed.
+        report: told of every block.
+    """
+    distributed = require("distributed", extra="dask")
+    # a task, not scattered data: what a lost worker held is then made again
+    opened = client.submit(_open, _Job(plan=plan, path=str(store.path.resolve())), pure=False)
+    pending = iter(blocks)
+
+    def submit() -> Any:
+        block = next(pending, None)
+        return None if block is None else client.submit(_run, opened, block, pure=False, retries=_RETRIES)
+
+    first = [future for _ in range(_WAITING * worker_count(client)) if (future := submit()) is not None]
+    waiting = distributed.as_completed(first)
+    for future in waiting:
+        report(future.result())
+        following = submit()
+        if following is not None:
+            waiting.add(following)
+
+
+def _open(job: _Job) -> ZarrStore:
+    """Open the store on a worker; with it, the plan travels once and not with every block."""
+    _look(Path(job.path))
+    return ZarrStore(job.path, job.plan)
+
+
+def _run(store: ZarrStore, block: int) -> BlockRecord:
+    """Compute a block on a worker, unless that was done before the worker that did it was lost."""
+    _look(store.path)  # what came from another machine would else make a folder of its own here
+    if store.is_finished(block):
+        count = sum(size_of(region) for region in regions_of(store.plan, store.chunks_per_block, block))
+        return BlockRecord(block=block, encounters=count, repeated=True)
+    return run_block(store.plan, store, block)
+
+
+def _look(path: Path) -> None:
+    if not (path / "zarr.json").is_file():
+        raise InvalidInputError(
+            f"{path}: found no such sweep on a worker, expected a folder that all workers reach under this path"
+        )

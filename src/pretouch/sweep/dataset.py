@@ -1,0 +1,46 @@
+"""From a plan and its columns to an xarray Dataset: named axes, units, provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .extras import require
+from .plan import Plan
+from .provenance import attributes_of
+from .results import STATUS, result_attributes
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["make_dataset", "variable_attributes"]
+
+
+def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
+    """Put results on their axes.
+
+    Args:
+        plan: the sweep.
+        columns: results by name, of the shape of the grid; none for the axes alone.
+
+    Returns:
+        The dataset.
+    """
+    xarray = require("xarray")
+    coords: dict[str, Any] = {}
+    units = plan.held.inputs()
+    for axis in plan.axes:
+        if axis.zipped:
+            coords[axis.name] = (axis.name, np.arange(len(axis)), {"long_name": f"{axis.name} number"})
+        for name, values in axis.columns.items():
+            words = name.replace(".", " ").replace("_", " ")
+            coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
+    data = {name: (plan.dims, column, variable_attributes(plan)[name]) for name, column in columns.items()}
+    return xarray.Dataset(data, coords=coords, attrs=attributes_of(plan))
+
+
+def variable_attributes(plan: Plan) -> dict[str, dict[str, Any]]:
+    """Return the attributes of every result by name, the status first."""
+    return {name: result_attributes(name, designs=plan.designs) for name in (STATUS, *plan.results)}

@@ -1,0 +1,269 @@
+"""What a sweep will compute, in which pieces: fixed by what was asked for, never by how fast a machine is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import finite, positive
+from pretouch.design import OBSTACLE_SPEED
+from pretouch.motion.inputs import scenario_with
+
+from .axes import Axes, Axis, make_axes
+from .held import ENCOUNTER_INPUTS, Held, with_input
+from .results import WHOLE_MOTION, check_results
+
+__all__ = ["Plan", "Region", "held_at", "make_plan", "part_of", "part_shape"]
+
+Region: TypeAlias = tuple[slice, ...]
+"""A part of the grid: one slice per axis."""
+
+# Encounters of a chunk, so that it takes a fraction of a second on one core; by (designs, any curve, whole motion).
+# Numbers may depend on the chunk in their last digits: series are shared by the encounters of one call.
+_CHUNK: Final = {
+    (False, False, False): 1 << 20,
+    (False, True, False): 1 << 20,
+    (False, False, True): 1 << 17,
+    (False, True, True): 1 << 14,
+    (True, False, False): 1 << 14,
+    (True, True, False): 1 << 11,
+    (True, False, True): 1 << 11,
+    (True, True, True): 1 << 8,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """A grid of encounters and what is asked of each.
+
+    Args:
+        held: what holds where no axis says otherwise.
+        axes: the axes, in the order of the dimensions.
+        results: names of the results; the status comes with them.
+        seed: what the values were drawn from, where they were drawn.
+        chunk: shape of a chunk: what one call of the solver computes and one file of a store holds.
+    """
+
+    held: Held
+    axes: tuple[Axis, ...]
+    results: tuple[str, ...]
+    seed: int | None
+    chunk: tuple[int, ...]
+
+    @property
+    def designs(self) -> bool:
+        """Whether gains are designed; else contacts are found with given gains."""
+        return self.held.objective is not None
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """The names of the dimensions."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The lengths of the dimensions."""
+        return tuple(map(len, self.axes))
+
+    @property
+    def size(self) -> int:
+        """How many encounters there are."""
+        return math.prod(self.shape)
+
+    @property
+    def chunk_grid(self) -> tuple[int, ...]:
+        """How many chunks there are along each dimension."""
+        return _counts(self.shape, self.chunk)
+
+    @property
+    def chunk_count(self) -> int:
+        """How many chunks there are."""
+        return math.prod(self.chunk_grid)
+
+    def region(self, index: int) -> Region:
+        """Return the part of the grid that a chunk covers; chunks count along the last dimension first."""
+        return part_of(self.shape, self.chunk, index)
+
+    def thinned(self, most: int) -> Plan:
+        """Return a plan over a few values of every axis, evenly spread.
+
+        Args:
+            most: how many encounters there may be.
+
+        Returns:
+            The plan, of one chunk.
+        """
+        axes: list[tuple[int, Axis]] = []
+        room = most
+        for left, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
+            count = max(1, min(len(axis), int(room ** (1 / (len(self.axes) - len(axes))) + 1e-9)))
+            room //= count
+            axes.append((left, axis.at(np.linspace(0, len(axis) - 1, count).astype(np.int64))))
+        kept = tuple(axis for _, axis in sorted(axes, key=lambda item: item[0]))
+        return replace(self, axes=kept, chunk=tuple(map(len, kept)))
+
+
+def make_plan(
+    held: Held, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
+) -> Plan:
+    """Check a request and cut it into chunks.
+
+    Args:
+        held: what holds where no axis says otherwise.
+        axes: inputs and their values.
+        results: what is asked for; a few quantities where None.
+        seed: what the values were drawn from.
+        chunk_size: encounters per chunk at most; chosen by what is computed where None.
+
+    Returns:
+        The plan.
+
+    Raises:
+        InvalidInputError: the request makes no sense.
+    """
+    if held.scenario.shape != ():
+        raise InvalidInputError(
+            f"scenario: found an array of encounters of shape {held.scenario.shape}, expected one; arrays go to axes"
+        )
+    found = make_axes(axes, held)
+    designs = held.objective is not None
+    gains = [axis.name for axis in found if "gain" in axis.columns]
+    if not designs and (held.gain is None) == (not gains):
+        what = "a gain and an axis of gains" if gains else "neither gain nor objective"
+        raise InvalidInputError(
+            f"gain: found {what}, expected one of: gain=..., an axis 'gain', or objective=... with bounds=..."
+        )
+    if designs and (held.gain is not None or held.bounds is None):
+        what = "a gain beside an objective" if held.bounds else "an objective without bounds"
+        raise InvalidInputError(f"gain: found {what}, expected objective=... with bounds=..., which chooses the gain")
+    if not designs and held.constraints:
+        raise InvalidInputError("constraints: found some without an objective, expected them only beside objective=...")
+    names = check_results(results, designs=designs, impact=held.impact)
+    clash = next((axis.name for axis in found if axis.name in (*names, "status", "finished", "block")), None)
+    if clash is not None:
+        raise InvalidInputError(f"axes: found {clash!r}, which is the name of a result; choose another name")
+    finite(0.0 if held.gain is None else held.gain, "gain", "N*s")
+    positive(held.horizon, "horizon", "s")
+    most = chunk_size or _chunk_size(held, names)
+    shape = tuple(map(len, found))
+    plan = Plan(held=held, axes=found, results=names, seed=seed, chunk=part_shape(shape, most))
+    _check_values(plan)
+    return plan
+
+
+def _chunk_size(held: Held, results: tuple[str, ...]) -> int:
+    asked = set(results)
+    if held.objective is not None:
+        asked |= {term.quantity for term in held.objective.terms} | {c.quantity for c in held.constraints}
+    curved = held.sensor.constant_log_slope is None or held.method == "integration"
+    return _CHUNK[held.objective is not None, curved, bool(asked & WHOLE_MOTION)]
+
+
+def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
+    """Cut a grid: take whole rows from the last axis on, and equal parts of the first axis that does not fit.
+
+    Args:
+        shape: of the grid.
+        most: how many encounters a part may have.
+
+    Returns:
+        The shape of a part.
+
+    Examples:
+        >>> part_shape((100, 30, 10), 1000), part_shape((100, 30, 10), 100)
+        ((3, 30, 10), (1, 10, 10))
+    """
+    chunk, room = [1] * len(shape), most
+    for k in reversed(range(len(shape))):
+        if shape[k] > room:
+            chunk[k] = -(-shape[k] // -(-shape[k] // room))
+            break
+        chunk[k] = shape[k]
+        room //= shape[k]
+    return tuple(chunk)
+
+
+def part_of(shape: tuple[int, ...], part: tuple[int, ...], index: int) -> Region:
+    """Return one part of a grid; parts count along the last axis first.
+
+    Args:
+        shape: of the grid.
+        part: shape of a part.
+        index: the number of the part.
+
+    Returns:
+        Its slices.
+    """
+    place = np.unravel_index(index, _counts(shape, part))
+    return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in zip(place, part, shape, strict=True))
+
+
+def _counts(shape: tuple[int, ...], part: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(-(-n // c) for n, c in zip(shape, part, strict=True))
+
+
+def _check_values(plan: Plan) -> None:
+    """Refuse at once what would be refused in the middle."""
+    scenario = plan.held.scenario
+    first = {n: float(v[0]) for axis in plan.axes for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS}
+    positions = {name: first[name] for name in ("obstacle.position", "plant.position") if name in first}
+    for axis in plan.axes:
+        # all distances are looked at below; here, far away, they are none of the question
+        near = {"obstacle.position": 1.0, "plant.position": 0.0} if positions else {}
+        own = {n: v for n, v in axis.columns.items() if n in ENCOUNTER_INPUTS and n not in near}
+        changed = {name: value for name, value in {**first, **own, **near}.items() if name != "gain"}
+        scenario_with(scenario, changed)
+        for i in range(len(axis) if axis.looped else 0):
+            held_at(plan.held, (axis,), (i,))
+    _check_distances(plan)
+    velocities = next((a.columns["obstacle.velocity"] for a in plan.axes if "obstacle.velocity" in a.columns), None)
+    moving = bool(scenario.obstacle.velocity != 0 if velocities is None else np.all(velocities != 0))
+    terms = plan.held.objective.terms if plan.held.objective else ()
+    if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
+        raise InvalidInputError(f"scale: {OBSTACLE_SPEED!r} cannot scale the speed of an obstacle at rest")
+
+
+def held_at(held: Held, axes: Sequence[Axis], index: Sequence[int]) -> Held:
+    """Set every input that one call of the solver takes once to its value at an index of these axes."""
+    for axis, i in zip(axes, index, strict=True):
+        for name, values in axis.columns.items():
+            if name not in ENCOUNTER_INPUTS:
+                held = with_input(held, name, float(values[i]))
+    return held
+
+
+def _check_distances(plan: Plan) -> None:
+    """Hold all initial distances against zero and against the range of the sensor."""
+    scenario, sensors = plan.held.scenario, [a for a in plan.axes if any(n.startswith("sensor.") for n in a.columns)]
+    low = high = 0.0
+    for name, given, sign in (
+        ("obstacle.position", scenario.obstacle.position, 1.0),
+        ("plant.position", scenario.plant.position, -1.0),
+    ):
+        if not any(name in axis.columns for axis in plan.axes):
+            low, high = low + sign * given, high + sign * given
+    for axis in plan.axes:
+        if axis not in sensors:
+            part = _distance_part(axis)
+            low, high = low + part.min(), high + part.max()
+    parts = [_distance_part(axis) for axis in sensors]
+    for index in product(*map(range, map(len, sensors))):
+        shift = sum(float(part[i]) for part, i in zip(parts, index, strict=True))
+        nearest, farthest = held_at(plan.held, sensors, index).sensor.valid_range
+        for distance in (low + shift, high + shift):
+            if not (distance > 0 and nearest <= distance <= farthest):
+                raise InvalidInputError(
+                    f"obstacle position: found an encounter that starts at a distance of {distance:g} m, expected more "
+                    f"than 0 m, and {nearest:g} m to {farthest:g} m, where the {plan.held.sensor.name} curve holds"
+                )
+
+
+def _distance_part(axis: Axis) -> Any:
+    zero = np.zeros(len(axis))
+    return axis.columns.get("obstacle.position", zero) - axis.columns.get("plant.position", zero)

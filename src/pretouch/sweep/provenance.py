@@ -1,0 +1,112 @@
+"""Where a dataset comes from: inputs, versions, seed, and a digest that tells one sweep from another."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.json_text import as_json
+from pretouch.sensors import SensorModel
+
+from .plan import Plan
+
+__all__ = ["DIGEST", "attributes_of", "differing_parts", "inputs_of"]
+
+DIGEST: Final = "digest"
+_PACKAGES: Final = ("pretouch", "numpy", "scipy", "numba")
+_FARTHEST: Final = 1.0  # m, to which a curve without an end is looked at
+_SAMPLES: Final = 65
+
+
+def attributes_of(plan: Plan) -> dict[str, Any]:
+    """Return the attributes of a dataset: everything that its numbers follow from.
+
+    Args:
+        plan: the sweep.
+
+    Returns:
+        `title`, `inputs` and `versions` (as JSON), `seed` (-1 for none) and `digest`.
+    """
+    found = {package: version(package) for package in _PACKAGES}
+    inputs = inputs_of(plan)
+    names = ", ".join(plan.dims)
+    return {
+        "title": f"pretouch sweep of {'optimal gains' if plan.designs else 'contacts'} over {names}",
+        "inputs": as_json(inputs, indent=None),
+        "versions": as_json({"python": platform.python_version(), **found}, indent=None),
+        "seed": -1 if plan.seed is None else plan.seed,
+        DIGEST: _digest({"inputs": inputs, "seed": plan.seed, "pretouch": found["pretouch"]}),
+    }
+
+
+def inputs_of(plan: Plan) -> dict[str, Any]:
+    """Return what a sweep was asked, numbers in SI; long columns by their ends and a hash.
+
+    Args:
+        plan: the sweep.
+
+    Returns:
+        An object for JSON.
+    """
+    held = plan.held
+    parts = ("admittance", "obstacle", "plant", "reference")
+    return {
+        "scenario": {part: asdict(getattr(held.scenario, part)) for part in parts},
+        "sensor": _sensor(held.sensor),
+        "gain": held.gain,
+        "objective": asdict(held.objective) if held.objective else None,
+        "bounds": held.bounds,
+        "constraints": {c.name: c.limit for c in held.constraints},
+        "impact": {"model": type(held.impact).__name__, **asdict(held.impact)} if held.impact else None,
+        "method": held.method,
+        "horizon": held.horizon,
+        "axes": {axis.name: {name: _column(values) for name, values in axis.columns.items()} for axis in plan.axes},
+        "results": plan.results,
+        "chunk": plan.chunk,
+    }
+
+
+def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
+    """Say in which inputs a dataset differs from a plan.
+
+    Args:
+        attributes: those of the dataset.
+        plan: the sweep that was asked for.
+
+    Returns:
+        Names for a message; what else may differ where all inputs are the same.
+    """
+    try:
+        found = json.loads(attributes["inputs"])
+    except (KeyError, ValueError, TypeError):
+        return "inputs"
+    wanted = json.loads(as_json(inputs_of(plan)))
+    return ", ".join(k for k in wanted if found.get(k) != wanted[k]) or "seed or version of pretouch"
+
+
+def _sensor(sensor: SensorModel) -> dict[str, Any]:
+    """Return a curve by its parameters and by what it says: a curve may be a user's own functions."""
+    low, high = sensor.valid_range
+    distances = np.linspace(low, min(high, low + _FARTHEST), _SAMPLES)
+    said = np.stack([sensor.log_output(distances), sensor.log_slope(distances)])
+    return {
+        "model": sensor.name,
+        "parameters": sensor.parameters,
+        "valid_range": (low, high),
+        "curve": hashlib.sha256(said.tobytes()).hexdigest(),
+    }
+
+
+def _column(values: Any) -> dict[str, Any]:
+    digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+    return {"count": len(values), "first": float(values[0]), "last": float(values[-1]), "sha256": digest}
+
+
+def _digest(value: dict[str, Any]) -> str:
+    return hashlib.sha256(as_json(value, indent=None).encode()).hexdigest()

@@ -1,0 +1,130 @@
+"""What a sweep can be asked for: contact quantities, the optimal gain, and a status for every encounter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from pretouch._core.errors import InvalidInputError
+from pretouch.design import QUANTITY_UNITS, DesignStatus, ImpactModel, quantity_of
+from pretouch.motion import ContactResult, ContactState, ContactStatus
+
+__all__ = [
+    "CONTACT_UNITS",
+    "DESIGN_CODES",
+    "DESIGN_UNITS",
+    "STATUS",
+    "WHOLE_MOTION",
+    "check_results",
+    "is_known_without_contact",
+    "read",
+    "result_attributes",
+]
+
+STATUS: Final = "status"
+"""The result that every sweep has."""
+
+CONTACT_UNITS: Final[dict[str, str]] = {
+    "distance": "m",
+    **QUANTITY_UNITS,
+    "closest_distance": "m",
+    "settling_distance": "m",
+    "impulse_residual": "",
+}
+"""Contact quantities with their SI units."""
+
+DESIGN_UNITS: Final[dict[str, str]] = {"gain": "N*s", "objective": ""}
+"""What only a design gives."""
+
+DESIGN_CODES: Final[dict[str, int]] = {status.value: code for code, status in enumerate(DesignStatus)}
+"""The number of each status of a design, 0 for optimal."""
+
+WHOLE_MOTION: Final = frozenset(
+    {name for name in CONTACT_UNITS if name.startswith(("largest_", "closest_", "settling_", "impulse_"))}
+    | {"drive_force"}
+)
+"""Quantities that need the whole motion, not only its end: an encounter takes longer."""
+
+_PHYSICAL: Final = ("drive_force", "impact_force")
+_ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
+_DEFAULT_CONTACTS: Final = ("time", "relative_velocity", "displacement")
+_DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
+
+
+def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
+    """Check the names of results; choose them where none are given.
+
+    Args:
+        results: what was asked for.
+        designs: whether gains are designed.
+        impact: physical properties, where given.
+
+    Returns:
+        The names, without the status, which is always there.
+
+    Raises:
+        InvalidInputError: a result is unknown, or needs what is not given.
+    """
+    if results is None:
+        return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
+    names = (results,) if isinstance(results, str) else tuple(results)
+    known = {**(DESIGN_UNITS if designs else {}), **CONTACT_UNITS}
+    for name in names:
+        if name in DESIGN_UNITS and not designs:
+            raise InvalidInputError(f"results: found {name!r}, which needs designs; give an objective and bounds")
+        if name not in known and name != STATUS:
+            raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(known)}")
+        if name in _PHYSICAL and impact is None:
+            raise InvalidInputError(
+                f"results: found {name!r} without physical properties; give an impact model with the robot's mass"
+            )
+    return tuple(dict.fromkeys(name for name in names if name != STATUS))
+
+
+def read(name: str, result: ContactResult, impact: Any) -> Any:
+    """Read a contact quantity of a result; NaN is put elsewhere where there is no contact.
+
+    Args:
+        name: a key of CONTACT_UNITS.
+        result: the result.
+        impact: physical properties, where the quantity needs them.
+
+    Returns:
+        The quantity in SI.
+    """
+    if name in _ALWAYS:
+        return getattr(result, name)
+    if name in ContactState.names():
+        return getattr(result.end, name)
+    return quantity_of(name, result.end, impact)
+
+
+def is_known_without_contact(name: str) -> bool:
+    """Tell whether a quantity means something for a run that does not end in contact."""
+    return name in _ALWAYS
+
+
+def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
+    """Return the attributes of a variable: unit and name in words, or what each status means.
+
+    Args:
+        name: of the result.
+        designs: whether gains are designed.
+
+    Returns:
+        Attributes as the CF conventions have them.
+
+    Examples:
+        >>> result_attributes("relative_velocity", designs=False)
+        {'long_name': 'relative velocity at contact', 'units': 'm/s'}
+    """
+    if name == STATUS:
+        words = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
+        meanings = " ".join(words)
+        return {"long_name": "how it ended", "flag_values": list(range(len(words))), "flag_meanings": meanings}
+    if name in DESIGN_UNITS:
+        return {"long_name": f"optimal {name}", "units": DESIGN_UNITS[name] or "1"}
+    whole = name in WHOLE_MOTION or name in {"time", "drive_force", "impact_force"}
+    where = ", optimal gain" if designs else ""
+    text = name.replace("_", " ") + ("" if whole else " at contact") + (" of contact" if name == "time" else "")
+    return {"long_name": text + where, "units": CONTACT_UNITS[name] or "1"}

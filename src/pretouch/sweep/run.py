@@ -1,0 +1,248 @@
+"""The verb of this folder: a grid of encounters in, a dataset out."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.numbers import finite
+from pretouch.design import Constraint, ImpactModel, Objective
+from pretouch.motion import Scenario
+from pretouch.sensors import SensorModel
+
+from .axes import Axes
+from .cluster import connected, run_on, worker_count
+from .executors import BlockRecord, Progress, chunks_per_block, regions_of, run_here, size_of
+from .extras import require
+from .held import Held
+from .netcdf import open_netcdf, write_netcdf
+from .plan import Plan, make_plan
+from .provenance import DIGEST, attributes_of, differing_parts
+from .stores import MemoryStore, Store, ZarrStore, is_sweep, replace_sweep
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["sweep"]
+
+_NETCDF: Final = (".nc", ".nc4")
+_ZARR: Final = ".zarr"
+
+
+def sweep(
+    scenario: Scenario,
+    sensor: SensorModel,
+    axes: Axes,
+    *,
+    results: Sequence[str] | None = None,
+    gain: float | None = None,
+    objective: Objective | None = None,
+    bounds: tuple[float, float] | None = None,
+    constraints: Sequence[Constraint] = (),
+    impact: ImpactModel | None = None,
+    method: str = "auto",
+    horizon: float = 600.0,
+    output: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    dask: Any = None,
+    seed: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> xr.Dataset:
+    """Find contacts, or design gains, over a grid of inputs: every combination of the values of all axes.
+
+    On one machine the compiled kernels use its cores. With an output, what is finished stays: the same call goes on
+    where an earlier one was ended, by whatever, and computes no finished block again.
+
+    Args:
+        scenario: one encounter; what it says holds where no axis says otherwise.
+        sensor: the sensor curve, likewise.
+        axes: values of inputs, in SI. A name is an input: `gain`; `admittance.mass`, `.damping`, `.stiffness`,
+            `.natural_frequency`, `.damping_ratio`; any quantity of `obstacle`, `plant`, `reference`; `sensor.` with a
+            parameter of the curve, or `recess`; `impact.` with a property; for designs `constraint.` with the name of
+            a given limit, and `objective.` with a quantity and `.weight` or `.scale`. Or a free name such as `sample`
+            and a mapping of inputs whose values go side by side.
+        results: quantities of `ContactState`, `drive_force`, `impact_force`, `closest_distance`, `settling_distance`,
+            `impulse_residual`; for designs also `gain` and `objective`, with all quantities at the optimum. The default
+            is few of them; a status always comes with them.
+        gain: D_p [N s] of all encounters, where it is no axis and not designed.
+        objective: what designs minimize; given, each encounter gets its optimal gain.
+        bounds: smallest and largest gain of designs [N s].
+        constraints: limits that designs keep.
+        impact: physical properties, for forces.
+        method: how encounters are solved, as in `find_contact`.
+        horizon: how long to wait for contact [s].
+        output: a Zarr folder `NAME.zarr` or a NetCDF file `NAME.nc`; None for a dataset in memory.
+        overwrite: whether another sweep that stands at the output may be replaced; nothing else ever is.
+        dask: address of a Dask scheduler, or a `distributed.Client`; its workers write to the output themselves.
+        seed: what the values were drawn from, for the record.
+        progress: called with a `Progress` after each block.
+
+    Returns:
+        A dataset with one dimension per axis, units in the attributes of every variable, and in its own attributes
+        inputs, versions and seed. NaN where there is no contact, or no optimal gain; `status` says why.
+
+    Raises:
+        InvalidInputError: the request makes no sense, or an output cannot be written.
+
+    Examples:
+        >>> import numpy as np
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import ExponentialFirstOrder
+        >>> found = sweep(
+        ...     Scenario(
+        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...         obstacle=Obstacle(position=0.0422),
+        ...     ),
+        ...     ExponentialFirstOrder(scale=0.458, rate=-61.0),
+        ...     {"obstacle.velocity": [-0.3, -0.2], "gain": np.linspace(-1.0, -0.1, 10)},
+        ...     results=["relative_velocity"],
+        ... )
+        >>> dict(found["relative_velocity"].sizes)
+        {'obstacle.velocity': 2, 'gain': 10}
+    """
+    held = Held(
+        scenario=scenario,
+        sensor=sensor,
+        gain=None if gain is None else _one(gain),
+        objective=objective,
+        bounds=bounds,
+        constraints=tuple(constraints),
+        impact=impact,
+        method=method,
+        horizon=horizon,
+    )
+    plan = make_plan(held, axes, results=results, seed=seed)
+    require("xarray")
+    target = None if output is None else Path(output)
+    if target is None:
+        if dask is not None:
+            raise InvalidInputError(
+                "dask: found no output, expected output='NAME.zarr' in a folder that all workers reach: they write it"
+            )
+        return _in_memory(plan, progress)
+    if target.suffix in _NETCDF:
+        return _to_netcdf(plan, target, overwrite=overwrite, dask=dask, progress=progress)
+    if target.suffix != _ZARR:
+        raise InvalidInputError(f"output: found {str(target)!r}, expected a name that ends in {_ZARR} or {_NETCDF[0]}")
+    return _to_zarr(plan, target, overwrite=overwrite, dask=dask, progress=progress).dataset()
+
+
+def _one(gain: Any) -> float:
+    value = finite(gain, "gain", "N*s")
+    if not isinstance(value, float):
+        raise InvalidInputError(f"gain: found an array of shape {value.shape}, expected one number; arrays go to axes")
+    return value
+
+
+@dataclass(slots=True)
+class _Account:
+    """Adds blocks up and tells how far the sweep is."""
+
+    total: int
+    progress: Callable[[Progress], object] | None
+    finished: int = 0
+    computed: int = 0
+    computing: float = 0.0
+    writing: float = 0.0
+    begun: float = field(default_factory=time.perf_counter)
+
+    def add(self, record: BlockRecord) -> None:
+        self.finished += record.encounters
+        self.computed += 0 if record.repeated else record.encounters
+        self.computing += record.computing
+        self.writing += record.writing
+        self.tell()
+
+    def tell(self) -> None:
+        if self.progress is not None:
+            self.progress(
+                Progress(
+                    finished=self.finished,
+                    total=self.total,
+                    seconds=time.perf_counter() - self.begun,
+                    computed=self.computed,
+                    computing=self.computing,
+                    writing=self.writing,
+                )
+            )
+
+
+def _in_memory(plan: Plan, progress: Callable[[Progress], object] | None) -> xr.Dataset:
+    store = MemoryStore(plan, chunks_per_block(plan))
+    account = _Account(plan.size, progress)
+    run_here(plan, store, _pending(plan, store, account), account.add)
+    return store.dataset()
+
+
+def _to_zarr(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> ZarrStore:
+    """Begin a sweep, or go on with it."""
+    require("zarr")
+    if overwrite and target.exists() and not _holds(target, plan):
+        replace_sweep(target)
+    if dask is not None:
+        with connected(dask) as client:
+            store = _opened(plan, target, workers=worker_count(client))
+            account = _Account(plan.size, progress)
+            run_on(client, plan, store, _pending(plan, store, account), account.add)
+            return store
+    store = _opened(plan, target, workers=1)
+    account = _Account(plan.size, progress)
+    run_here(plan, store, _pending(plan, store, account), account.add)
+    return store
+
+
+def _holds(target: Path, plan: Plan) -> bool:
+    try:
+        ZarrStore(target, plan)
+    except OutputExistsError:
+        return False
+    return True
+
+
+def _opened(plan: Plan, target: Path, *, workers: int) -> ZarrStore:
+    if target.exists():
+        return ZarrStore(target, plan)
+    return ZarrStore.create(target, plan, chunks_per_block(plan, workers=workers))
+
+
+def _pending(plan: Plan, store: Store, account: _Account) -> list[int]:
+    """Return the blocks that are left, and count the others as finished."""
+    finished = store.finished()
+    for block in np.flatnonzero(finished):
+        account.finished += sum(size_of(r) for r in regions_of(plan, store.chunks_per_block, int(block)))
+    account.tell()
+    return [int(block) for block in np.flatnonzero(~finished)]
+
+
+def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
+    """Compute into a Zarr folder beside the file, which is written at the end; the folder is then removed."""
+    folder = target.with_name(f"{target.name}.unfinished{_ZARR}")
+    if target.exists():
+        found = open_netcdf(target)
+        if found is not None and found.attrs[DIGEST] == attributes_of(plan)[DIGEST]:
+            if is_sweep(folder):  # ended between the file and the removal of the folder
+                replace_sweep(folder)
+            return found
+        if found is not None:
+            found.close()
+        if not overwrite or found is None:
+            what = f"holds another sweep (other {differing_parts(found.attrs, plan)})" if found else "is no sweep"
+            raise OutputExistsError(
+                f"{target}: {what} and is not overwritten{' unasked' if found else ''}; choose another name with "
+                f"--output{', or replace it with --force (overwrite=True in Python)' if found else ''}"
+            )
+    store = _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress)
+    with store.dataset() as dataset:
+        write_netcdf(dataset, target, overwrite=overwrite)
+    replace_sweep(folder)
+    finished = open_netcdf(target)
+    if finished is None:
+        raise InvalidInputError(f"{target}: cannot be read again")
+    return finished

@@ -1,0 +1,220 @@
+"""Where results go: into memory, or into a Zarr folder with a ledger of the blocks that are finished.
+
+A block's data are written first, each chunk a file of its own that appears whole; then its entry in the ledger, a file
+of one byte. Whatever ends the process in between costs the blocks under way, never one that the ledger has.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.numbers import BoolArray
+
+from .dataset import make_dataset, variable_attributes
+from .extras import require
+from .plan import Plan, Region
+from .provenance import DIGEST, attributes_of, differing_parts
+from .results import STATUS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["LEDGER", "MemoryStore", "Store", "ZarrStore", "is_sweep", "replace_sweep"]
+
+LEDGER: Final = "finished"
+_PER_BLOCK: Final = "chunks_per_block"
+
+
+class Store(Protocol):
+    """Takes the results of chunks, and keeps account of blocks of them."""
+
+    chunks_per_block: int
+
+    def finished(self) -> BoolArray:
+        """Tell which blocks are finished."""
+
+    def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
+        """Keep a part of the grid."""
+
+    def finish(self, block: int) -> None:
+        """Enter a block into the ledger."""
+
+    def dataset(self) -> xr.Dataset:
+        """Return everything."""
+
+
+class MemoryStore:
+    """Results in arrays of this process."""
+
+    def __init__(self, plan: Plan, chunks_per_block: int) -> None:
+        self.plan, self.chunks_per_block = plan, chunks_per_block
+        self._finished = np.zeros(-(-plan.chunk_count // chunks_per_block), dtype=bool)
+        self._columns: dict[str, NDArray[Any]] = {STATUS: np.empty(plan.shape, dtype=np.int8)}
+        self._columns |= {name: np.empty(plan.shape) for name in plan.results}
+
+    def finished(self) -> BoolArray:
+        """Tell which blocks are finished."""
+        return self._finished.copy()
+
+    def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
+        """Keep a part of the grid."""
+        for name, column in columns.items():
+            self._columns[name][region] = column
+
+    def finish(self, block: int) -> None:
+        """Enter a block into the ledger."""
+        self._finished[block] = True
+
+    def dataset(self) -> xr.Dataset:
+        """Return everything."""
+        return make_dataset(self.plan, self._columns)
+
+
+class ZarrStore:
+    """Results in a Zarr folder, which this and other processes may write at the same time.
+
+    Args:
+        path: the folder, made by `create`.
+        plan: the sweep that it must hold.
+
+    Raises:
+        OutputExistsError: it holds something else.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
+        self.path, self.plan = Path(path), plan
+        found = _attributes(self.path)
+        if found is None:
+            raise OutputExistsError(
+                f"{path}: holds no sweep of pretouch and is not overwritten; choose another name for the output"
+            )
+        if found.get(DIGEST) != attributes_of(plan)[DIGEST]:
+            raise OutputExistsError(
+                f"{path}: holds another sweep (other {differing_parts(found, plan)}) and is not overwritten unasked; "
+                "choose another name with --output, or replace it with --force (overwrite=True in Python)"
+            )
+        zarr = require("zarr")
+        with zarr.config.set({"array.write_empty_chunks": True}):  # not worth a look at every number
+            group = zarr.open_group(str(path), mode="r+")
+            self._arrays = {name: group[name] for name in (LEDGER, STATUS, *plan.results)}
+        self.chunks_per_block = int(self._arrays[LEDGER].attrs[_PER_BLOCK])
+
+    @classmethod
+    def create(cls, path: str | os.PathLike[str], plan: Plan, chunks_per_block: int) -> ZarrStore:
+        """Make the folder, which appears whole: with axes, attributes and an empty ledger.
+
+        Args:
+            path: where it goes; its parent must exist, and nothing may stand there.
+            plan: the sweep.
+            chunks_per_block: how many chunks the ledger counts as one.
+
+        Returns:
+            The store.
+
+        Raises:
+            InvalidInputError: the parent does not exist or cannot be written.
+            OutputExistsError: something stands there.
+        """
+        zarr, target = require("zarr"), Path(path)
+        if not target.parent.is_dir():
+            raise InvalidInputError(f"{path}: the folder {target.parent} does not exist; create it first")
+        temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+        try:
+            make_dataset(plan, {}).to_zarr(str(temporary), mode="w-", zarr_format=3, consolidated=False)
+            group = zarr.open_group(str(temporary), mode="r+")
+            for name, attributes in variable_attributes(plan).items():
+                status = name == STATUS
+                group.create_array(
+                    name,
+                    shape=plan.shape,
+                    chunks=plan.chunk,
+                    dtype="int8" if status else "float64",
+                    fill_value=-1 if status else np.nan,
+                    compressors="auto" if status else None,  # numbers that differ in every bit are not worth it
+                    dimension_names=plan.dims,
+                    attributes=attributes,
+                )
+            group.create_array(
+                LEDGER,
+                shape=(-(-plan.chunk_count // chunks_per_block),),
+                chunks=(1,),
+                dtype="uint8",
+                fill_value=0,
+                compressors=None,
+                dimension_names=("block",),
+                attributes={"long_name": "blocks that are computed and written", _PER_BLOCK: chunks_per_block},
+            )
+            temporary.rename(target)
+        except OSError as error:
+            if target.exists():
+                raise OutputExistsError(f"{path}: exists and is not overwritten; choose another name") from None
+            raise InvalidInputError(f"{path}: cannot be written ({error.strerror})") from None
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+        return cls(path, plan)
+
+    def finished(self) -> BoolArray:
+        """Tell which blocks are finished."""
+        return np.asarray(self._arrays[LEDGER][:] == 1)
+
+    def is_finished(self, block: int) -> bool:
+        """Tell whether a block is finished, as of now."""
+        return bool(self._arrays[LEDGER][block] == 1)
+
+    def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
+        """Write a part of the grid, whole chunks only."""
+        for name, column in columns.items():
+            self._arrays[name][region] = column
+
+    def finish(self, block: int) -> None:
+        """Enter a block into the ledger, once its data are written."""
+        self._arrays[LEDGER][block] = 1
+
+    def dataset(self) -> xr.Dataset:
+        """Open everything; numbers are read when they are used."""
+        xarray = require("xarray")
+        dataset = xarray.open_zarr(str(self.path), consolidated=False, chunks=None)
+        return dataset[[STATUS, *self.plan.results]]
+
+
+def _attributes(path: Path) -> dict[str, Any] | None:
+    """Return the attributes of a sweep's folder, None where there is no such thing."""
+    zarr = require("zarr")
+    if not (path / "zarr.json").is_file():
+        return None
+    try:
+        group = zarr.open_group(str(path), mode="r")
+        return dict(group.attrs) if DIGEST in group.attrs and LEDGER in group else None
+    except (ValueError, KeyError, OSError):  # some other JSON, or another kind of Zarr
+        return None
+
+
+def is_sweep(path: Path) -> bool:
+    """Tell whether a folder is a sweep that pretouch wrote."""
+    return _attributes(path) is not None
+
+
+def replace_sweep(path: Path) -> None:
+    """Remove a sweep of ours, or refuse to remove anything else.
+
+    Args:
+        path: the folder.
+
+    Raises:
+        OutputExistsError: what stands there is no sweep of ours.
+    """
+    if not is_sweep(path):
+        raise OutputExistsError(
+            f"{path}: holds no sweep of pretouch and is not removed; choose another name for the output"
+        )
+    gone = path.with_name(f".{path.name[:100]}.{secrets.token_hex(6)}.tmp")
+    path.rename(gone)  # at once: what is left of a removal that is broken off is no half sweep
+    shutil.rmtree(gone)

@@ -1,0 +1,227 @@
+"""`pretouch sweep`: what it prints, what it writes, how it ends; and the pictures of a sweep."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_text import SCENARIO, command, lay_out, strict
+
+from figure_checks import assert_legible
+from pretouch import InvalidInputError, load_scenario, sweep, sweep_figure
+from pretouch.config.axis_text import read_axis
+from sweep_samples import CURVED
+from sweep_samples import SCENARIO as ENCOUNTER
+
+xr = pytest.importorskip("xarray", reason="needs the extra 'sweep'")
+pytest.importorskip("zarr", reason="needs the extra 'sweep'")
+pytest.importorskip("h5py", reason="needs the extra 'sweep'")
+
+ROOT = Path(__file__).parents[2]
+SPEEDS = "obstacle.velocity=-1 m/s:-1 cm/s:10"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    return lay_out(tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def run(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    return command(monkeypatch, capsys)
+
+
+def test_help_names_every_option(run: Any) -> None:
+    code, out, err = run("sweep", "--help")
+    assert (code, err) == (0, "")
+    told = " ".join(out.split())
+    options = ["--axis", "--result", "--gain", "--output", "--figure", "--dask", "--json", "--force"]
+    assert [o for o in ["FILE", *options, "Exit status: 0", "1 none", "2 a mistake"] if o not in told] == []
+
+
+def test_designs_are_those_of_the_scenario_file(run: Any, folder: Path) -> None:
+    code, out, err = run("sweep", "approach.toml", "--axis", SPEEDS, "--json")
+    assert (code, err) == (0, "")
+    told = strict(out)
+    assert told["counts"]["optimal"] == told["encounters"] == 10
+    assert told["dimensions"] == ["obstacle.velocity"]
+    assert told["axes"]["obstacle.velocity"]["values"] == pytest.approx(np.linspace(-1, -0.01, 10))
+    problem = load_scenario("approach.toml")
+    wanted = problem.sweep({"obstacle.velocity": np.linspace(-1, -0.01, 10)})
+    assert told["results"]["gain"]["values"] == wanted["gain"].values.tolist()
+    assert told["results"]["gain"]["unit"] == "N*s"
+    assert told["inputs"]["constraints"] == {"excursion": 0.2}
+    assert (told["output"], told["figure"], told["seed"]) == (None, None, None)
+    assert sorted(p.name for p in folder.iterdir()) == sorted(
+        p for p in ("approach.toml", "sensor.csv", "two.csv", "flat.csv")
+    )
+
+
+def test_contacts_are_found_with_the_gain_that_is_given(run: Any) -> None:
+    code, out, err = run(
+        *(
+            "sweep",
+            "approach.toml",
+            "--axis",
+            SPEEDS,
+            "--gain",
+            "-0.5 N*s",
+            "--result",
+            "time",
+            "--result",
+            "drive_force",
+        )
+    )
+    assert (code, out) == (2, "")
+    assert err.startswith("pretouch: results: found 'drive_force' without physical properties")
+    code, out, err = run("sweep", "approach.toml", "--axis", SPEEDS, "--gain", "-0.5 N*s", "--result", "time")
+    assert (code, err) == (0, "")
+    assert out.startswith("10 encounters: 10 contact\n")
+    assert "time" in out
+    code, out, _ = run("sweep", "approach.toml", "--axis", "gain=-0.7,-0.5 N*s", "--json")
+    assert strict(out)["counts"]["contact"] == 2
+
+
+@pytest.mark.parametrize("name", ["out.zarr", "out.nc"])
+def test_the_dataset_goes_where_it_is_asked_for_and_stays(run: Any, name: str) -> None:
+    asked = ("sweep", "approach.toml", "--axis", SPEEDS, "--gain", "-0.5", "--output", name)
+    code, out, err = run(*asked)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[-1] == f"Dataset: {name}"
+    assert run(*asked) == (0, out, "")
+    other = (*asked[:5], "-0.4", *asked[6:])
+    code, out, err = run(*other)
+    assert (code, out) == (2, "")
+    assert f"{name}: holds another sweep (other gain)" in err
+    assert run(*other, "--force")[0] == 0
+    if name.endswith(".nc"):
+        with xr.open_dataset(name, engine="h5netcdf") as found:
+            assert found["time"].attrs["units"] == "s"
+
+
+def test_a_sweep_whose_answer_is_no_ends_with_1(run: Any) -> None:
+    Path("away.toml").write_text(SCENARIO.replace('"-0.3 m/s"', '"0.3 m/s"'))
+    code, out, _ = run("sweep", "away.toml", "--axis", "admittance.mass=1,2 kg", "--json")
+    assert code == 1
+    told = strict(out)
+    assert told["counts"]["no-contact"] == 2
+    assert told["results"]["gain"]["values"] == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("axes", "sentence"),
+    [
+        (["obstacle.velocity"], "--axis: found 'obstacle.velocity', expected NAME=START:STOP:COUNT"),
+        (["obstacle.velocity=1:2"], "expected NAME=START:STOP:COUNT"),
+        (["obstacle.velocity=-1:-2:3:linear"], "expected NAME=START:STOP:COUNT"),
+        (["obstacle.velocity=-1:-2:many"], "found 'many' values of obstacle.velocity, expected a whole number"),
+        (["obstacle.velocity=-1:1:10:log"], "expected ends of one sign and not zero for equal ratios"),
+        (["obstacle.velocity=-1 kg:-2 kg:3"], "obstacle.velocity: found '-1 kg', expected a quantity in m/s"),
+        (["obstacle.speed=-1:-2:3"], "'obstacle.speed', which is no input of this sweep"),
+        (["obstacle.velocity=-1", "obstacle.velocity=-2"], "found obstacle.velocity twice"),
+    ],
+)
+def test_a_mistake_in_an_axis_is_told(run: Any, axes: list[str], sentence: str) -> None:
+    code, out, err = run("sweep", "approach.toml", *(part for text in axes for part in ("--axis", text)))
+    assert (code, out) == (2, "")
+    assert sentence in err
+
+
+def test_values_may_carry_units_and_equal_ratios() -> None:
+    name, values = read_axis("l = 1 mm : 100 mm : 3 : log", {"l": "m"})
+    assert name == "l"
+    assert values == pytest.approx([0.001, 0.01, 0.1], rel=1e-12)
+    assert read_axis("g=-1:-0.01:3:log", {"g": ""})[1] == pytest.approx([-1.0, -0.1, -0.01], rel=1e-12)
+
+
+def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run: Any, monkeypatch: Any) -> None:
+    asked = ("sweep", "approach.toml", "--axis", SPEEDS, "--gain", "-0.5")
+    for name, start in (("a.png", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.pdf", b"%PDF")):
+        code, out, err = run(*asked, "--figure", name)
+        assert (code, err) == (0, "")
+        assert out.splitlines()[-1] == f"Figure: {name}"
+        assert Path(name).read_bytes().startswith(start)
+    monkeypatch.setattr("pretouch.config.problem.DesignProblem.sweep", None)  # not reached
+    assert "a.png: this file exists and is not overwritten unasked" in run(*asked, "--figure", "a.png")[2]
+    assert "expected a name that ends in .png" in run(*asked, "--figure", "a.jpg")[2]
+    single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
+    assert "found 0 axes of more than one value" in run(*single)[2]
+
+
+def test_an_interrupt_says_how_to_go_on(run: Any, monkeypatch: Any) -> None:
+    def interrupt(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pretouch.config.problem.DesignProblem.sweep", interrupt)
+    asked = ("sweep", "approach.toml", "--axis", SPEEDS)
+    assert run(*asked) == (130, "", "")
+    code, out, err = run(*asked, "--output", "out.zarr")
+    assert (code, out, err) == (130, "", "pretouch: interrupted; the same command goes on from here\n")
+
+
+# --- figures
+
+FIGURES: dict[str, dict[str, Any]] = {
+    "one axis": {"obstacle.velocity": np.linspace(-1, 0.1, 50), "gain": [-0.5]},
+    "few curves": {"gain": [-0.2, -0.7, -1.4], "obstacle.velocity": np.linspace(-1, 0.1, 50)},
+    "a map": {"obstacle.velocity": np.linspace(-1, -0.01, 30), "gain": np.linspace(-2, -0.02, 25)},
+    "a map with holes": {"obstacle.velocity": np.linspace(-1, 0.1, 30), "gain": np.linspace(-2, -0.02, 25)},
+    "a map over ratios": {"obstacle.position": np.geomspace(1e-3, 0.1, 20), "gain": np.linspace(-2, -0.02, 25)},
+    "samples": {"sample": {"obstacle.velocity": np.linspace(-1, -0.1, 9)}, "gain": [-0.5]},
+}
+
+
+@pytest.mark.parametrize("kind", FIGURES)
+@pytest.mark.parametrize("results", [("time",), ("relative_velocity", "largest_excursion", "time")])
+def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) -> None:
+    figure = sweep_figure(sweep(ENCOUNTER, CURVED, FIGURES[kind], results=results, horizon=20.0))
+    assert_legible(figure)
+    assert len([axes for axes in figure.axes if axes.get_xlabel()]) == len(results)
+    titles = " ".join(axes.get_title(loc="left") for axes in figure.axes)
+    assert ("hatched: no value" in titles) == (kind == "a map with holes")
+
+
+def test_what_cannot_be_drawn_is_refused() -> None:
+    axes = {"obstacle.velocity": [-0.3, -0.2], "gain": [-0.5, -0.4], "admittance.mass": [1.0, 2.0]}
+    with pytest.raises(InvalidInputError, match="found 3 axes of more than one value"):
+        sweep_figure(sweep(ENCOUNTER, CURVED, axes))
+    flat = sweep(ENCOUNTER, CURVED, {"obstacle.velocity": [0.3, 0.2]}, gain=-0.5, horizon=5.0)
+    with pytest.raises(InvalidInputError, match="time: found no encounter with a value"):
+        sweep_figure(flat, ["time"])
+    with pytest.raises(InvalidInputError, match="results: found nonsense, expected some of"):
+        sweep_figure(flat, ["nonsense"])
+
+
+# --- the page of documentation
+
+
+def test_the_examples_of_the_page_run_one_after_another(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Any
+) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 3
+    names: dict[str, Any] = {}
+    for block in blocks:
+        exec(block, names)  # noqa: S102 - our own page
+    printed = capsys.readouterr().out
+    assert "-0.079 m/s" in printed
+    assert float(names["gains"]["gain"].max()) < 0
+    assert "is best on average" in printed
+    assert Path("contacts.png").exists()
+
+
+def test_the_command_of_the_page_prints_what_it_shows(run: Any) -> None:
+    text = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    (session,) = re.findall(r"```console\n(.*?)```", text, re.DOTALL)
+    command_line, shown, _ = session.split("\n", 2)
+    words = [str(ROOT / word) if word.startswith("examples/") else word for word in shlex.split(command_line)[2:]]
+    code, out, _ = run(*words)
+    assert code == 0
+    assert out.splitlines()[0] == shown

@@ -1,0 +1,197 @@
+"""A sweep on disk: killed at any moment it goes on without loss and without repeats, and it overwrites nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch.sweep import stores
+from sweep_samples import AXES, BLOCKS, CONSTANT, CURVED, RESULTS, SCENARIO, cut_small, note_chunks, noted, sweep_to
+
+pytest.importorskip("zarr", reason="needs the extra 'sweep'")
+pytest.importorskip("h5py", reason="needs the extra 'sweep'")
+xr = pytest.importorskip("xarray", reason="needs the extra 'sweep'")
+
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Cut sweeps into blocks of ten encounters, and note each that is computed in the file that is returned."""
+    cut_small(monkeypatch.setattr)
+    log = tmp_path / "computed.txt"
+    note_chunks(monkeypatch.setattr, log)
+    return log
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize("moment", ["computing", "writing", "before the ledger", "after the ledger"])
+@pytest.mark.parametrize("suffix", [".zarr", ".nc"])
+def test_a_killed_sweep_goes_on_without_loss_and_without_repeats(
+    small: Path, tmp_path: Path, moment: str, suffix: str
+) -> None:
+    output, first = tmp_path / f"out{suffix}", tmp_path / "first.txt"
+    code = f"import sweep_samples as s; s.sweep_until_killed({str(output)!r}, {str(first)!r}, {moment!r}, 8)"
+    killed = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": _path()}, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    before = noted(first)
+    assert len(before) == 8
+    folder = tmp_path / ("out.zarr" if suffix == ".zarr" else "out.nc.unfinished.zarr")
+    kept = xr.open_zarr(folder, consolidated=False, chunks=None)[stores.LEDGER].values
+    assert kept.sum() == (8 if moment == "after the ledger" else 7)
+
+    found = sweep_to(output)
+    after = noted(small)
+    assert sorted(after) == np.flatnonzero(kept == 0).tolist(), "what the ledger has is not computed again, the rest is"
+    xr.testing.assert_equal(found.load(), sweep_to(None))
+    found.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_a_sweep_that_is_killed_again_and_again_ends(small: Path, tmp_path: Path) -> None:
+    """Killed by its parent after it has told of a block, whatever it then does."""
+    output, log = tmp_path / "out.zarr", tmp_path / "all.txt"
+    code = (
+        "import sys, pathlib, sweep_samples as s; s.cut_small(setattr); "
+        f"s.note_chunks(setattr, pathlib.Path({str(log)!r})); "
+        f"s.sweep_to({str(output)!r}, progress=lambda p: print(p.finished, flush=True))"
+    )
+    finished, runs = 0, 0
+    while finished < 240:
+        runs += 1
+        with subprocess.Popen(
+            [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": _path()}, stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            for line in process.stdout:
+                if int(line) >= min(finished + 90, 240):
+                    break
+            process.kill()
+        finished = 10 * int(xr.open_zarr(output, consolidated=False, chunks=None)[stores.LEDGER].sum())
+    assert runs >= 2
+    assert len(noted(log)) <= BLOCKS + 2 * runs, "a kill costs at most the block under way"
+    xr.testing.assert_equal(sweep_to(output).load(), sweep_to(None))
+
+
+def _path() -> str:
+    return os.pathsep.join([str(Path(pt.__file__).parents[1]), str(TESTS)])
+
+
+@pytest.mark.parametrize("suffix", [".zarr", ".nc"])
+def test_a_finished_sweep_is_opened_and_not_computed_again(small: Path, tmp_path: Path, suffix: str) -> None:
+    sweep_to(tmp_path / f"out{suffix}").close()
+    count = len(noted(small))
+    assert count == BLOCKS
+    with sweep_to(tmp_path / f"out{suffix}", overwrite=True) as found:
+        assert len(noted(small)) == count
+        xr.testing.assert_equal(found.load(), sweep_to(None))
+    assert names(tmp_path) == ["computed.txt", f"out{suffix}"], "nothing else is left"
+
+
+@pytest.mark.parametrize("suffix", [".zarr", ".nc"])
+def test_another_sweep_is_refused_and_replaced_only_where_that_is_asked_for(
+    small: Path, tmp_path: Path, suffix: str
+) -> None:
+    output = tmp_path / f"out{suffix}"
+    sweep_to(output).close()
+    other = {**AXES, "gain": np.linspace(-3.0, -0.05, 10)}
+    with pytest.raises(OutputExistsError, match=r"other axes.* not overwritten unasked.* --output.* --force"):
+        pt.sweep(SCENARIO, CURVED, other, results=RESULTS, output=output)
+    with pytest.raises(OutputExistsError, match="other sensor"):
+        pt.sweep(SCENARIO, CONSTANT, AXES, results=RESULTS, output=output)
+    with pytest.raises(OutputExistsError, match="other seed"):
+        sweep_to(output, seed=3)
+    with sweep_to(output) as kept:
+        xr.testing.assert_equal(kept.load(), sweep_to(None))
+    with pt.sweep(SCENARIO, CURVED, other, results=RESULTS, output=output, overwrite=True) as replaced:
+        assert replaced["gain"].values[0] == -3.0
+        xr.testing.assert_equal(replaced.load(), pt.sweep(SCENARIO, CURVED, other, results=RESULTS))
+    assert names(tmp_path) == ["computed.txt", f"out{suffix}"]
+
+
+def test_what_is_no_sweep_is_never_overwritten(tmp_path: Path) -> None:
+    import zarr
+
+    folder, file, foreign = tmp_path / "mine.zarr", tmp_path / "mine.nc", tmp_path / "foreign.zarr"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    file.write_text("mine")
+    zarr.create_group(str(foreign), attributes={"digest": "none of ours"})
+    for output in (folder, file, foreign):
+        for overwrite in (False, True):
+            with pytest.raises(OutputExistsError, match="choose another name"):
+                sweep_to(output, overwrite=overwrite)
+    assert (folder / "notes.txt").read_text() == file.read_text() == "mine"
+    assert names(tmp_path) == ["foreign.zarr", "mine.nc", "mine.zarr"]
+
+
+@pytest.mark.parametrize(
+    ("output", "sentence"),
+    [("none/out.zarr", "does not exist; create it first"), ("out.csv", r"ends in \.zarr or \.nc")],
+)
+def test_an_output_that_cannot_be_is_refused_before_anything_is_computed(
+    small: Path, tmp_path: Path, output: str, sentence: str
+) -> None:
+    with pytest.raises(InvalidInputError, match=sentence):
+        sweep_to(tmp_path / output)
+    assert names(tmp_path) == []
+
+
+def test_a_mistake_that_only_the_solver_finds_leaves_no_store(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="closed form"):
+        sweep_to(tmp_path / "out.zarr", method="closed-form")
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("output", [None, "out.zarr", "out.nc"])
+def test_a_dataset_tells_units_and_where_it_comes_from(tmp_path: Path, output: str | None) -> None:
+    found = pt.sweep(
+        SCENARIO,
+        CURVED,
+        {"sample": {"obstacle.velocity": [-0.3, -0.2], "sensor.exponent": [3.3, 3.4]}, "gain": [-0.7, -0.6, -0.5]},
+        results=["relative_velocity", "impulse_residual"],
+        output=output and tmp_path / output,
+        seed=20261121,
+    )
+    with found:
+        assert found["relative_velocity"].dims == ("sample", "gain")
+        assert set(found.coords) == {"sample", "gain", "obstacle.velocity", "sensor.exponent"}
+        units = {name: found[name].attrs["units"] for name in found.variables if name not in {"sample", "status"}}
+        assert units == {
+            "gain": "N*s",
+            "obstacle.velocity": "m/s",
+            "sensor.exponent": "1",
+            "relative_velocity": "m/s",
+            "impulse_residual": "1",
+        }
+        meanings = found["status"].attrs["flag_meanings"].split()
+        assert meanings[0] == "contact"
+        assert list(found["status"].attrs["flag_values"]) == list(range(len(meanings)))
+        assert all(found[name].attrs["long_name"] for name in found.variables)
+        assert found.attrs["seed"] == 20261121
+        assert json.loads(found.attrs["versions"])["pretouch"] == pt.__version__
+        inputs = json.loads(found.attrs["inputs"])
+        assert inputs["scenario"]["admittance"] == {"mass": 1.0, "damping": 10.0, "stiffness": 25.0}
+        assert inputs["sensor"]["parameters"] == CURVED.parameters
+        assert inputs["axes"]["sample"]["sensor.exponent"]["last"] == 3.4
+
+
+def test_a_store_opens_in_xarray_alone_with_its_axes_and_units(small: Path, tmp_path: Path) -> None:
+    found = sweep_to(tmp_path / "out.zarr")
+    alone = xr.open_zarr(tmp_path / "out.zarr", consolidated=False, chunks=None)
+    xr.testing.assert_identical(alone.drop_vars(stores.LEDGER).load(), found.load())
+    near = alone["relative_velocity"].sel({"obstacle.velocity": -0.3, "gain": -0.7}, method="nearest")
+    assert near.attrs["units"] == "m/s"

@@ -1,0 +1,139 @@
+"""A sweep that makes no sense is refused in one sentence, before anything is computed."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from pretouch._core.errors import InvalidInputError, MissingExtraError
+from pretouch.sweep import executors
+from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
+
+DESIGN: dict[str, Any] = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}
+FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle speed")
+
+
+@pytest.mark.parametrize(
+    ("axes", "given", "sentence"),
+    [
+        ({}, {"gain": -0.5}, "axes: found none"),
+        ({"obstacle.velocty": [-0.3]}, {"gain": -0.5}, r"found 'obstacle\.velocty'.* did you mean obstacle\.velocity"),
+        ({"nonsense": [1.0]}, {"gain": -0.5}, "is no input of this sweep; expected one of"),
+        ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "no input of this sweep"),
+        ({"constraint.excursion": [0.1]}, DESIGN, "no input of this sweep"),
+        ({"gain": [-0.5]}, DESIGN, "'gain', which is no input"),
+        ({"obstacle.velocity": []}, {"gain": -0.5}, "expected one row of one value or more"),
+        ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected one row"),
+        (
+            {"obstacle.velocity": [-0.3, np.nan]},
+            {"gain": -0.5},
+            r"obstacle\.velocity: found nan m/s, which must be fin",
+        ),
+        ({"obstacle.velocity": "fast"}, {"gain": -0.5}, r"obstacle\.velocity: found 'fast', expected a number in m/s"),
+        ({"admittance.mass": [1.0, -1.0]}, {"gain": -0.5}, "mass: found -1 kg, which must be positive"),
+        ({"sensor.exponent": [3.0, -3.0]}, {"gain": -0.5}, "exponent: found -3, which must be positive"),
+        ({"obstacle.position": [0.04, -0.04]}, {"gain": -0.5}, "starts at a distance of -0.04 m"),
+        ({"obstacle.position": [0.04], "plant.position": [0.0, 0.05]}, {"gain": -0.5}, "a distance of -0.01 m"),
+        ({"obstacle.velocity": [-0.3]}, {}, "neither gain nor objective"),
+        ({"gain": [-0.3]}, {"gain": -0.5}, "a gain and an axis of gains"),
+        ({"obstacle.velocity": [-0.3]}, {"gain": [-0.5, -0.6]}, r"gain: found an array .* arrays go to axes"),
+        ({"obstacle.velocity": [-0.3]}, {**DESIGN, "gain": -0.5}, "a gain beside an objective"),
+        ({"obstacle.velocity": [-0.3]}, {"objective": OBJECTIVE}, "an objective without bounds"),
+        ({"obstacle.velocity": [-0.3]}, {**DESIGN, "bounds": (-0.1, -1.0)}, "expected the smaller gain first"),
+        ({"obstacle.velocity": [-0.3, 0.0]}, {**DESIGN, "objective": FOLLOWING}, "cannot scale"),
+        (
+            {"obstacle.velocity": [-0.3]},
+            {"gain": -0.5, "results": ["speed"]},
+            "results: found 'speed', expected one of",
+        ),
+        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["objective"]}, "which needs designs"),
+        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["impact_force"]}, "without physical properties"),
+        (
+            {"obstacle.velocity": [-0.3]},
+            {"gain": -0.5, "constraints": [pt.Constraint(name="excursion", limit=0.1)]},
+            "constraints: found some without an objective",
+        ),
+        (
+            {"sample": {"obstacle.velocity": [-0.3, -0.2], "plant.velocity": [0.0]}},
+            {"gain": -0.5},
+            "found 2 values of obstacle.velocity, 1 values of plant.velocity along sample",
+        ),
+        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a name of its own"),
+        ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "found 'time', which is the name of a result"),
+        (
+            {"a": {"plant.velocity": [0.0]}, "plant.velocity": [0.1]},
+            {"gain": -0.5},
+            r"found plant\.velocity twice, expected every input once",
+        ),
+        (
+            {"admittance.natural_frequency": [5.0], "admittance.damping": [1.0]},
+            {"gain": -0.5},
+            "expected either damping and stiffness, or natural frequency and damping ratio",
+        ),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused(axes: Any, given: Any, sentence: str) -> None:
+    pytest.importorskip("xarray", reason="needs the extra 'sweep'")
+    with pytest.raises(InvalidInputError, match=sentence):
+        pt.sweep(SCENARIO, CURVED, axes, **given)
+
+
+def test_a_distance_beyond_the_range_of_some_curve_of_the_sweep_is_found_beforehand(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def forbidden(*_: Any) -> None:
+        raise AssertionError("nothing is computed")
+
+    monkeypatch.setattr(executors, "evaluate", forbidden)
+    short = pt.Recessed(sensor=replace(CURVED, maximum_distance=0.06), recess=0.0)
+    axes = {"sensor.recess": [0.0, 0.01, 0.02], "obstacle.position": [0.03, 0.042]}
+    with pytest.raises(InvalidInputError, match=r"starts at a distance of 0\.042 m, expected .* 0\.04 m"):
+        pt.sweep(SCENARIO, short, axes, gain=-0.5)
+
+
+def test_arrays_in_the_scenario_are_sent_to_the_axes() -> None:
+    many = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2])))
+    with pytest.raises(InvalidInputError, match=r"found an array of encounters .* arrays go to axes"):
+        pt.sweep(many, CURVED, {"gain": [-0.5]})
+
+
+def test_a_stiffness_of_zero_has_no_damping_ratio_to_hold() -> None:
+    free = replace(SCENARIO, admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=0.0))
+    with pytest.raises(InvalidInputError, match=r"give admittance\.damping_ratio, too"):
+        pt.sweep(free, CONSTANT, {"admittance.natural_frequency": [5.0]}, gain=-0.5)
+
+
+@pytest.mark.parametrize("library", ["xarray", "zarr", "distributed"])
+def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
+    library: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any
+) -> None:
+    if library != "xarray":
+        pytest.importorskip("xarray", reason="needs the extra 'sweep'")
+    if library == "distributed":
+        pytest.importorskip("zarr", reason="needs the extra 'sweep'")
+    for name in [n for n in sys.modules if n.partition(".")[0] == library]:
+        monkeypatch.delitem(sys.modules, name)
+
+    class Hidden:
+        def find_spec(self, name: str, *_: Any) -> None:
+            if name.partition(".")[0] == library:
+                raise ModuleNotFoundError(f"No module named {library!r}", name=library)
+
+    monkeypatch.setattr(sys, "meta_path", [Hidden(), *sys.meta_path])
+    extra = "dask" if library == "distributed" else "sweep"
+    with pytest.raises(
+        MissingExtraError, match=rf"{library}: found no such library.*pip install 'pretouch\[{extra}\]'"
+    ):
+        pt.sweep(
+            SCENARIO,
+            CURVED,
+            {"gain": [-0.5]},
+            output=tmp_path / "out.zarr",
+            dask="tcp://127.0.0.1:9" if library == "distributed" else None,
+        )
+    assert not (tmp_path / "out.zarr").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tracemalloc
@@ -9,9 +10,19 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from encounters import KINDS, random_encounters
-from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario, fast_path, find_contact
-from pretouch.motion.request import make_request
+from encounters import CURVES, KINDS, random_encounters
+from pretouch.motion import (
+    Admittance,
+    ContactResult,
+    ContactStatus,
+    Obstacle,
+    Scenario,
+    fast_path,
+    find_contact,
+    lane_path,
+    solution,
+)
+from pretouch.motion.request import Request, make_request
 from pretouch.motion.solution import Solution
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 
@@ -39,8 +50,82 @@ def test_a_batch_is_what_the_guaranteed_path_gives(kind: str, name: str) -> None
         assert (
             np.abs(mine - theirs) <= 1e-8 * (np.abs(theirs) + rate * time + np.abs(sure.end.relative_velocity))
         ).all()
-    assert np.array_equal(found.end.largest_excursion, sure.end.largest_excursion), "the whole motion is followed"
     assert np.array_equal(found.closest_distance, sure.closest_distance)
+    assert np.array_equal(found.settling_distance, sure.settling_distance)
+    check_demands(found, sure, request)
+
+
+def check_demands(found: ContactResult, sure: ContactResult, request: Request) -> None:
+    """The largest demands agree to 1e-9, and to the rounding of what they are differences of on either path."""
+    mass, damping, stiffness, x_0, u_0, p, v, a, drift, pull = np.abs(request.values.T)
+    time = np.asarray(sure.end.time)
+    speed = v + u_0 + a * time + drift + pull * time
+    way = x_0 + p + speed * time
+    steepest = np.abs(np.asarray(request.sensor.log_slope(0.0))) * np.abs(request.gain)
+    bend = a + pull + ((damping + steepest) * speed + stiffness * way) / mass
+    floors = {
+        "largest_excursion": way,
+        "largest_travel": way,
+        "largest_speed": speed,
+        "largest_acceleration": bend,
+        "largest_virtual_force": mass * bend * (request.gain != 0),
+    }
+    for name, size in floors.items():
+        mine, theirs = getattr(found.end, name), getattr(sure.end, name)
+        # a hundred roundings of 1e-16: these are sums over the steps of some ten terms each
+        assert (np.abs(mine - theirs) <= 1e-9 * theirs + 1e-13 * size).all(), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", CURVES)
+def test_the_largest_demands_until_a_contact_need_no_whole_motion(
+    name: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    batch = random_encounters(kind, 600, seed=12)
+    request = make_request(batch.scenario, CURVES[name], batch.gain, "auto", 20.0)
+    sure = ContactResult(Solution(request, whole=True), request.method)
+    found = ContactResult(Solution(request), request.method)
+    asked: list[int] = []
+    guaranteed = solution._guaranteed
+
+    def counted(request: Request, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(request.size if which is None else len(which))
+        return guaranteed(request, which)
+
+    monkeypatch.setattr(solution, "_guaranteed", counted)
+    np.testing.assert_array_equal(found.settling_distance, sure.settling_distance)
+    check_demands(found, sure, request)
+    # one in thirty of a quantity at most: two peaks in one step, and what is a difference of much larger numbers
+    assert sum(asked) <= 5 * request.size / 30
+
+
+def test_what_ends_without_contact_has_the_demands_of_the_guaranteed_path() -> None:
+    batch = random_encounters("everything", 300, seed=13)
+    for name in ("exponential-1", "inverse-power"):
+        found = find_contact(batch.scenario, SENSORS[name], batch.gain, horizon=20.0)
+        request = make_request(batch.scenario, SENSORS[name], batch.gain, "auto", 20.0)
+        sure = ContactResult(Solution(request, whole=True), request.method)
+        others = ~sure.reached
+        assert others.sum() > 10
+        for field in ("largest_excursion", "largest_virtual_force", "closest_distance", "settling_distance"):
+            mine, theirs = (getattr(r.end if "largest" in field else r, field) for r in (found, sure))
+            np.testing.assert_array_equal(mine[others], theirs[others])
+
+
+@pytest.mark.parametrize("kind", ["under-damped", "accelerated"])
+def test_a_constant_slope_takes_the_lanes_where_the_closed_form_leaves_a_contact_open(kind: str) -> None:
+    batch = random_encounters(kind, 2000, seed=14)
+    request = make_request(batch.scenario, SENSORS["exponential-1"], batch.gain, "auto", 20.0)
+    find_contact(batch.scenario, SENSORS["exponential-1"], batch.gain)  # the compiled core is there
+    path = fast_path.FastPath(request)
+    sure = ContactResult(Solution(request, whole=True), request.method)
+    proved = path.status == ContactStatus.CONTACT
+    assert sure.reached[proved].all()
+    assert np.abs(path.known["time"] / sure.end.time - 1)[proved].max() < 1e-9
+    assert proved[sure.reached].mean() > 0.95, "what is left is stiff, or starts with two motions that balance"
+    by_form = fast_path._solve_form(request)[1]
+    assert (by_form[proved] != 0).mean() > 0.01, "some are the work of the lanes"
+    assert (proved | (by_form != 0)).all()
 
 
 def test_a_batch_certifies_itself() -> None:
@@ -61,6 +146,7 @@ def test_memory_is_that_of_input_and_output(name: str, monkeypatch: pytest.Monke
     """Beside them: one copy of the gains, which keeps a later reading true, and blocks of a fixed size."""
     monkeypatch.setattr(fast_path, "_KEPT", 1000)
     monkeypatch.setattr(fast_path, "_MOST", 10_000)
+    monkeypatch.setattr(lane_path, "_MOST", 10_000)
     n = 200_000
     rng = np.random.default_rng(6)
     scenario = Scenario(
@@ -83,7 +169,9 @@ def test_no_mixture_of_inputs_compiles_a_kernel_again() -> None:
     """Numba compiles for each type of array, and a read-only one is a type of its own."""
     code = """
 import numpy as np, pretouch as pt
-from pretouch.motion.kernels import linear, linear_block, linear_block_states, series, series_block
+from pretouch.motion.kernels import (
+    linear, linear_block, linear_block_peaks, linear_block_states, series, series_block, series_demands
+)
 many, sensors = np.linspace(1.0, 2.0, 20), (
     pt.ExponentialFirstOrder(scale=0.458, rate=-61.0),
     pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
@@ -97,11 +185,19 @@ for mass, speed, gain in mixtures:
     for sensor in sensors:
         end = pt.find_contact(scenario, sensor, gain).end
         end.position, end.largest_excursion
+    under = pt.Scenario(
+        admittance=pt.Admittance(mass=mass, damping=1.0, stiffness=100.0),
+        obstacle=pt.Obstacle(position=0.0422, velocity=-0.3 * speed),
+    )
+    end = pt.find_contact(under, sensors[0], 0.1 * np.asarray(gain)).end
+    end.position, end.largest_excursion
 kernels = (
-    linear.solve_linear, linear_block.contact_times, linear_block_states.contact_states,
-    series.solve_series, series_block.contact_times,
+    linear_block.contact_times, linear_block_states.contact_states, linear_block_peaks.largest_demands,
+    series_block.contact_times, series_demands.contact_peaks, linear.solve_linear, series.solve_series,
 )
 print([len(kernel.signatures) for kernel in kernels])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[1, 1, 1, 1, 1]\n"
+    counts = json.loads(done.stdout)
+    assert counts[:5] == [1, 1, 1, 1, 1]
+    assert max(counts[5:]) <= 1, "the guaranteed path is asked for what is left, if anything is"

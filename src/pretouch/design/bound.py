@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import ContactState, Scenario
-from pretouch.motion.fast_path import farthest
+from pretouch.motion.windows import farthest
 from pretouch.sensors import SensorModel
 
 from .objectives import Objective

@@ -10,10 +10,10 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch.motion import Scenario
-from pretouch.motion.fast_path import farthest, is_compiled
+from pretouch.motion.fast_path import is_compiled
 from pretouch.motion.parallel import for_stretches
 from pretouch.motion.request import checked_method
-from pretouch.motion.windows import curve_windows
+from pretouch.motion.windows import curve_windows, farthest
 from pretouch.sensors import SensorModel
 
 from .impact import HertzImpact, ImpactModel, SpringImpact

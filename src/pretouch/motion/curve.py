@@ -15,6 +15,7 @@ __all__ = ["curve_pieces"]
 
 _DEGREE: Final = 9
 _TOLERANCE: Final = 1e-13  # of the largest slope on the piece
+_ROUNDING: Final = 1e-9  # of the same: a larger error is one of the polynomial
 _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0
 
@@ -42,19 +43,22 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
     """
     decades = high / _GROWTH ** np.arange(1, 8)  # a far end must not cost the near field its resolution
     edges = np.unique([low, *(e for e in (*sensor.knots, *decades) if low < e < high), high])
-    pending = np.stack([edges[:-1], edges[1:], 1e-9 * np.diff(edges)], axis=1)
+    pending = np.stack([edges[:-1], edges[1:], 1e-9 * np.diff(edges), np.full(len(edges) - 1, np.inf)], axis=1)
     done: list[FloatArray] = []
     while len(pending):
         middle, half, smallest = pending[:, :2].mean(axis=1), (pending[:, 1] - pending[:, 0]) / 2, pending[:, 2]
         slope = _slope(sensor, middle, half, _NODES)
         coefficients = slope @ _TO_COEFFICIENTS.T
         error = np.abs(coefficients @ _AT_PROBES.T - _slope(sensor, middle, half, _PROBES)).max(axis=1)
-        fits = (error <= _TOLERANCE * np.abs(slope).max(axis=1)) | (half < smallest)
+        largest = np.abs(slope).max(axis=1)
+        # where the curve rounds its distances, as a recessed one near a flat end, halving a piece gains nothing
+        rounded = (error > 0.25 * pending[:, 3]) & (error <= _ROUNDING * largest)
+        fits = (error <= _TOLERANCE * largest) | rounded | (half < smallest)
         done.append(np.column_stack([middle, half, coefficients])[fits])
         left = pending[~fits]
-        centers = left[:, :2].mean(axis=1)
-        lower = np.column_stack([left[:, 0], centers, left[:, 2]])
-        pending = np.concatenate([lower, np.column_stack([centers, left[:, 1], left[:, 2]])])
+        centers, rest = left[:, :2].mean(axis=1), np.column_stack([left[:, 2], error[~fits]])
+        lower = np.column_stack([left[:, 0], centers, rest])
+        pending = np.concatenate([lower, np.column_stack([centers, left[:, 1], rest])])
         if len(pending) + sum(map(len, done)) > _MAX_PIECES:
             raise InvalidInputError(
                 f"sensor: the slope of the {sensor.name} curve needs more than {_MAX_PIECES} polynomials between "

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 import itertools
-import math
 import sys
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.numbers import FloatArray
-from pretouch.sensors import SensorModel
+from pretouch._core.numbers import FloatArray, IntArray
 
-from .over_damped import STATES, solve_over_damped, states_over_damped
+from .lane_path import peaks_in_lanes, solve_in_lanes
+from .over_damped import PEAKS, STATES, peaks_over_damped, solve_over_damped, states_over_damped
 from .parallel import for_stretches
 from .request import Request
-from .scenario import Scenario
-from .windows import curve_windows
 
-__all__ = ["QUICK", "farthest", "find_contacts", "find_states", "is_compiled", "is_worth_it"]
+__all__ = ["DEMANDS", "QUICK", "FastPath", "is_compiled", "is_worth_it"]
 
 QUICK: Final = frozenset((*STATES, "distance", "virtual_force"))
 """What is known of a contact without the rest of its motion."""
 
+DEMANDS: Final = frozenset((*PEAKS, "closest_distance", "settling_distance"))
+"""What else is known of a motion that ends in contact."""
+
 _LANES: Final = 8  # below, all that is asked of a contact is solved at once
 _FEW: Final = 4096  # encounters that NumPy solves sooner than the compiled core is loaded
 _LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
-_LEAST_SERIES: Final = 512
 _MOST: Final = 1 << 18
 _KEPT: Final = 1 << 22  # encounters up to which the states are kept that come with the times
 _OFTEN: Final = 200  # questions after which NumPy has taken about as long as loading does
@@ -42,58 +41,81 @@ def is_worth_it(request: Request) -> bool:
     return request.size >= _LANES or (request.method == "closed-form" and not is_compiled() and request.size > 0)
 
 
-def find_contacts(request: Request) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find and prove first contacts.
+class FastPath:
+    """First contacts that are found and proved, each by the first way that succeeds, and what is read of them.
+
+    A constant slope takes the closed form on vectors first, then, as any curve, Taylor steps in lanes.
 
     Args:
         request: the encounters, to be solved by closed form or integration, on a curve that holds down to l = 0.
 
-    Returns:
-        Their times, and what else of QUICK comes with them, shape (n,) each, and a status of 0 where a contact is
-        proved, else another.
+    Attributes:
+        status: 0 where a contact is proved, else another, shape (n,).
+        known: their times, and what else of QUICK came with them, shape (n,) each; without meaning where not proved.
     """
-    if request.method == "closed-form":
-        return _find_linear(request)
-    return _find_series(request)
+
+    __slots__ = ("_by_form", "_which", "known", "request", "status")
+
+    def __init__(self, request: Request) -> None:
+        self.request = request
+        self._by_form: NDArray[np.int8] | None = None
+        self._which: IntArray = np.arange(0)
+        if request.method != "closed-form":
+            states, self.status = solve_in_lanes(request, None, whole=request.size <= _KEPT)
+            self.known = _with_force(request, states) if len(states) > 1 else states
+            return
+        time, self.status = _solve_form(request)
+        if is_compiled() and self.status.any():
+            which = np.flatnonzero(self.status)
+            states, status = solve_in_lanes(request, which, whole=False)
+            self._by_form, self._which = self.status.copy(), which[status == _CONTACT]
+            self.status[which], time[which] = status, states["time"]
+        self.known = {"time": time}
+
+    def states(self) -> dict[str, FloatArray]:
+        """Return all of QUICK, shape (n,) each; without meaning where no contact is proved."""
+        request = self.request
+        if request.method != "closed-form":
+            return _with_force(request, solve_in_lanes(request, None)[0])
+        states = _form_states(request, self.known["time"], self._form_status)
+        if len(self._which):
+            more, _ = solve_in_lanes(request, self._which)
+            for name, values in more.items():
+                states[name] = states[name].copy() if name == "time" else states[name]
+                states[name][self._which] = values
+        return _with_force(request, states)
+
+    def demands(self, name: str) -> dict[str, FloatArray]:
+        """Return one of DEMANDS and what else comes with it, shape (n,) each; nan where that is not settled."""
+        request = self.request
+        if name == "closest_distance":
+            return {name: np.zeros(request.size)}
+        if name == "settling_distance":
+            return {name: _settling(request)}
+        if request.method != "closed-form":
+            return peaks_in_lanes(request, None)
+        peaks = _form_peaks(request, self.known["time"], self._form_status)
+        open_ones = np.isnan(list(peaks.values())).any(axis=0) & (self.status == _CONTACT)
+        if is_compiled() and open_ones.any():
+            which = np.flatnonzero(open_ones)
+            for peak, values in peaks_in_lanes(request, which).items():
+                peaks[peak][which] = np.where(np.isnan(peaks[peak][which]), values, peaks[peak][which])
+        return peaks
+
+    @property
+    def _form_status(self) -> NDArray[np.int8]:
+        return self.status if self._by_form is None else self._by_form
 
 
-def find_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
-    """Return all of QUICK at contacts that `find_contacts` has found.
-
-    Args:
-        request: the same encounters.
-        time: their times [s], shape (n,).
-        status: their statuses, shape (n,).
-
-    Returns:
-        The quantities by name, shape (n,) each; without meaning where the status is not 0.
-    """
+def _settling(request: Request) -> FloatArray:
+    """Return where a motion that ends in contact would come to rest, as the guaranteed paths have it."""
+    mass, damping, stiffness, x_0, u_0, p, v, a = (request.column(i) for i in range(8))
+    rests, held = (v == 0) & (a == 0), stiffness > 0
     if request.method != "closed-form":
-        return _series_states(request)[0]
-    slope = request.sensor.constant_log_slope or 0.0
-    if is_compiled():
-        from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when it pays
-
-        contact_states: Any = linear_block_states.contact_states
-        rows = np.empty((5, request.size))
-
-        def run(start: int, stop: int) -> None:
-            c, out = request.block(start, stop), np.empty((5, stop - start))
-            contact_states(*c[:8], c[10], slope, time[start:stop], status[start:stop], out)
-            rows[:, start:stop] = out
-
-        for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
-        states = dict(zip(STATES, (time, *rows), strict=True))
-    else:
-        states = states_over_damped(request.columns, slope, time)
-    return _with_force(request, states)
-
-
-def farthest(scenario: Scenario, sensor: SensorModel) -> float:
-    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two or the curve's end."""
-    distance = scenario.distance
-    largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
-    return min(2.0 ** math.frexp(largest)[1], sensor.valid_range[1])
+        return np.where(rests & held & (request.gain <= 0), p, np.inf)
+    total = damping + (request.sensor.constant_log_slope or 0.0) * request.gain
+    free = p - x_0 - u_0 * mass / np.where(total > 0, total, 1.0)
+    return np.where(rests & (total > 0), np.where(held, p, free), np.inf)
 
 
 def is_compiled() -> bool:
@@ -106,11 +128,12 @@ def _with_force(request: Request, states: dict[str, FloatArray]) -> dict[str, Fl
     return {**states, "distance": np.zeros(request.size), "virtual_force": force}
 
 
-def _find_linear(request: Request) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
+def _solve_form(request: Request) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Find contacts by the closed form; return times and statuses."""
     slope = request.sensor.constant_log_slope or 0.0
     if not is_compiled() and request.size <= _FEW:
         states, proved = solve_over_damped(request.columns, slope, request.horizon)
-        return {"time": states["time"]}, np.where(proved, _CONTACT, _OPEN)
+        return states["time"], np.where(proved, _CONTACT, _OPEN)
     from .kernels import linear_block  # noqa: PLC0415 - the compiled core is loaded when it pays
 
     contact_times: Any = linear_block.contact_times
@@ -121,28 +144,43 @@ def _find_linear(request: Request) -> tuple[dict[str, FloatArray], NDArray[np.in
         contact_times(*c[:8], c[10], slope, request.horizon, time[start:stop], status[start:stop])
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
-    return {"time": time}, status
+    return time, status
 
 
-def _find_series(request: Request) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    states, status = _series_states(request, whole=request.size <= _KEPT)
-    return states, status
+def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
+    """Return STATES at contacts that the closed form has found."""
+    slope = request.sensor.constant_log_slope or 0.0
+    if not is_compiled():
+        return states_over_damped(request.columns, slope, time)
+    from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when it pays
 
-
-def _series_states(request: Request, *, whole: bool = True) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Solve encounters in lanes; keep the whole states or only the times."""
-    from .kernels import series_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    contact_times: Any = series_block.contact_times
-    windows = curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor))
-    kept = np.empty((len(STATES) if whole else 1, request.size))
-    status = np.empty(request.size, dtype=np.int8)
+    contact_states: Any = linear_block_states.contact_states
+    rows = np.empty((5, request.size))
 
     def run(start: int, stop: int) -> None:
-        c, out = request.block(start, stop), np.empty((len(STATES), stop - start))
-        contact_times(*c[:8], c[10], windows, request.horizon, out, status[start:stop])
-        kept[:, start:stop] = out[: len(kept)]
+        c, out = request.block(start, stop), np.empty((5, stop - start))
+        contact_states(*c[:8], c[10], slope, time[start:stop], status[start:stop], out)
+        rows[:, start:stop] = out
 
-    for_stretches(run, request.size, least=_LEAST_SERIES, most=_MOST)
-    states = dict(zip(STATES, kept, strict=False))
-    return _with_force(request, states) if whole else states, status
+    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
+    return dict(zip(STATES, (time, *rows), strict=True))
+
+
+def _form_peaks(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
+    """Return PEAKS until contacts that the closed form has found; nan elsewhere and where they are not settled."""
+    slope = request.sensor.constant_log_slope or 0.0
+    if not is_compiled():
+        found = peaks_over_damped(request.columns, slope, time)
+        return {name: np.where(status == _CONTACT, found[name], np.nan) for name in PEAKS}
+    from .kernels import linear_block_peaks  # noqa: PLC0415 - the compiled core is loaded when it pays
+
+    largest_demands: Any = linear_block_peaks.largest_demands
+    rows = np.empty((5, request.size))
+
+    def run(start: int, stop: int) -> None:
+        c, out = request.block(start, stop), np.empty((5, stop - start))
+        largest_demands(*c[:5], c[6], c[10], c[8], c[9], slope, time[start:stop], status[start:stop], out)
+        rows[:, start:stop] = out
+
+    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
+    return dict(zip(PEAKS, rows, strict=True))

@@ -54,12 +54,16 @@ def trace_integration(request: Request, times: FloatArray, trace: FloatArray) ->
     """Fill trace with layout.TRACE_COLUMNS at ascending times until each run's end, shape (n, times, 4)."""
     from .kernels.series import trace_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
-    reach = _first_reach(request)
+    reach, which = _first_reach(request), np.arange(request.size)
+    trace[...] = np.nan
     while True:
+        values, gain = request.part(which)
         pieces, limits = _pieces(request, reach)
-        trace[...] = np.nan
-        trace_series(request.values, request.gain, pieces, limits, times, trace)
-        if not limits[2] or not np.isnan(trace).any() or reach > _FARTHEST:
+        part = np.full((len(which), *trace.shape[1:]), np.nan)
+        trace_series(values, gain, pieces, limits, times[which], part)
+        trace[which] = part
+        which = which[np.isnan(part).any(axis=(1, 2))]  # the others would end a rounding earlier on other pieces
+        if not len(which) or not limits[2] or reach > _FARTHEST:
             return
         reach *= _GROWTH
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 
-__all__ = ["STATES", "solve_over_damped", "states_over_damped"]
+__all__ = ["PEAKS", "STATES", "peaks_over_damped", "solve_over_damped", "states_over_damped"]
 
 STATES: Final = (
     "time",
@@ -29,8 +29,19 @@ STATES: Final = (
 )
 """What is computed, by its names in layout.COLUMNS."""
 
+PEAKS: Final = (
+    "largest_excursion",
+    "largest_travel",
+    "largest_speed",
+    "largest_acceleration",
+    "largest_virtual_force",
+)
+"""The largest demands until the contact, by their names there."""
+
 _DISTINCT: Final = 1e-3  # of d^2: nearer to critical damping the two exponentials lose digits
 _CANCELED: Final = 1e3  # largest loss of digits
+_TRUSTED: Final = 1e-10  # of a largest demand
+_ROUNDING: Final = 1e-15
 _STEPS: Final = 12
 _CONVERGED: Final = 1e-6  # of t: each step cubes what is left
 
@@ -70,6 +81,42 @@ def states_over_damped(columns: tuple[FloatArray, ...], slope: float, time: Floa
     """
     with np.errstate(all="ignore"):  # encounters that were not solved are not read
         return _Form.of(columns, slope).states(time)
+
+
+def peaks_over_damped(columns: tuple[FloatArray, ...], slope: float, time: FloatArray) -> dict[str, FloatArray]:
+    """Evaluate the largest demands until times of contact that `solve_over_damped` has found.
+
+    Each derivative of L(10) is two exponentials, or for l' two and a constant, and has at most one zero.
+
+    Args:
+        columns: as for `solve_over_damped`.
+        slope: g [1/m].
+        time: the times [s], shape (n,).
+
+    Returns:
+        PEAKS by name, shape (n,) each; nan where digits are lost or a reference that moves could make another peak.
+    """
+    with np.errstate(all="ignore"):  # encounters that were not solved are not read
+        form = _Form.of(columns, slope)
+        mass, damping, stiffness, x_0, u_0, _, v, _, drift, pull, gain = np.broadcast_arrays(*columns)
+        coupling = slope * gain
+        start = (x_0, u_0, (coupling * form.speed - damping * u_0 - stiffness * x_0) / mass)
+        turns = (form.turn(1, time), form.turn(2, time), form.turn(3, time), time)
+        x, u, w = (np.array([start[k], *(form.derivative(k, t) for t in turns)]) for k in range(3))
+        moves = np.where(pull == 0, 0.0, np.nan)
+        values = (
+            (x, 0, 1.0),
+            (x - x_0 + moves + np.where(drift == 0, 0.0, np.nan), 0, 1.0),
+            (u + drift + moves, 1, 1.0),
+            (w + pull, 2, 1.0),
+            (coupling * (v - u), 1, np.abs(coupling)),
+        )
+        found = {}
+        for name, (value, order, unit) in zip(PEAKS, values, strict=True):
+            largest = np.abs(value).max(axis=0)
+            noise = unit * np.max([form.noise(order, t) for t in turns], axis=0)
+            found[name] = np.where(noise <= _TRUSTED * largest, largest, np.nan)
+        return found
 
 
 class _Form(NamedTuple):
@@ -117,6 +164,24 @@ class _Form(NamedTuple):
             *(-(slow * slow * e_1 + fast * fast * e_2), rate, (self.p - self.q) * t - decayed),
         )
         return dict(zip(STATES, found, strict=True))
+
+    def derivative(self, order: int, t: FloatArray) -> FloatArray:
+        """Return x~, x~' or x~'' at times t."""
+        e_1, e_2 = self.c_1 * np.exp(self.slow * t), self.c_2 * np.exp(self.fast * t)
+        moved = self.slow**order * e_1 + self.fast**order * e_2
+        return np.asarray((self.p - self.q if order == 0 else 0.0) - moved)
+
+    def noise(self, order: int, t: FloatArray) -> FloatArray:
+        """Return what rounding may have made of a derivative."""
+        size = _ROUNDING * (np.abs(self.q) + np.abs(self.c_1) + np.abs(self.c_2))
+        slow, fast = np.abs(self.slow) ** order, np.abs(self.fast) ** order
+        return np.asarray(size * (slow * np.exp(self.slow * t) + fast * np.exp(self.fast * t)))
+
+    def turn(self, order: int, end: FloatArray) -> FloatArray:
+        """Return when x~^(order) is zero; 0 where that is not between the start and the end."""
+        ratio = -(self.fast**order) * self.c_2 / (self.slow**order * self.c_1)
+        t = np.log(ratio) / (self.slow - self.fast)
+        return np.where((t > 0) & (t < end), t, 0.0)
 
     def keeps_digits(self, states: dict[str, FloatArray]) -> BoolArray:
         """Tell where all is finite and few digits are lost where terms cancel."""

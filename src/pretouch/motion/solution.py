@@ -12,7 +12,7 @@ from pretouch._core.numbers import FloatArray, IntArray
 
 from .closed_form import solve_closed_form
 from .contact import ContactStatus
-from .fast_path import QUICK, find_contacts, find_states, is_worth_it
+from .fast_path import DEMANDS, QUICK, FastPath, is_worth_it
 from .integrator import integrate
 from .kernels.layout import COLUMNS
 from .parallel import for_stretches
@@ -37,7 +37,7 @@ class Solution:
         whole: whether the whole motion will be asked for, so that the guaranteed path is taken at once.
     """
 
-    __slots__ = ("_fast", "_known", "_open", "_open_rows", "_proved", "_rows", "_status", "request")
+    __slots__ = ("_demands", "_fast", "_known", "_open", "_open_rows", "_path", "_rows", "_status", "request")
 
     def __init__(self, request: Request, *, whole: bool = False) -> None:
         self.request = request
@@ -45,15 +45,16 @@ class Solution:
         self._rows: FloatArray | None = None
         self._status: NDArray[Any]
         self._fast: dict[str, FloatArray] = {}
+        self._demands: dict[str, FloatArray] = {}
         if whole or request.sensor.valid_range[0] > 0 or not is_worth_it(request):
             self._rows, self._status = _guaranteed(request)
             return
-        self._fast, self._proved = find_contacts(request)
-        self._status = self._proved
-        if self._proved.any():
-            self._open = np.flatnonzero(self._proved)
+        self._path = FastPath(request)
+        self._fast, self._status = dict(self._path.known), self._path.status
+        if self._status.any():
+            self._open = np.flatnonzero(self._status)
             self._open_rows, open_status = _guaranteed(request, self._open)
-            self._status = self._proved.copy()
+            self._status = self._status.copy()
             self._status[self._open] = open_status
             self._fill(self._fast)
 
@@ -85,17 +86,33 @@ class Solution:
 
     def raw(self, name: str) -> FloatArray:
         """Return one of layout.COLUMNS, shape (n,)."""
-        if self._rows is None and name in QUICK and name not in self._fast:
-            states = find_states(self.request, self._fast["time"], self._proved)
-            self._fill(states)
-            self._fast = {**states, **self._fast}
+        if self._rows is None and name not in self._fast:
+            if name in QUICK:
+                states = self._path.states()
+                self._fill(states)
+                self._fast = {**states, **self._fast}
+            elif name in DEMANDS:
+                if name not in self._demands:
+                    demands = self._path.demands(name)
+                    self._fill(demands)
+                    self._demands |= demands
+                self._fast[name] = self._settled(name)
         return self._fast[name] if name in self._fast else self.rows[:, _AT[name]]
 
     def _fill(self, states: dict[str, FloatArray]) -> None:
         """Put what the guaranteed path has found where the fast one left encounters open."""
-        if self._status is not self._proved:
+        if self._status is not self._path.status:
             for name, values in states.items():
                 values[self._open] = self._open_rows[:, _AT[name]]
+
+    def _settled(self, name: str) -> FloatArray:
+        """Return a demand, by the guaranteed path where the fast one found the contact but not what came before."""
+        which = np.flatnonzero(np.isnan(self._demands[name]))
+        if len(which):
+            rows, _ = _guaranteed(self.request, which)
+            for other, values in self._demands.items():
+                values[which] = np.where(np.isnan(values[which]), rows[:, _AT[other]], values[which])
+        return self._demands[name]
 
     @property
     def status(self) -> NDArray[Any]:

@@ -8,6 +8,7 @@ window and no polynomial: the kernel then knows that g l' = n q with q (l + l_0)
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Final
 
@@ -16,7 +17,9 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
-__all__ = ["EDGE", "LOW", "MIDDLE", "SWITCH", "TERMS", "TOP", "curve_windows"]
+from .scenario import Scenario
+
+__all__ = ["EDGE", "LOW", "MIDDLE", "SWITCH", "TERMS", "TOP", "curve_windows", "farthest", "line_windows"]
 
 EDGE, LOW, TOP, SWITCH, MIDDLE, TERMS = range(6)  # the columns of a window
 _HIGH_DEGREE: Final = 12
@@ -26,6 +29,13 @@ _OVERLAP: Final = 0.4
 _SLACK: Final = 2e-7  # of a window: how far it is used beyond its border; the error is of second order in it
 _MOST: Final = 2_000
 _SMALLEST: Final = 1e-9
+
+
+def farthest(scenario: Scenario, sensor: SensorModel) -> float:
+    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two or the curve's end."""
+    distance = scenario.distance
+    largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
+    return min(2.0 ** math.frexp(largest)[1], sensor.valid_range[1])
 
 
 @lru_cache(maxsize=256)
@@ -53,6 +63,21 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
     table = np.zeros((0, TERMS + _HIGH_DEGREE + 1)) if found is None else found
     table.setflags(write=False)
     return table
+
+
+def line_windows(slope: float, top: float) -> FloatArray:
+    """Return the one window of a constant slope.
+
+    Args:
+        slope: g [1/m].
+        top: the largest distance at which it holds [m], which may be infinite.
+
+    Returns:
+        One row as in `curve_windows`, with two coefficients of ln xi in l.
+    """
+    row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
+    row.setflags(write=False)
+    return row
 
 
 def _power(sensor: SensorModel, low: float, high: float) -> FloatArray | None:

@@ -71,7 +71,7 @@ def _solve_series(inputs: Any, k: int, gains: Any, windows: Any, horizon: float,
     """Solve an encounter of any curve for some gains; return how many contacts are proved before one is not."""
     count = gains.size
     out, found = states[:, :count], status[:count]
-    series_block._solve(
+    series_block.solve_lanes(
         inputs[_MASS, k : k + 1],
         inputs[_DAMPING, k : k + 1],
         inputs[_STIFFNESS, k : k + 1],
@@ -84,6 +84,7 @@ def _solve_series(inputs: Any, k: int, gains: Any, windows: Any, horizon: float,
         windows,
         horizon,
         out,
+        None,
         None,
         found,
     )

@@ -20,7 +20,7 @@ from numba.core import types
 
 from .compiler import block_part
 
-__all__ = ["BLOCK", "exponential", "exponential_parts", "load_row", "rough_exponential"]
+__all__ = ["BLOCK", "exponential", "exponential_parts", "load_row", "rough_exponential", "rough_logarithm"]
 
 BLOCK = 256
 
@@ -28,6 +28,7 @@ _LOG2E = 1.4426950408889634
 _LN2 = 0.6931471805599453
 _LN2_HIGH = 0.6931471803691238
 _LN2_LOW = 1.9082149292705877e-10
+_ROOT2 = 1.4142135623730951
 _SHIFT = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer, which then are the lowest bits
 _LOWEST = -708.0
 _P0 = 0.5
@@ -54,6 +55,24 @@ def _emit_power(_context: Any, _shifted: Any) -> Any:
 
 
 _power: Any = numba.extending.intrinsic(_emit_power)
+
+
+def _emit_octave(_context: Any, _value: Any) -> Any:
+    """Numba's intrinsic for 2^n and n of a positive float 2^n m, 1 <= m < 2."""
+
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        integer = context.get_value_type(types.int64)
+        exponent = builder.lshr(builder.bitcast(arguments[0], integer), integer(52))
+        power = builder.bitcast(builder.shl(exponent, integer(52)), arguments[0].type)
+        shifted = builder.bitcast(builder.or_(exponent, integer(0x433 << 52)), arguments[0].type)  # 2^52 + exponent
+        number = builder.fsub(shifted, arguments[0].type(2.0**52 + 1023.0))
+        return context.make_tuple(builder, _signature.return_type, (power, number))
+
+    pair: Any = types.UniTuple
+    return pair(types.float64, 2)(types.float64), build
+
+
+_octave: Any = numba.extending.intrinsic(_emit_octave)
 
 
 @block_part
@@ -99,6 +118,17 @@ def rough_exponential(x: float) -> Any:
     q = r + s * ((_P0 + _P1 * r) + (_P2 + _P3 * r) * s)
     power = _power(shifted)
     return power + power * q, (1.0 - power) - power * q
+
+
+@block_part
+def rough_logarithm(x: float) -> float:
+    """Return ln(1 + x) for x >= 0 to 1e-9 of itself, small ones included: for a place, not for a value."""
+    power, n = _octave((1.0 + x) * _ROOT2)
+    s = (x - (power - 1.0)) / (x + 1.0 + power)  # |s| <= 0.1716
+    f = s * s
+    return n * _LN2 + 2.0 * s * (
+        ((1.0 + f * (1 / 3)) + f * f * ((1 / 5) + f * (1 / 7))) + (f * f) * (f * f) * ((1 / 9) + f * (1 / 11))
+    )
 
 
 @block_part

@@ -25,41 +25,51 @@ import numpy as np
 from .compiler import kernel
 from .lanes import LANES, aligned_rows
 from .series_gradient import write_gradient
-from .series_lane import carry_responses, enter_window, find_window, level_part, take_step, window_slope
-from .series_step import MOST_STEPS, ORDER, ROWS, Row, find_in_step
+from .series_lane import (
+    carry_responses,
+    cut_steps,
+    enter_window,
+    find_window,
+    level_part,
+    pass_turn,
+    take_step,
+    window_slope,
+)
+from .series_peaks import ALL_ROWS, KEPT_ROWS, follow_peaks, settle_peaks, start_peaks, write_peaks
+from .series_step import MOST_STEPS, ROWS, Row, find_in_step
 
-__all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_times"]
+__all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_times", "solve_lanes"]
 
 CONTACT, OPEN = 0, -1
 _LARGEST_DOUBT = 1e-10  # of the time; 1e-9 is promised
+_SPENT = 800.0  # steps that gradients must do without: what is very stiff costs them their digits
 _MOST_CUTS = 4  # of one step before it is taken for a turn
-_LOW, _SWITCH, _TERMS = 1, 3, 5  # columns of a window
+_LOW, _TOP, _SWITCH, _TERMS = 1, 2, 3, 5  # columns of a window
 _NEVER = 1e300
 
 DAMPING, STIFFNESS, GAIN = Row.DAMPING, Row.STIFFNESS, Row.GAIN
 POSITION, VELOCITY, ACCELERATION = Row.POSITION, Row.VELOCITY, Row.ACCELERATION
 TIME, DISTANCE, SPEED, INTEGRAL, ERROR, STRONGEST = range(Row.TIME, Row.TIME + 6)
 CAP, LENGTH, END, BOUND, SCALE, HORIZON, STEPS = range(Row.CAP, Row.CAP + 7)
-EDGE = Row.EDGE
+EDGE, SWITCH = Row.EDGE, Row.SWITCH
 FINAL_TIME, FINAL_SPEED, FINAL_BEND, FINAL_INTEGRAL, DOUBT = range(Row.FINAL_TIME, Row.FINAL_TIME + 5)
 START, MOVED, MASS, FIRST_SPEED, RESPONSES = range(Row.START, Row.START + 5)
 TERMS = Row.TERMS
 
 
 @kernel
-def _finish(queue: Any, owners: Any, count: int, windows: Any, out: Any, gradients: Any, status: Any) -> None:
+def _finish(
+    queue: Any, owners: Any, count: int, windows: Any, out: Any, gradients: Any, demands: Any, status: Any
+) -> None:
     """Find the contacts of the encounters that wait, and write them."""
+    degree = windows.shape[1] - _TERMS - 1
     find_in_step(queue)
     if gradients is not None:
-        for lane in range(LANES):
-            s = (queue[FINAL_TIME, lane] - queue[TIME, lane]) / queue[LENGTH, lane]
-            power = 1.0
-            for k in range(1, ORDER + 1):
-                power *= s
-                queue[k, lane] *= power
-            queue[LENGTH, lane] *= s
-            queue[START, lane], queue[MOVED, lane] = queue[TIME, lane], 1.0
-        carry_responses(queue, windows.shape[1] - _TERMS - 1)
+        cut_steps(queue, count)
+        carry_responses(queue, degree)
+    if demands is not None:
+        cut_steps(queue, count)
+        follow_peaks(queue, degree, owners, demands[3], demands[2])
     for lane in range(count):
         i, time = owners[lane], queue[FINAL_TIME, lane]
         if queue[DOUBT, lane] <= _LARGEST_DOUBT and time <= queue[HORIZON, lane] and queue[FINAL_SPEED, lane] < 0:
@@ -73,6 +83,8 @@ def _finish(queue: Any, owners: Any, count: int, windows: Any, out: Any, gradien
             status[i] = CONTACT
             if gradients is not None:
                 write_gradient(queue, lane, window_slope(windows, 0, 0.0), gradients[:, :, i])
+            if demands is not None:
+                write_peaks(queue, lane, degree, i, demands[2])
 
 
 @kernel
@@ -108,7 +120,7 @@ def contact_times(
         out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
         status: filled with CONTACT or OPEN, shape (n,).
     """
-    _solve(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, None, status)
+    solve_lanes(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, None, None, status)
 
 
 @kernel
@@ -148,11 +160,11 @@ def contact_gradients(
         status: see contact_times.
     """
     gradients[:] = np.nan
-    _solve(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, gradients, status)
+    solve_lanes(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, gradients, None, status)
 
 
 @kernel
-def _solve(
+def solve_lanes(
     mass: Any,
     damping: Any,
     stiffness: Any,
@@ -166,16 +178,21 @@ def _solve(
     horizon: float,
     out: Any,
     gradients: Any,
+    demands: Any,
     status: Any,
 ) -> None:
-    """Solve encounters, with their gradients unless these are None; then their code is not even compiled."""
+    """Solve encounters, with gradients or demands unless these are None: then their code is not even compiled.
+
+    Demands are the velocity and the acceleration of the reference, what is to be filled, and room for peaks.
+    """
     n = status.shape[0]
     out[:] = np.nan
     status[:] = OPEN
     if windows.shape[0] == 0 or windows[0, _LOW] != 0.0:
         return
     degree = windows.shape[1] - _TERMS - 1
-    work, queue = aligned_rows(ROWS), aligned_rows(ROWS)
+    rows = ROWS if demands is None else ALL_ROWS
+    work, queue = aligned_rows(rows), aligned_rows(rows)
     owner, owners = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     place, cuts = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     waiting, following, active, hint = 0, 0, 0, 0
@@ -199,8 +216,8 @@ def _solve(
             g = gain[i] if gain.shape[0] > 1 else gain[0]
             l, speed = position - x, velocity - u  # noqa: E741
             whole = abs(d) + abs(s) + abs(acceleration) + abs(g) + abs(position) + abs(x) + abs(velocity) + abs(u)
-            if not (m > 0 and m < math.inf and whole < math.inf and l > 0 and speed < 0):
-                continue
+            if not (m > 0 and m < math.inf and whole < math.inf and l > 0 and (gradients is None or speed != 0)):
+                continue  # gradients are found by a division by l'(0)
             index = find_window(windows, l, hint)
             if index < 0:
                 continue
@@ -213,19 +230,39 @@ def _solve(
             work[CAP, lane], work[SCALE, lane], work[STEPS, lane], work[HORIZON, lane] = _NEVER, l, 0.0, horizon
             enter_window(windows, index, work, lane)
             if gradients is not None:
+                work[STEPS, lane] = _SPENT
                 work[MASS, lane], work[FIRST_SPEED, lane] = m, speed
                 for row in range(RESPONSES, TERMS):
                     work[row, lane] = 0.0
                 work[TERMS - 2, lane] = 1.0  # the response to l(0), and its momentum
                 work[TERMS - 1, lane] = (d + g * window_slope(windows, index, l)) * inverse
+            if demands is not None:
+                drift, pull = demands[0], demands[1]
+                work[MASS, lane], work[FIRST_SPEED, lane] = m, speed
+                start_peaks(
+                    work,
+                    lane,
+                    x,
+                    drift[i] if drift.shape[0] > 1 else drift[0],
+                    pull[i] if pull.shape[0] > 1 else pull[0],
+                )
             owner[lane], place[lane], cuts[lane] = i, index, 0
             free &= ~(1 << lane)
             active |= 1 << lane
         if active == 0:
             break
         mask = take_step(work, degree)
+        stuck = ~mask & active
+        if stuck:
+            for lane in range(LANES):
+                if (stuck >> lane) & 1 and not work[BOUND, lane] < 0:
+                    low = max(work[EDGE, lane], 0.0)
+                    if pass_turn(work, lane, low, windows[place[lane], _TOP]):
+                        mask |= (1 + (work[DISTANCE, lane] < work[SWITCH, lane]) * (1 << LANES)) << lane
         if gradients is not None:
             carry_responses(work, degree)
+        if demands is not None:
+            follow_peaks(work, degree, owner, demands[3], demands[2])
         stuck, late = ~mask & active, (mask >> LANES) & active
         if not (stuck or late):
             continue
@@ -246,21 +283,33 @@ def _solve(
                 if end <= 0.0 and place[lane] == 0:
                     for row in range(copied):
                         queue[row, waiting] = work[row, lane]
+                    if demands is not None:
+                        for row in range(MASS, KEPT_ROWS):
+                            queue[row, waiting] = work[row, lane]
                     owners[waiting] = owner[lane]
                     waiting += 1
                     if waiting == LANES:
-                        _finish(queue, owners, waiting, windows, out, gradients, status)
+                        _finish(queue, owners, waiting, windows, out, gradients, demands, status)
                         waiting = 0
                 elif end <= work[EDGE, lane]:
                     work[CAP, lane] = length * level_part(work, lane, windows[place[lane], _LOW])
                     over = False
             elif bound < math.inf and cuts[lane] < _MOST_CUTS and work[STEPS, lane] < MOST_STEPS:
-                spare = work[1, lane] / (work[1, lane] - bound)
-                work[CAP, lane] = length * (0.95 * spare if spare > 0.8 else 0.7)
                 cuts[lane] += 1
                 over = False
+                if place[lane] + 1 < windows.shape[0] and work[DISTANCE, lane] > windows[place[lane] + 1, _SWITCH]:
+                    place[lane] += 1  # l may rise: the window above has room
+                    enter_window(windows, place[lane], work, lane)
+                else:
+                    spare = work[1, lane] / (work[1, lane] - bound)
+                    work[CAP, lane] = length * (0.95 * spare if 0.8 < spare < 1 else 0.7)
             if over:
                 free |= 1 << lane
                 active &= ~(1 << lane)
     if waiting:
-        _finish(queue, owners, waiting, windows, out, gradients, status)
+        _finish(queue, owners, waiting, windows, out, gradients, demands, status)
+    if demands is not None:
+        settle_peaks(demands[3], demands[2])
+        for i in range(n):
+            if status[i] != CONTACT:
+                demands[2][:, i] = np.nan

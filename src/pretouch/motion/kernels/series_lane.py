@@ -6,18 +6,38 @@ import math
 from typing import Any
 
 from .compiler import kernel
+from .lanes import LANES
 from .series_gradient import carry_4, carry_12, carry_power
-from .series_step import ORDER, Row, step_4, step_12, step_power
+from .series_step import ORDER, Row, step_1, step_4, step_12, step_power
 
-__all__ = ["carry_responses", "enter_window", "find_window", "level_part", "take_step", "window_slope"]
+__all__ = [
+    "carry_responses",
+    "cut_steps",
+    "enter_window",
+    "find_window",
+    "level_part",
+    "pass_turn",
+    "take_step",
+    "window_slope",
+]
 
 _EDGE, _LOW, _TOP, _SWITCH, _MIDDLE, _TERMS = range(6)  # columns of a window
+_TURN = 24  # steps that one is counted as: some forty are enough, a swing that goes on for long is for solve_series
 END, EDGE, SWITCH, MIDDLE, TERMS = Row.END, Row.EDGE, Row.SWITCH, Row.MIDDLE, Row.TERMS
+POSITION, VELOCITY, ACCELERATION, HORIZON = Row.POSITION, Row.VELOCITY, Row.ACCELERATION, Row.HORIZON
+TIME, DISTANCE, SPEED, INTEGRAL, ERROR = Row.TIME, Row.DISTANCE, Row.SPEED, Row.INTEGRAL, Row.ERROR
+CAP, LENGTH, STEPS, WEAKEST, MOVED = Row.CAP, Row.LENGTH, Row.STEPS, Row.WEAKEST, Row.MOVED
+STIFFNESS, START, FINAL_TIME = Row.STIFFNESS, Row.START, Row.FINAL_TIME
 
 
 @kernel
 def _step_power(work: Any) -> int:
     return step_power(work)
+
+
+@kernel
+def _step_1(work: Any) -> int:
+    return step_1(work)
 
 
 @kernel
@@ -33,8 +53,8 @@ def _step_12(work: Any) -> int:
 @kernel
 def take_step(work: Any, degree: int) -> int:
     """Take a step; return which lanes moved and, LANES bits higher, which need another window."""
-    if degree == 0:
-        return _step_power(work)
+    if degree <= 1:
+        return _step_1(work) if degree else _step_power(work)
     return _step_4(work) if degree == 4 else _step_12(work)
 
 
@@ -114,3 +134,47 @@ def level_part(work: Any, lane: int, level: float) -> float:
         if abs(change) < 1e-9:
             return s
     return 0.5
+
+
+@kernel
+def pass_turn(work: Any, lane: int, low: float, top: float) -> bool:
+    """Move a lane over a step on which l need not fall, where its coefficients prove that l stays between two levels.
+
+    Returns:
+        Whether that is proved and the step ends within the horizon.
+    """
+    below, above, area, speed = 0.0, 0.0, 0.0, 0.0
+    for k in range(1, ORDER + 1):
+        b = work[k, lane]
+        below += min(b, 0.0)
+        above += max(b, 0.0)
+        speed += k * b
+        area += b / (k + 1)
+    time, length, l = work[TIME, lane], work[LENGTH, lane], work[0, lane]  # noqa: E741
+    moved = time + length
+    if not (l + below > low and l + above < top and moved < work[HORIZON, lane] and length > 1e-12 * moved):
+        return False
+    p, v, a = work[POSITION, lane], work[VELOCITY, lane], work[ACCELERATION, lane]
+    path = p + (v + a / 2 * time) * time + ((v + a * time) / 2 + a / 6 * length) * length
+    held, tail = work[WEAKEST, lane], abs(work[ORDER, lane])
+    lever = 1 / max(held, math.sqrt(max(work[STIFFNESS, lane], 0.0)), 0.3 / moved) / length
+    error = work[ERROR, lane] * math.exp(min(max(-held * length, 0.0), 50.0))
+    work[ERROR, lane] = error + tail + ORDER * tail * lever + 2e-16 * l
+    work[INTEGRAL, lane] += (path - l - area) * length
+    work[TIME, lane], work[DISTANCE, lane], work[SPEED, lane] = moved, l + below + above, speed / length
+    work[CAP, lane], work[MOVED, lane] = 1e300, 1.0
+    work[STEPS, lane] += _TURN
+    return True
+
+
+@kernel
+def cut_steps(queue: Any, count: int) -> None:
+    """Let the steps end with the contacts that were found in them."""
+    for lane in range(LANES):
+        s = (queue[FINAL_TIME, lane] - queue[TIME, lane]) / queue[LENGTH, lane]
+        power = 1.0
+        for k in range(1, ORDER + 1):
+            power *= s
+            queue[k, lane] *= power
+        queue[LENGTH, lane] *= s
+        queue[START, lane], queue[MOVED, lane] = queue[TIME, lane], 1.0 if lane < count else 0.0

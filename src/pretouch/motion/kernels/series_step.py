@@ -12,7 +12,7 @@ Stockmeyer's way: z^2, z^3 and z^4 are series once, and
     degree 12:  a_1 z + ... + a_3 z^3 + z^4 (a_4 + ... + a_7 z^3 + z^4 (a_8 + ... + a_12 z^4))
 
 so that 1.5 and 4 convolutions are left, all of them short since z starts at order one. For g = n / (l + l_0) one is
-enough: q (l + l_0) = l', d(ln xi)/dt = n q.
+enough: q (l + l_0) = l', d(ln xi)/dt = n q. A constant slope, degree 1, needs none: the motion is linear.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ __all__ = [
     "find_in_step",
     "make_intrinsic",
     "shifted",
+    "step_1",
     "step_4",
     "step_12",
     "step_power",
@@ -57,7 +58,7 @@ class Row:
 
 
 ROWS = Row.TERMS + 13
-MOST_STEPS = 200.0
+MOST_STEPS = 1000.0  # what takes more is stiff: errors add up, and the other lanes are few
 
 
 def convolve(left: dict[int, Vector], right: dict[int, Vector], order: int) -> Vector | None:
@@ -156,13 +157,33 @@ class _Power:
         return total
 
 
+class _Line:
+    """The series of a line: nothing beside the slope."""
+
+    factor = 1.0
+
+    def __init__(self, work: Rows) -> None:
+        self.slope = work[Row.TERMS + 1]
+
+    @staticmethod
+    def bent(k: int, c: dict[int, Vector], v: Vector) -> Vector | None:  # noqa: ARG004 - as in _Power
+        """Return None: the slope is all there is."""
+        return None
+
+
+def _curve(work: Rows, degree: int, distance: Vector) -> _Polynomial | _Power | _Line:
+    if degree == 1:
+        return _Line(work)
+    return _Polynomial(work, degree, distance) if degree else _Power(work, distance)
+
+
 def _step(work: Rows, degree: int) -> Any:
     """Build one step; return a mask: which lanes moved and, LANES bits higher, which need another window."""
     damping, stiffness, gain = work[Row.DAMPING], work[Row.STIFFNESS], work[Row.GAIN]
     time, distance, speed, bend = work[Row.TIME], work[Row.DISTANCE], work[Row.SPEED], work[Row.ACCELERATION]
     position = work[Row.POSITION].plus((work[Row.VELOCITY].plus(bend * 0.5, time)), time)
     velocity = work[Row.VELOCITY].plus(bend, time)
-    curve = _Polynomial(work, degree, distance) if degree else _Power(work, distance)
+    curve = _curve(work, degree, distance)
     c = {0: distance, 1: speed}
     drive = {
         0: bend.plus(damping, velocity).plus(stiffness, position - distance),
@@ -180,7 +201,7 @@ def _step(work: Rows, degree: int) -> Any:
     size = work[Row.SCALE].logarithm() + _LOG_TOLERANCE
     reach = (size - c[ORDER].logarithm()) * (1.0 / ORDER)
     reach = reach.least((size - c[ORDER - 1].logarithm()) * (1.0 / (ORDER - 1)))
-    ahead = -distance / speed
+    ahead = distance / abs(speed)
     length = reach.exponential().least(ahead + ahead).least(work[Row.CAP])
     first = speed * length
     power, end, turn, area = length * length, distance + first, first, distance.plus(first, 0.5)
@@ -270,6 +291,7 @@ def _find(work: Rows) -> Any:
 
 
 step_power: Any = intrinsic(make_intrinsic(lambda work: _step(work, 0)))
+step_1: Any = intrinsic(make_intrinsic(lambda work: _step(work, 1)))
 step_4: Any = intrinsic(make_intrinsic(lambda work: _step(work, 4)))
 step_12: Any = intrinsic(make_intrinsic(lambda work: _step(work, 12)))
 find_in_step: Any = intrinsic(make_intrinsic(_find))

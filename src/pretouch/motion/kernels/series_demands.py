@@ -1,0 +1,59 @@
+"""Contacts of any curve with the largest demands until then: a kernel that is compiled when these are read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .compiler import kernel
+from .lanes import LANES, aligned_rows
+from .series_block import solve_lanes
+from .series_peaks import WAITING_ROWS
+
+__all__ = ["contact_peaks"]
+
+
+@kernel
+def contact_peaks(
+    mass: Any,
+    damping: Any,
+    stiffness: Any,
+    x0: Any,
+    u0: Any,
+    p: Any,
+    v: Any,
+    a: Any,
+    gain: Any,
+    drift: Any,
+    pull: Any,
+    windows: Any,
+    horizon: float,
+    out: Any,
+    peaks: Any,
+    status: Any,
+) -> None:
+    """Find contacts as contact_times does, and the largest demands on the robot until then.
+
+    Args:
+        mass: the nine inputs, the windows, the horizon, out and status are those of contact_times.
+        damping: see contact_times.
+        stiffness: see contact_times.
+        x0: see contact_times.
+        u0: see contact_times.
+        p: see contact_times.
+        v: see contact_times.
+        a: see contact_times.
+        gain: see contact_times.
+        drift: velocity of the reference at the start [m/s].
+        pull: its acceleration [m/s^2].
+        windows: see contact_times.
+        horizon: see contact_times.
+        out: see contact_times.
+        peaks: filled with max |x~|, |x - x(0)|, |x'|, |x''| and |F_p|, shape (5, n); nan where open or not settled.
+        status: see contact_times.
+    """
+    peaks[:] = 0.0
+    room = (aligned_rows(WAITING_ROWS), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(1, np.int64))
+    demands = (drift, pull, peaks, room)
+    solve_lanes(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, None, demands, status)

@@ -1,0 +1,97 @@
+"""Contacts of any curve in lanes, and the largest demands until then, for all encounters of a request or some."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pretouch._core.numbers import FloatArray, IntArray
+
+from .over_damped import PEAKS, STATES
+from .parallel import for_stretches
+from .request import Request
+from .windows import curve_windows, farthest, line_windows
+
+__all__ = ["peaks_in_lanes", "solve_in_lanes"]
+
+_LEAST: Final = 512  # encounters that are worth a thread
+_MOST: Final = 1 << 18
+_BEYOND: Final = 4.0  # how far beyond the farthest start an object may go before it is left to the guaranteed path
+
+
+def solve_in_lanes(
+    request: Request, which: IntArray | None, *, whole: bool = True
+) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
+    """Find and prove first contacts.
+
+    Args:
+        request: the encounters, on a curve that holds down to l = 0.
+        which: the indices of those to solve, m of them; None for all.
+        whole: whether all of over_damped.STATES is wanted, or only the times.
+
+    Returns:
+        The quantities by name, shape (m,) each, and a status of 0 where a contact is proved, else another, shape (m,).
+    """
+    from .kernels import series_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    contact_times: Any = series_block.contact_times
+    windows = _windows(request)
+    size = request.size if which is None else len(which)
+    kept, status = np.empty((len(STATES) if whole else 1, size)), np.empty(size, dtype=np.int8)
+
+    def run(start: int, stop: int) -> None:
+        c, out = _columns(request, which, start, stop), np.empty((len(STATES), stop - start))
+        contact_times(*c[:8], c[10], windows, request.horizon, out, status[start:stop])
+        kept[:, start:stop] = out[: len(kept)]
+
+    for_stretches(run, size, least=_LEAST, most=_MOST)
+    return dict(zip(STATES, kept, strict=False)), status
+
+
+def peaks_in_lanes(request: Request, which: IntArray | None) -> dict[str, FloatArray]:
+    """Return the largest demands until first contacts, over_damped.PEAKS by name.
+
+    Args:
+        request: the encounters, as for `solve_in_lanes`.
+        which: the indices of those to solve, m of them; None for all.
+
+    Returns:
+        The demands, shape (m,) each, nan where no contact is proved or they are not settled.
+    """
+    from .kernels import series_demands  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+    contact_peaks: Any = series_demands.contact_peaks
+    windows = _windows(request)
+    size = request.size if which is None else len(which)
+    rows = np.empty((len(PEAKS), size))
+
+    def run(start: int, stop: int) -> None:
+        c, count = _columns(request, which, start, stop), stop - start
+        out, peaks, status = np.empty((len(STATES), count)), np.empty((len(PEAKS), count)), np.empty(count, np.int8)
+        contact_peaks(*c[:8], c[10], c[8], c[9], windows, request.horizon, out, peaks, status)
+        rows[:, start:stop] = peaks
+
+    for_stretches(run, size, least=_LEAST, most=_MOST)
+    return dict(zip(PEAKS, rows, strict=True))
+
+
+def _columns(request: Request, which: IntArray | None, start: int, stop: int) -> tuple[FloatArray, ...]:
+    if which is None:
+        return request.block(start, stop)
+    part = which[start:stop]
+    columns = tuple(c if len(c) == 1 else c[part] for c in request.columns)
+    for column in columns:
+        column.setflags(write=False)  # as all columns are: a kernel is compiled for each kind of array
+    return columns
+
+
+def _windows(request: Request) -> FloatArray:
+    """Return as much of the curve as the encounters need; few tables, so that they are kept."""
+    reach = farthest(request.scenario, request.sensor)
+    if request.method == "closed-form":
+        return line_windows(
+            request.sensor.constant_log_slope or 0.0, min(_BEYOND * reach, request.sensor.valid_range[1])
+        )
+    return curve_windows(request.sensor, 0.0, reach)

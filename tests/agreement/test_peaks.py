@@ -57,7 +57,7 @@ def test_the_closed_form_finds_the_largest_demands_of_the_guaranteed_path(kind: 
     drift, pull = references(COUNT, 22)
     time, status, found = np.empty(COUNT), np.empty(COUNT, dtype=np.int8), np.empty((5, COUNT))
     contact_times(*inputs, SLOPE, HORIZON, time, status)
-    largest_demands(*inputs[:5], inputs[6], inputs[8], drift, pull, SLOPE, time, status, found)
+    largest_demands(*inputs[:5], inputs[6], inputs[8], drift, pull, SLOPE, time, status, found, 0)
     proved = status == 0
     assert np.isnan(found[:, ~proved]).all()
     assert PEAK_ROWS == PEAKS
@@ -78,7 +78,7 @@ def test_numpy_finds_the_same_demands(kind: str) -> None:
     columns = (*inputs[:8], drift, pull, inputs[8])
     states, proved = solve_over_damped(columns, SLOPE, HORIZON)
     time, status, found = states["time"], np.where(proved, 0, -1).astype(np.int8), np.empty((5, COUNT))
-    largest_demands(*inputs[:5], inputs[6], inputs[8], drift, pull, SLOPE, time, status, found)
+    largest_demands(*inputs[:5], inputs[6], inputs[8], drift, pull, SLOPE, time, status, found, 0)
     mine = peaks_over_damped(columns, SLOPE, time)
     for row, name in enumerate(PEAKS):
         known = proved & ~np.isnan(mine[name])

@@ -158,9 +158,8 @@ def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -
     rows = np.empty((5, request.size))
 
     def run(start: int, stop: int) -> None:
-        c, out = request.block(start, stop), np.empty((5, stop - start))
-        contact_states(*c[:8], c[10], slope, time[start:stop], status[start:stop], out)
-        rows[:, start:stop] = out
+        c = request.block(start, stop)
+        contact_states(*c[:8], c[10], slope, time[start:stop], status[start:stop], rows, start)
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
     return dict(zip(STATES, (time, *rows), strict=True))
@@ -178,9 +177,8 @@ def _form_peaks(request: Request, time: FloatArray, status: NDArray[np.int8]) ->
     rows = np.empty((5, request.size))
 
     def run(start: int, stop: int) -> None:
-        c, out = request.block(start, stop), np.empty((5, stop - start))
-        largest_demands(*c[:5], c[6], c[10], c[8], c[9], slope, time[start:stop], status[start:stop], out)
-        rows[:, start:stop] = out
+        c = request.block(start, stop)
+        largest_demands(*c[:5], c[6], c[10], c[8], c[9], slope, time[start:stop], status[start:stop], rows, start)
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
     return dict(zip(PEAKS, rows, strict=True))

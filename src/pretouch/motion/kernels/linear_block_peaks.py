@@ -112,8 +112,9 @@ def largest_demands(
     time: Any,
     status: Any,
     out: Any,
+    first: int,
 ) -> None:
-    """Fill out, shape (5, n), with PEAK_ROWS until the times that linear_block.contact_times has found.
+    """Fill columns of out, shape (5, m), with PEAK_ROWS until the times that linear_block.contact_times has found.
 
     Args:
         mass: M [kg]; like all inputs of shape (n,) or (1,), contiguous.
@@ -129,6 +130,7 @@ def largest_demands(
         time: what contact_times has found, shape (n,).
         status: 0 or OPEN, as contact_times has left it, shape (n,).
         out: max |x~| [m], |x - x(0)| [m], |x'| [m/s], |x''| [m/s^2] and |F_p| [N]; nan where OPEN or not settled.
+        first: the column of out that the first encounter takes.
     """
     data = np.empty(15 * BLOCK)
     for start in range(0, time.size, BLOCK):
@@ -145,6 +147,6 @@ def largest_demands(
         load_row(data, _TIME, time, start, stop)
         _peaks_block(data, slope, stop - start)
         for k in range(5):
-            part = out[k, start:stop]
+            part = out[k, first + start : first + stop]
             for i in range(part.size):
                 part[i] = data[_OUT + k * BLOCK + i] if status[start + i] == 0 else math.nan

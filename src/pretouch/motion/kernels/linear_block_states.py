@@ -193,8 +193,9 @@ def contact_states(
     time: Any,
     status: Any,
     out: Any,
+    first: int,
 ) -> None:
-    """Fill out, shape (5, n), with STATE_ROWS at the times that contact_times has found for the same inputs.
+    """Fill columns of out, shape (5, m), with STATE_ROWS at the times that contact_times has found for the same inputs.
 
     Args:
         mass: M [kg]; like all inputs of shape (n,) or (1,), contiguous.
@@ -210,6 +211,7 @@ def contact_states(
         time: what contact_times has found, shape (n,).
         status: 0 or OPEN, as contact_times has left it, shape (n,).
         out: x~ [m], x~' [m/s], x~'' [m/s^2], l' [m/s] and the integral of x~ over [0, t] [m s]; nan where OPEN.
+        first: the column of out that the first encounter takes.
     """
     data = np.empty(15 * BLOCK)
     for start in range(0, time.size, BLOCK):
@@ -218,7 +220,7 @@ def contact_states(
         _states_block(data, slope, stop - start)
         states = status[start:stop]
         for k in range(5):
-            _store(data, _OUT + k * BLOCK, out[k, start:stop], states)
+            _store(data, _OUT + k * BLOCK, out[k, first + start : first + stop], states)
 
 
 @kernel

@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from .letter import LetterReport, Reproduction, reproduce, write_letter_report
     from .motion import (
         Admittance,
+        ContactGradients,
         ContactResult,
         ContactState,
         ContactStatus,
@@ -125,6 +126,7 @@ __all__ = [
     "CalibrationReport",
     "ConditionalValueAtRisk",
     "Constraint",
+    "ContactGradients",
     "ContactResult",
     "ContactState",
     "ContactStatus",
@@ -250,6 +252,7 @@ _HOMES = {  # loaded on first use: a program pays only for the folders that it n
     ),
     "motion": (
         "Admittance",
+        "ContactGradients",
         "ContactResult",
         "ContactState",
         "ContactStatus",

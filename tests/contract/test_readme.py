@@ -41,6 +41,16 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     assert runner.summarize().failed == 0
 
 
+@pytest.mark.parametrize("page", ["gradients.md"])
+def test_the_examples_of_a_page_run(page: str) -> None:
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
+    assert blocks
+    for block in blocks:
+        runner.run(parser.get_doctest(block, {}, page, page, 0))
+    assert runner.summarize().failed == 0
+
+
 def test_the_numbers_under_the_figure_are_those_of_the_example() -> None:
     """141 ms at 0.3 m/s without, 464 ms at 0.079 m/s with, after 97 mm."""
     import pretouch as pt

@@ -18,6 +18,7 @@ from pretouch.motion import Scenario
 
 from .compiled_search import search_compiled
 from .family import find_family
+from .gain_gradient import gain_gradient
 from .problem import Problem
 from .result import DesignStatus, GainDesign
 from .search import RESOLVED, SCANNED
@@ -47,10 +48,24 @@ class ArrayEvidence:
     """In the place of the evidence of one design: says how to get that.
 
     Args:
+        problem: what was designed.
         design_one: designs the encounter at an index alone.
     """
 
+    problem: Problem
     design_one: Callable[[tuple[int, ...]], GainDesign]
+
+    def gradient(self, gain: Any, name: str) -> FloatArray:
+        """Differentiate the optimal gains by one input.
+
+        Args:
+            gain: the optimal gains [N s].
+            name: the input.
+
+        Returns:
+            The derivatives, of the shape of the gains.
+        """
+        return gain_gradient(self.problem, gain, name, self.design_one)
 
     def __getattr__(self, name: str) -> Any:
         raise ResultUnavailableError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -160,10 +161,25 @@ class Evidence:
             constraint=next((c for c in p.constraints if c.name == self.at), None),
             impact=p.impact,
             evaluate=p.evaluate,
+            differentiable=p.is_differentiable,
             axis=p.axis,
             gain=self.gain,
             at=self.at,
         )
+
+    def gradient(self, gain: float, name: str) -> Any:
+        """Differentiate the optimal gain by one input.
+
+        Args:
+            gain: the optimal gain [N s].
+            name: the input.
+
+        Returns:
+            The derivative.
+        """
+        from .gain_gradient import gain_gradient  # noqa: PLC0415 - it needs the problem that is defined here
+
+        return gain_gradient(self.problem, gain, name, lambda _: self)
 
 
 def _at_bound(axis: GainAxis, coordinate: float) -> bool:

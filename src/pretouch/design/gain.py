@@ -91,7 +91,7 @@ def design_gain(
     def design_at(index: tuple[int, ...]) -> GainDesign:
         return _design_one(replace(problem, scenario=scenario_at(scenario, index)))
 
-    return _design(problem, *design_many(problem, _search_one), ArrayEvidence(design_one=design_at))
+    return _design(problem, *design_many(problem, _search_one), ArrayEvidence(problem=problem, design_one=design_at))
 
 
 def _design_one(problem: Problem) -> GainDesign:

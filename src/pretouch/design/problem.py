@@ -48,6 +48,11 @@ class Problem:
     horizon: float
     evaluator: Evaluator | None
 
+    @property
+    def is_differentiable(self) -> bool:
+        """Whether its encounters have gradients: those of a user's function and of the uniform motion have none."""
+        return self.evaluator is None and self.method != "uniform-motion"
+
     def evaluate(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
         """Solve any encounter as this problem solves its own."""
         if self.evaluator is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -223,6 +224,21 @@ class GainDesign:
         """The derivative of the optimum with respect to each input."""
         found: tuple[Sensitivity, ...] = self.evidence.sensitivities
         return found
+
+    def gradient(self, by: str) -> Any:
+        """Return how the optimal gain follows one input, exact where objective and limits are those of the contact.
+
+        Args:
+            by: the input, such as `obstacle.velocity` or `sensor.exponent`: one of `ContactGradients.inputs`, the gain
+                excepted.
+
+        Returns:
+            d D_p / d input, in N s per unit of the input: a float, or an array of the scenario's shape. NaN where there
+            is no optimal gain, and beside an edge of contact.
+        """
+        if self.scenario.shape:
+            return self.evidence.gradient(self.gain, by)
+        return math.nan if self.gain is None else float(self.evidence.gradient(self.gain, by))
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

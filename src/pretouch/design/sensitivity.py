@@ -14,6 +14,7 @@ from pretouch.motion import ContactResult, Scenario
 from pretouch.sensors import Recessed, SensorModel
 
 from .constraints import Constraint
+from .gradient import follow_optimum, has_gradients
 from .impact import ImpactModel
 from .objectives import Objective
 from .result import Sensitivity
@@ -47,6 +48,7 @@ def gain_sensitivities(
     constraint: Constraint | None,
     impact: ImpactModel | None,
     evaluate: Callable[[Scenario, SensorModel, Any], ContactResult],
+    differentiable: bool,
     axis: GainAxis,
     gain: float,
     at: str,
@@ -54,8 +56,9 @@ def gain_sensitivities(
     """Differentiate the optimal gain and its objective with respect to every scalar input.
 
     Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
-    so du/dp = -G_p / G_u; on a bound the gain stays. Derivatives are central differences of encounters that are
-    solved to 1e-13, good to about six digits (three where one side makes no sense).
+    so du/dp = -G_p / G_u; on a bound the gain stays. Where objective and constraint are made of quantities at contact
+    the derivatives by the inputs are exact. Peaks over the whole motion, and encounters that somebody else solves,
+    leave central differences, good to about six digits (three where one side makes no sense).
 
     Args:
         scenario: the encounter.
@@ -64,6 +67,7 @@ def gain_sensitivities(
         constraint: the active constraint, if the optimum sits on one.
         impact: the physical properties, where given.
         evaluate: solves encounters.
+        differentiable: whether what it returns has gradients.
         axis: the coordinate of the gain.
         gain: the optimal gain [N s].
         at: where the optimum sits, as in Certificate.
@@ -71,6 +75,22 @@ def gain_sensitivities(
     Returns:
         One entry per input whose change keeps the contact, largest effect first.
     """
+    inputs = list(_inputs(scenario, sensor))
+    if differentiable and has_gradients(objective, constraint):
+        shifts = follow_optimum(
+            run=lambda gains: evaluate(scenario, sensor, gains),
+            scenario=scenario,
+            objective=objective,
+            constraint=constraint,
+            impact=impact,
+            axis=axis,
+            gain=np.array([gain]),
+            names=tuple(item.name for item in inputs),
+            held=at != "interior" and constraint is None,
+        )
+        exact = [(float(shifts[item.name].gain[0]), float(shifts[item.name].objective[0])) for item in inputs]
+        if np.isfinite(exact).all():  # beside an edge of contact only one side is left
+            return _ranked(inputs, exact)
     center = float(axis.coordinate(gain))
     gains = axis.scale * np.sinh(center + _NODES)
 
@@ -84,7 +104,7 @@ def gain_sensitivities(
     middle = sample((scenario, sensor))
     f, g = middle
     found = []
-    for item in _inputs(scenario, sensor):
+    for item in inputs:
         f_p, g_p = _derivative(sample, item, middle)
         if at == "interior":
             shift = -(f_p @ _FIRST) / (f @ _SECOND)
@@ -93,19 +113,25 @@ def gain_sensitivities(
         else:
             shift = 0.0
         total = f_p[2] + (0.0 if at == "interior" else (f @ _FIRST) * shift)
-        derivative = float(shift * axis.stretch(gain))
-        if np.isfinite(derivative) and np.isfinite(total):
-            found.append(
-                Sensitivity(
-                    name=item.name,
-                    value=item.value,
-                    unit=item.unit,
-                    gain_derivative=derivative,
-                    objective_derivative=float(total),
-                    gain_change_per_percent=derivative * 0.01 * abs(item.value),
-                )
-            )
-    return tuple(sorted(found, key=lambda s: -abs(s.gain_change_per_percent)))
+        found.append((float(shift * axis.stretch(gain)), float(total)))
+    return _ranked(inputs, found)
+
+
+def _ranked(inputs: list[_Input], found: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
+    """Return what is finite, largest effect first."""
+    entries = [
+        Sensitivity(
+            name=item.name,
+            value=item.value,
+            unit=item.unit,
+            gain_derivative=derivative,
+            objective_derivative=total,
+            gain_change_per_percent=derivative * 0.01 * abs(item.value),
+        )
+        for item, (derivative, total) in zip(inputs, found, strict=True)
+        if np.isfinite(derivative) and np.isfinite(total)
+    ]
+    return tuple(sorted(entries, key=lambda s: -abs(s.gain_change_per_percent)))
 
 
 def _derivative(

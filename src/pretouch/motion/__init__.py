@@ -2,6 +2,7 @@
 
 from .admittance import Admittance
 from .contact import ContactResult, ContactState, ContactStatus
+from .gradients import ContactGradients
 from .request import METHODS
 from .scenario import Obstacle, Plant, Reference, Scenario
 from .solve import Motion, find_contact, solve_motion
@@ -9,6 +10,7 @@ from .solve import Motion, find_contact, solve_motion
 __all__ = [
     "METHODS",
     "Admittance",
+    "ContactGradients",
     "ContactResult",
     "ContactState",
     "ContactStatus",

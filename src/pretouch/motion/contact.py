@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray
+
+if TYPE_CHECKING:
+    from .gradients import ContactGradients
 
 __all__ = ["Columns", "ContactResult", "ContactState", "ContactStatus"]
 
@@ -196,6 +199,21 @@ class ContactResult:
                 "read .end for the state in which it ended"
             )
         return self.end
+
+    @property
+    def gradients(self) -> ContactGradients:
+        """The exact derivatives of the quantities at contact by every input, computed when they are first read.
+
+        Raises:
+            ResultUnavailableError: the result does not come from a motion of L(1), or not from `find_contact`.
+        """
+        found: ContactGradients | None = getattr(self.columns, "gradients", None)
+        if found is None:
+            raise ResultUnavailableError(
+                f"gradients: there are none of a result by {self.method}; solve the encounter by find_contact with "
+                "another method"
+            )
+        return found
 
     def __repr__(self) -> str:
         if np.ndim(self.status):

@@ -9,7 +9,7 @@ g D_p counts. So encounters of ten thousand sensors with other parameters are te
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed, SensorModel
 
-from .contact import Columns, ContactResult
+from .contact import ContactResult
 from .scenario import Scenario
 
 __all__ = ["Likeness", "find_likeness"]
@@ -42,6 +42,12 @@ _LENGTHS: Final = frozenset(
 )
 """What grows with the unit of length; forces do, since masses stay."""
 
+_SCALED: Final = (
+    *(("obstacle", name) for name in ("position", "velocity", "acceleration")),
+    *(("plant", name) for name in ("position", "velocity")),
+    *(("reference", name) for name in ("position", "velocity", "acceleration")),
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Likeness:
@@ -51,11 +57,14 @@ class Likeness:
         sensor: the one sensor.
         length: s of each encounter, by which its lengths are multiplied; 1 where they stay.
         gain: the factor of its gain.
+        parameters: of the many sensors, what matters of each: a number, and the powers of it with which the factors of
+            length and gain grow.
     """
 
     sensor: SensorModel
     length: Any
     gain: Any
+    parameters: Mapping[str, tuple[Any, float, float]] = field(default_factory=dict)
 
     def scenario(self, scenario: Scenario) -> Scenario:
         """Return the encounters of the one sensor."""
@@ -64,29 +73,81 @@ class Likeness:
         bodies = {}
         for part in ("obstacle", "plant", "reference"):
             body: Any = getattr(scenario, part)
-            names = ("position", "velocity") if part == "plant" else ("position", "velocity", "acceleration")
+            names = [name for owner, name in _SCALED if owner == part]
             bodies[part] = replace(body, **{name: getattr(body, name) * self.length for name in names})
         return replace(scenario, **bodies)
 
-    def result(self, found: ContactResult) -> ContactResult:
-        """Return what was found in the lengths and gains of the many sensors."""
-        return ContactResult(_Rescaled(found.columns, self.length, self.gain), found.method)
+    def result(self, found: ContactResult, scenario: Scenario) -> ContactResult:
+        """Return what was found in the lengths and gains of the many sensors.
+
+        Args:
+            found: the encounters of the one sensor.
+            scenario: the encounters of the many, as given.
+
+        Returns:
+            Their results.
+        """
+        return ContactResult(_Rescaled(found, self, scenario), found.method)
 
 
 class _Rescaled:
     """The columns of a result in other units."""
 
-    __slots__ = ("columns", "gain", "length")
+    __slots__ = ("found", "likeness", "scenario")
 
-    def __init__(self, columns: Columns, length: Any, gain: Any) -> None:
-        self.columns, self.length, self.gain = columns, length, gain
+    def __init__(self, found: ContactResult, likeness: Likeness, scenario: Scenario) -> None:
+        self.found, self.likeness, self.scenario = found, likeness, scenario
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run."""
-        found = self.columns.column(name)
+        value = self.found.columns.column(name)
         if name in _LENGTHS:
-            return found / self.length
-        return found / self.gain if name == "gain" else found
+            return value / self.likeness.length
+        return value / self.likeness.gain if name == "gain" else value
+
+    @property
+    def gradients(self) -> _RescaledGradients:
+        """The derivatives at contact."""
+        return _RescaledGradients(self)
+
+
+class _RescaledGradients:
+    """The derivatives of a rescaled result, q = Q(s x, s^0 M, k D_p) / s for a length, Q for a time.
+
+    By an input of the many sensors' own units the chain rule gives a factor s or k. A parameter changes s and k:
+    dq / d ln s = (sum of X dQ/dX over all lengths) / s - q, and dq / d ln k = k D_p dQ/dG / s with G = k D_p.
+    """
+
+    __slots__ = ("columns",)
+
+    def __init__(self, columns: _Rescaled) -> None:
+        self.columns = columns
+
+    def of(self, quantity: str, by: str) -> Any:
+        """Return the derivative of a quantity at contact by an input, as ContactGradients has it."""
+        own, likeness = self.columns.found.gradients, self.columns.likeness
+        weight = 1.0 / likeness.length if quantity in _LENGTHS else 1.0
+        if by == "gain":
+            return own.of(quantity, by) * likeness.gain * weight
+        part, _, name = by.partition(".")
+        if part == "admittance":
+            return own.of(quantity, by) * weight
+        if part != "sensor":
+            return own.of(quantity, by) * likeness.length * weight
+        if name not in likeness.parameters:
+            return np.zeros(np.shape(self.columns.column(quantity)))
+        parameter, length, gain = likeness.parameters[name]
+        by_gain = own.of(quantity, "gain") * self.columns.found.gain * weight
+        total = gain / parameter * by_gain
+        if length:
+            scenario = likeness.scenario(self.columns.scenario)
+            moved = sum(
+                np.asarray(getattr(getattr(scenario, part), field)) * own.of(quantity, f"{part}.{field}")
+                for part, field in _SCALED
+            )
+            level = self.columns.column(quantity) if quantity in _LENGTHS else 0.0
+            total = total + length / parameter * (moved * weight - level)
+        return total
 
 
 def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> Likeness | None:
@@ -105,11 +166,12 @@ def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distanc
     low, high = curve.valid_range
     if not (np.all(low - recess <= 0) and np.all(np.asarray(distance) <= high - recess)):
         return None
-    if isinstance(sensor, Recessed) and type(sensor.sensor) not in {InversePower, ExponentialFirstOrder}:
-        return None
     if type(curve) is ExponentialFirstOrder:
         rate = np.asarray(values.get("rate", curve.rate))
-        return None if not np.all(rate < 0) else Likeness(sensor=_unbounded(curve), length=1.0, gain=rate / curve.rate)
+        if not np.all(rate < 0):
+            return None
+        powers = {"rate": (rate, 0.0, 1.0)}
+        return Likeness(sensor=_unbounded(curve), length=1.0, gain=rate / curve.rate, parameters=powers)
     if type(curve) is not InversePower:
         return None
     offset = np.asarray(values.get("distance_offset", curve.distance_offset)) + recess
@@ -118,8 +180,16 @@ def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distanc
         return None
     own = float(np.median(offset))
     length = own / offset
-    one = replace(_unbounded(curve), distance_offset=own)
-    return Likeness(sensor=one, length=length, gain=length * (exponent / curve.exponent))
+    return Likeness(
+        sensor=replace(_unbounded(curve), distance_offset=own),
+        length=length,
+        gain=length * (exponent / curve.exponent),
+        parameters={
+            "exponent": (exponent, 0.0, 1.0),
+            "distance_offset": (offset, -1.0, -1.0),
+            "recess": (offset, -1.0, -1.0),
+        },
+    )
 
 
 def _unbounded(curve: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,13 @@ from .parallel import for_stretches
 from .request import Request
 from .uniform_motion import solve_uniform_motion
 
-__all__ = ["Solution"]
+if TYPE_CHECKING:
+    from .gradients import ContactGradients
+
+__all__ = ["STIFF", "Solution"]
+
+STIFF: Final = 500.0
+"""Time over that of the damping at contact, from which l'' is a difference of much larger numbers."""
 
 _LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
 _MOST: Final = 16_384
@@ -37,12 +43,24 @@ class Solution:
         whole: whether the whole motion will be asked for, so that the guaranteed path is taken at once.
     """
 
-    __slots__ = ("_demands", "_fast", "_known", "_open", "_open_rows", "_path", "_rows", "_status", "request")
+    __slots__ = (
+        "_demands",
+        "_fast",
+        "_gradients",
+        "_known",
+        "_open",
+        "_open_rows",
+        "_path",
+        "_rows",
+        "_status",
+        "request",
+    )
 
     def __init__(self, request: Request, *, whole: bool = False) -> None:
         self.request = request
         self._known: dict[str, Any] = {}
         self._rows: FloatArray | None = None
+        self._gradients: ContactGradients | None = None
         self._status: NDArray[Any]
         self._fast: dict[str, FloatArray] = {}
         self._demands: dict[str, FloatArray] = {}
@@ -76,6 +94,15 @@ class Solution:
                 found.setflags(write=False)
                 self._known[name] = found
         return self._known[name]
+
+    @property
+    def gradients(self) -> ContactGradients | None:
+        """The derivatives at contact; None for the uniform motion, which is none of the equation of motion."""
+        if self._gradients is None and self.request.method != "uniform-motion":
+            from .gradients import ContactGradients  # noqa: PLC0415 - few results are differentiated
+
+            self._gradients = ContactGradients(self)
+        return self._gradients
 
     @property
     def rows(self) -> FloatArray:
@@ -113,6 +140,30 @@ class Solution:
             for other, values in self._demands.items():
                 values[which] = np.where(np.isnan(values[which]), rows[:, _AT[other]], values[which])
         return self._demands[name]
+
+    @property
+    def settled_acceleration(self) -> FloatArray:
+        """x~'' at the end of every run to all digits, shape (n,).
+
+        Where hundreds of time constants have passed, it is a difference of much larger numbers, which lanes have to
+        1e-7 only; derivatives need it better.
+        """
+        name = "settled_acceleration"
+        if name not in self._known:
+            self._known[name] = self._find_settled_acceleration()
+        return np.asarray(self._known[name])
+
+    def _find_settled_acceleration(self) -> FloatArray:
+        found, request = self.raw("displacement_acceleration"), self.request
+        if self._rows is not None or request.method == "closed-form":
+            return found
+        mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
+        decays = (damping + gain * request.sensor.log_slope(max(request.sensor.valid_range[0], 0.0))) / mass
+        which = np.flatnonzero((self._path.status == 0) & (decays * self.raw("time") > STIFF))
+        if len(which):
+            found = found.copy()
+            found[which] = _guaranteed(request, which)[0][:, _AT["displacement_acceleration"]]
+        return found
 
     @property
     def status(self) -> NDArray[Any]:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 
+from .change import CurveChange
 from .model import SensorModel, parameter
 
 __all__ = ["ExponentialFirstOrder", "ExponentialSecondOrder"]
+
+_STRAIGHT: Final = 1e-6  # curvature over rate [1/m] that is not felt in a kilometer
+_FEW_DIGITS: Final = 100.0  # how many times itself a difference of terms may be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +49,9 @@ class ExponentialFirstOrder(SensorModel):
     def constant_log_slope(self) -> float | None:
         """The slope c_1 [1/m], the same at every distance."""
         return self.rate
+
+    def _change_by(self, name: str) -> CurveChange | None:
+        return {"scale": CurveChange(), "rate": CurveChange(output=1 / self.rate)}.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(math.log(self.scale) + self.rate * distance)
@@ -108,6 +115,18 @@ class ExponentialSecondOrder(SensorModel):
     def constant_log_slope(self) -> float | None:
         """The slope c_2 [1/m] where b_2 = 0, else None."""
         return self.rate if self.curvature == 0 else None
+
+    def _change_by(self, name: str) -> CurveChange | None:
+        if name == "scale":
+            return CurveChange()
+        if name == "rate":  # d ln xi/dc = l = (2 ln xi - l g) / c + constant
+            return CurveChange(output=2 / self.rate, stretch=-1 / self.rate)
+        if name == "curvature" and abs(self.curvature) < _STRAIGHT * abs(self.rate):
+            return CurveChange(slope=lambda distance: 2 * distance)
+        if name == "curvature":  # l^2 = (l g - ln xi) / b + constant, which cancels where b l is small beside c
+            by_b, nearest = 1 / self.curvature, abs(self.rate / self.curvature) / _FEW_DIGITS
+            return CurveChange(output=-by_b, stretch=by_b, slope=lambda distance: 2 * distance, nearest=nearest)
+        return None
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(math.log(self.scale) + (self.curvature * distance + self.rate) * distance)

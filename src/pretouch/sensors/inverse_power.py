@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 
+from .change import CurveChange
 from .model import SensorModel, parameter
 
 __all__ = ["InversePower"]
@@ -48,6 +49,14 @@ class InversePower(SensorModel):
                 f"distance_offset: found {offset:g} m, which must exceed minus the minimum distance "
                 f"({-self.minimum_distance:g} m), or the output is infinite there"
             )
+
+    def _change_by(self, name: str) -> CurveChange | None:
+        known = {
+            "scale": CurveChange(),
+            "distance_offset": CurveChange(shift=1.0),
+            "exponent": CurveChange(output=1 / self.exponent),
+        }
+        return known.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(np.log(self.scale) - self.exponent * np.log(distance + self.distance_offset))

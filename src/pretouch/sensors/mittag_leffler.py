@@ -11,6 +11,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 
+from .change import CurveChange
 from .exponential import _negative
 from .model import SensorModel, parameter
 
@@ -131,6 +132,9 @@ class MittagLeffler(SensorModel):
     def constant_log_slope(self) -> float | None:
         """The slope c [1/m] where alpha = 1, else None."""
         return self.rate if self.order == 1 else None
+
+    def _change_by(self, name: str) -> CurveChange | None:
+        return {"scale": CurveChange(), "rate": CurveChange(stretch=1 / self.rate)}.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         if self.order == 1:

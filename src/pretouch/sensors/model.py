@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import BoolArray, FloatArray, finite
 
+from .change import CurveChange
+
 __all__ = ["SensorModel", "parameter"]
 
 
@@ -89,6 +91,10 @@ class SensorModel(ABC):
     def parameters(self) -> dict[str, float]:
         """The parameters of the curve by name, in SI."""
         return {f.name: getattr(self, f.name) for f in fields(self) if "unit" in f.metadata}
+
+    def _change_by(self, name: str) -> CurveChange | None:  # noqa: ARG002 - for subclasses
+        """Return how a parameter changes ln xi, where that is known; None: it is found by differences."""
+        return None
 
     @final
     def log_output(self, distance: ArrayLike) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
+from .change import CurveChange, curve_change
 from .model import SensorModel, _limit, _number
 
 __all__ = ["Recessed"]
@@ -75,6 +76,19 @@ class Recessed(SensorModel):
     def constant_log_slope(self) -> float | None:
         """The slope of the curve [1/m] where it is the same at every distance, else None."""
         return self.sensor.constant_log_slope
+
+    def _change_by(self, name: str) -> CurveChange | None:
+        if name == "recess":
+            return CurveChange(shift=1.0)
+        known = curve_change(self.sensor, name)
+        slope = known.slope
+        return CurveChange(
+            output=known.output,
+            shift=known.shift + known.stretch * self.recess,  # (l + recess) g
+            stretch=known.stretch,
+            slope=None if slope is None else lambda distance: slope(self._own(distance)),
+            nearest=known.nearest,
+        )
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(self.sensor.log_output(self._own(distance)))

@@ -62,9 +62,35 @@ class Ensemble:
         if self.likeness is not None:
             one = self.likeness
             found = find_contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
-            return one.result(found)
+            return found if one.sensor is self.sensor else one.result(found, self.scenario)
         columns = _Stacked([find_contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
         return ContactResult(columns, columns.parts[0].method)
+
+    def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
+        """Differentiate a quantity at contact by one of the inputs.
+
+        Args:
+            result: what `contacts` has found.
+            quantity: one of those of `ContactGradients`.
+            name: the input; where natural frequency or damping ratio is one, the mass takes both along.
+
+        Returns:
+            The derivative in SI, of the shape of the result.
+        """
+        of, frequency = result.gradients.of, "admittance.natural_frequency"
+        if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
+            return of(quantity, name)
+        tied = frequency in self.values or "admittance.damping_ratio" in self.values
+        if name == "admittance.mass" and not tied:
+            return of(quantity, name)
+        a = self.scenario.admittance
+        omega = np.sqrt(np.asarray(a.stiffness) / a.mass)
+        by_damping, by_stiffness = of(quantity, "admittance.damping"), of(quantity, "admittance.stiffness")
+        if name == frequency:
+            return 2 * omega * a.mass * by_stiffness + a.damping / omega * by_damping
+        if name == "admittance.damping_ratio":
+            return 2 * omega * a.mass * by_damping
+        return of(quantity, name) + omega**2 * by_stiffness + a.damping / a.mass * by_damping
 
     def at(self, index: int) -> tuple[Scenario, SensorModel]:
         """Return one encounter and its sensor.
@@ -90,6 +116,24 @@ class _Stacked:
     def column(self, name: str) -> Any:
         """Return a quantity of every run."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
+
+    @property
+    def gradients(self) -> _StackedGradients:
+        """The derivatives at contact."""
+        return _StackedGradients(self.parts)
+
+
+class _StackedGradients:
+    """The derivatives of results that belong together, side by side."""
+
+    __slots__ = ("parts",)
+
+    def __init__(self, parts: list[ContactResult]) -> None:
+        self.parts = parts
+
+    def of(self, quantity: str, by: str) -> Any:
+        """Return the derivative of a quantity at contact by an input."""
+        return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
 
 
 def make_ensemble(

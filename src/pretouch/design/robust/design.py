@@ -23,8 +23,9 @@ from ..search import GainAxis, Scan, refine, scan
 from .measures import Expected, Measure, Required, WorstCase
 from .price import price_of_robustness
 from .problem import RobustProblem
-from .result import RobustDesign
+from .result import RobustDesign, WorstEncounter
 from .validation import validate
+from .worst_case import search_worst_case
 
 __all__ = ["design_robust_gain"]
 
@@ -110,10 +111,14 @@ def design_robust_gain(
         "impact": impact,
         "axis": GainAxis(low=low, high=high),
     }
-    drawn = sample_inputs(uncertainty, samples, seed=seed, sampling=sampling)
-    problem = RobustProblem(ensemble=make(drawn), **common)
-    searched = _search(problem)
-    minima = refine(lambda u: problem.landscape(u).merit, searched.coordinate, searched.landscape.merit)
+    worst: WorstEncounter | None = None
+    if isinstance(chosen, WorstCase):
+        problem, searched, minima, worst = search_worst_case(uncertainty, make, common)
+    else:
+        drawn = sample_inputs(uncertainty, samples, seed=seed, sampling=sampling)
+        problem = RobustProblem(ensemble=make(drawn), **common)
+        searched = _search(problem)
+        minima = refine(lambda u: problem.landscape(u).merit, searched.coordinate, searched.landscape.merit)
     nominal = design_gain(
         scenario,
         sensor,
@@ -137,11 +142,11 @@ def design_robust_gain(
         measure=chosen,
         nominal_gain=nominal.gain,
         validation=checked,
-        worst=None,
+        worst=worst,
         local_minima=tuple((float(problem.axis.gain(m.coordinate)), m.value) for m in minima),
         scanned=len(searched.coordinate),
         strongest=float(problem.axis.gain(searched.coordinate[0])),
-        samples=samples,
+        samples=len(problem.ensemble),
         seed=seed,
         bounds=(low, high),
         scenario=scenario,
@@ -179,6 +184,12 @@ def _check(uncertainty: Uncertainty, measure: Measure, limits: tuple[Required, .
         if names.count(name) > 1:
             raise InvalidInputError(f"constraint {name}: found twice, expected once")
     if isinstance(measure, WorstCase):
+        for limit in limits:
+            if limit.probability < 1:
+                raise InvalidInputError(
+                    f"constraint {limit.constraint.name}: found a probability of {limit.probability:g} beside a worst "
+                    "case, which knows none; give the Constraint itself"
+                )
         return
     for name, known in uncertainty.items():
         if type(known) is Interval:

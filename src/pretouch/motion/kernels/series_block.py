@@ -24,7 +24,7 @@ import numpy as np
 
 from .compiler import kernel
 from .lanes import LANES, aligned_rows
-from .series_gradient import write_gradient
+from .series_gradient import RESPONSE_TOLERANCE, write_gradient
 from .series_lane import (
     carry_responses,
     cut_steps,
@@ -36,13 +36,12 @@ from .series_lane import (
     window_slope,
 )
 from .series_peaks import ALL_ROWS, KEPT_ROWS, follow_peaks, settle_peaks, start_peaks, write_peaks
-from .series_step import MOST_STEPS, ROWS, Row, find_in_step
+from .series_step import MOST_STEPS, ORDER, ROWS, Row, find_in_step
 
 __all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_times", "solve_lanes"]
 
 CONTACT, OPEN = 0, -1
 _LARGEST_DOUBT = 1e-10  # of the time; 1e-9 is promised
-_SPENT = 800.0  # steps that gradients must do without: what is very stiff costs them their digits
 _MOST_CUTS = 4  # of one step before it is taken for a turn
 _LOW, _TOP, _SWITCH, _TERMS = 1, 2, 3, 5  # columns of a window
 _NEVER = 1e300
@@ -54,7 +53,7 @@ CAP, LENGTH, END, BOUND, SCALE, HORIZON, STEPS = range(Row.CAP, Row.CAP + 7)
 EDGE, SWITCH = Row.EDGE, Row.SWITCH
 FINAL_TIME, FINAL_SPEED, FINAL_BEND, FINAL_INTEGRAL, DOUBT = range(Row.FINAL_TIME, Row.FINAL_TIME + 5)
 START, MOVED, MASS, FIRST_SPEED, RESPONSES = range(Row.START, Row.START + 5)
-TERMS = Row.TERMS
+TERMS, WIDEST, EXCESS = Row.TERMS, Row.WIDEST, Row.EXCESS
 
 
 @kernel
@@ -66,10 +65,11 @@ def _finish(
     find_in_step(queue)
     if gradients is not None:
         cut_steps(queue, count)
-        carry_responses(queue, degree)
+        smooth = carry_responses(queue, degree)
     if demands is not None:
         cut_steps(queue, count)
         follow_peaks(queue, degree, owners, demands[3], demands[2])
+    slope = window_slope(windows, 0, 0.0)
     for lane in range(count):
         i, time = owners[lane], queue[FINAL_TIME, lane]
         if queue[DOUBT, lane] <= _LARGEST_DOUBT and time <= queue[HORIZON, lane] and queue[FINAL_SPEED, lane] < 0:
@@ -81,8 +81,8 @@ def _finish(
             out[4, i] = queue[FINAL_SPEED, lane]
             out[5, i] = queue[FINAL_INTEGRAL, lane]
             status[i] = CONTACT
-            if gradients is not None:
-                write_gradient(queue, lane, window_slope(windows, 0, 0.0), gradients[:, :, i])
+            if gradients is not None and (smooth >> lane) & 1:
+                write_gradient(queue, lane, slope, gradients[:, :, i])
             if demands is not None:
                 write_peaks(queue, lane, degree, i, demands[2])
 
@@ -196,6 +196,7 @@ def solve_lanes(
     owner, owners = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     place, cuts = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     waiting, following, active, hint = 0, 0, 0, 0
+    before = np.zeros((CAP - TIME, LANES))
     copied = EDGE if gradients is None else ROWS
     free = (1 << LANES) - 1
     while True:
@@ -230,8 +231,8 @@ def solve_lanes(
             work[CAP, lane], work[SCALE, lane], work[STEPS, lane], work[HORIZON, lane] = _NEVER, l, 0.0, horizon
             enter_window(windows, index, work, lane)
             if gradients is not None:
-                work[STEPS, lane] = _SPENT
                 work[MASS, lane], work[FIRST_SPEED, lane] = m, speed
+                work[WIDEST, lane] = 0.0
                 for row in range(RESPONSES, TERMS):
                     work[row, lane] = 0.0
                 work[TERMS - 2, lane] = 1.0  # the response to l(0), and its momentum
@@ -251,6 +252,9 @@ def solve_lanes(
             active |= 1 << lane
         if active == 0:
             break
+        rough = 0
+        if gradients is not None:
+            before[:] = work[TIME:CAP]
         mask = take_step(work, degree)
         stuck = ~mask & active
         if stuck:
@@ -260,10 +264,22 @@ def solve_lanes(
                     if pass_turn(work, lane, low, windows[place[lane], _TOP]):
                         mask |= (1 + (work[DISTANCE, lane] < work[SWITCH, lane]) * (1 << LANES)) << lane
         if gradients is not None:
-            carry_responses(work, degree)
+            rough = ~carry_responses(work, degree) & active
+            for lane in range(LANES):
+                if not (rough >> lane) & 1:
+                    continue
+                if work[STEPS, lane] >= MOST_STEPS:
+                    rough &= ~(1 << lane)
+                    continue
+                if (mask >> lane) & 1:  # the motion is right, the responses are not: this step is taken back
+                    work[TIME:CAP, lane] = before[:, lane]
+                    cuts[lane] = 0
+                part = 0.9 * (RESPONSE_TOLERANCE / work[EXCESS, lane]) ** (1.0 / ORDER)
+                work[CAP, lane] = work[LENGTH, lane] * (part if part > 0.1 else 0.1)
+            mask &= ~(rough | rough << LANES)
         if demands is not None:
             follow_peaks(work, degree, owner, demands[3], demands[2])
-        stuck, late = ~mask & active, (mask >> LANES) & active
+        stuck, late = ~mask & active & ~rough, (mask >> LANES) & active
         if not (stuck or late):
             continue
         for lane in range(LANES):

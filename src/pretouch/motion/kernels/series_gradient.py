@@ -31,7 +31,12 @@ from .compiler import kernel
 from .lanes import Rows, Vector
 from .series_step import ORDER, Row, convolve, make_intrinsic, shifted, weighted
 
-__all__ = ["carry_4", "carry_12", "carry_power", "write_gradient"]
+__all__ = ["RESPONSE_TOLERANCE", "carry_4", "carry_12", "carry_power", "write_gradient"]
+
+RESPONSE_TOLERANCE = 1e-10
+"""What the last term of a step may add to a response, of its size."""
+
+_BY_GAIN, _BY_DISTANCE = 2, 6  # the responses that are tested: the least smooth force, and the start
 
 
 def _products(b: dict[int, Vector], terms: list[Vector], order: int) -> dict[int, Vector]:
@@ -105,23 +110,31 @@ def _carry(work: Rows, degree: int) -> Any:
     forces.append({0: square * start * start * 0.5, 1: square * length * start, 2: square * square * 0.5})
     forces.append({})
     pull = -stiffness * square
-    moved = work.constant(0.5).below(work[Row.MOVED])
-    for column, force in enumerate(forces):
-        at, rate_row = Row.RESPONSES + 2 * column, Row.RESPONSES + 2 * column + 1
-        d, y = {0: work[at]}, work[rate_row] * length
-        total, momentum = d[0], y
-        for k in range(ORDER):
+    ds = [{0: work[Row.RESPONSES + 2 * i]} for i in range(len(forces))]
+    ys = [work[Row.RESPONSES + 2 * i + 1] * length for i in range(len(forces))]
+    totals, momenta = [d[0] for d in ds], list(ys)
+    for k in range(ORDER):  # side by side: none waits for the last coefficient of another
+        for i, (d, force) in enumerate(zip(ds, forces, strict=True)):
             held = convolve(c, d, k)
-            change = y if held is None else y + held
+            change = ys[i] if held is None else ys[i] + held
             if k < last:
                 grown = force[k].plus(pull, d[k]) if k in force else pull * d[k]
-                y = grown * (1.0 / (k + 1))
-                momentum = momentum + y
+                ys[i] = grown * (1.0 / (k + 1))
+                momenta[i] = momenta[i] + ys[i]
             d[k + 1] = change * (1.0 / (k + 1))
-            total = total + d[k + 1]
+            totals[i] = totals[i] + d[k + 1]
+    responses = [(total, y / length, d[ORDER]) for total, y, d in zip(totals, momenta, ds, strict=True)]
+    widest = work[Row.WIDEST].most(abs(responses[_BY_GAIN][0]))
+    excess = (abs(responses[_BY_GAIN][2]) / widest.most(1e-300)).most(abs(responses[_BY_DISTANCE][2]))
+    work[Row.EXCESS] = excess
+    smooth = excess.below(RESPONSE_TOLERANCE)
+    moved = work.all([work.constant(0.5).below(work[Row.MOVED]), smooth])
+    work[Row.WIDEST] = widest.where(moved, work[Row.WIDEST])
+    for column, (total, rate, _) in enumerate(responses):
+        at, rate_row = Row.RESPONSES + 2 * column, Row.RESPONSES + 2 * column + 1
         work[at] = total.where(moved, work[at])
-        work[rate_row] = (momentum / length).where(moved, work[rate_row])
-    return work.masks(moved)
+        work[rate_row] = rate.where(moved, work[rate_row])
+    return work.masks(smooth)
 
 
 carry_power: Any = intrinsic(make_intrinsic(lambda work: _carry(work, 0)))

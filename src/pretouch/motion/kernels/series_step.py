@@ -55,10 +55,11 @@ class Row:
     FINAL_TIME, FINAL_SPEED, FINAL_BEND, FINAL_INTEGRAL, DOUBT = range(ORDER + 24, ORDER + 29)  # of find_in_step
     START, MOVED, MASS, FIRST_SPEED, RESPONSES = range(ORDER + 29, ORDER + 34)
     TERMS = RESPONSES + 14
+    WIDEST, EXCESS = range(TERMS + 13, TERMS + 15)  # the largest response to D_p, and what last terms add beside it
 
 
-ROWS = Row.TERMS + 13
-MOST_STEPS = 1000.0  # what takes more is stiff: errors add up, and the other lanes are few
+ROWS = Row.EXCESS + 1
+MOST_STEPS = 200.0  # what takes more is stiff: l' and l'' are differences of much larger numbers there
 
 
 def convolve(left: dict[int, Vector], right: dict[int, Vector], order: int) -> Vector | None:

@@ -1,0 +1,212 @@
+"""The gain whose worst encounter is the mildest: a few encounters decide, and none of the others is worse.
+
+Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
+found the worst encounter of the whole box is searched for and certified (`certified_maximum`). If it is worse than
+those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
+Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never exceeds,
+and their difference is all that is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import product
+from typing import Any, Final, NamedTuple, cast
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch.motion import ContactResult
+from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
+from pretouch.uncertainty.distributions import Interval
+
+from ..gradient import has_gradients
+from ..impact import ImpactModel
+from ..objectives import OBSTACLE_SPEED
+from ..quantities import quantity_of
+from ..search import Minimum, Scan, refine, scan
+from .certified_maximum import CertifiedMaximum, Function, maximize_on_box
+from .problem import RobustProblem
+from .result import WorstEncounter
+
+__all__ = ["WorstSearch", "box_of", "search_worst_case"]
+
+_MOST_INPUTS: Final = 8
+_INSIDE: Final = 64  # points inside the box to begin with
+_ROUNDS: Final = 30
+_SAME: Final = 1e-9  # of the objective: two worst encounters that are equally bad
+_TOLERANCE: Final = 1e-7  # of the objective, for a worst encounter inside the box
+_ACTIVE: Final = 1e-7  # of the objective: an encounter that is as bad decides, too
+_STEP: Final = 1e-4  # of an input's range, where a difference stands for a gradient
+
+
+class WorstSearch(NamedTuple):
+    """What the search has found: the scan of its last round, its minima, and the worst encounter at the best."""
+
+    problem: RobustProblem
+    scanned: Scan
+    minima: list[Minimum]
+    worst: WorstEncounter | None
+
+
+def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
+    """Return the smallest and the largest value of each input.
+
+    Args:
+        uncertainty: what is known of the inputs.
+
+    Returns:
+        Both by name.
+
+    Raises:
+        InvalidInputError: an input has no bounds, or there are too many.
+    """
+    if len(uncertainty) > _MOST_INPUTS:
+        raise InvalidInputError(
+            f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}: "
+            f"a box has 2^n corners"
+        )
+    found = {}
+    for name, known in uncertainty.items():
+        support = (-np.inf, np.inf) if isinstance(known, CorrelatedNormal) else known.support
+        if not np.isfinite(support).all():
+            raise InvalidInputError(
+                f"uncertainty {name}: found {type(known).__name__}, which has no bounds, for a worst case; use an "
+                "Interval, or a TruncatedNormal with both bounds"
+            )
+        found[name] = support
+    return found
+
+
+def search_worst_case(
+    uncertainty: Uncertainty, make: Callable[[Mapping[str, Any]], Ensemble], common: Mapping[str, Any]
+) -> WorstSearch:
+    """Find the gain whose worst encounter is the mildest.
+
+    Args:
+        uncertainty: what is known of the inputs.
+        make: makes encounters of values of the inputs.
+        common: what a RobustProblem takes beside its encounters.
+
+    Returns:
+        The last round of the search.
+    """
+    box = box_of(uncertainty)
+    low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
+    points = _first_points(box)
+    for _ in range(_ROUNDS):
+        problem = RobustProblem(ensemble=make(dict(zip(box, points.T, strict=True))), **common)
+        top = float(problem.axis.coordinate(problem.axis.high))
+        scanned = scan(problem.landscape, problem.lowest_needed(), top)
+        minima = refine(_merit(problem), scanned.coordinate, scanned.landscape.merit)
+        if not minima:
+            return WorstSearch(problem, scanned, minima, None)
+        gain, decided = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
+        found = [
+            maximize_on_box(_function(problem, make, box, gain, which), low, high, tolerance=_TOLERANCE)
+            for which in range(-1, len(problem.limits))
+        ]
+        allowed = (decided, *(1.0 for _ in problem.limits))
+        worse = [f.point for f, most in zip(found, allowed, strict=True) if f.value > most * (1 + _SAME)]
+        if not worse:
+            break
+        points = np.concatenate([points, worse])
+    return WorstSearch(problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain))
+
+
+def _merit(problem: RobustProblem) -> Callable[[FloatArray], FloatArray]:
+    return lambda u: problem.landscape(u).merit
+
+
+def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
+    """Return the corners of a box, its middle, and points inside."""
+    corners = np.array(list(product(*box.values())))
+    middle = np.array([[0.5 * (low + high) for low, high in box.values()]])
+    inside = sample_inputs({name: Interval(low=low, high=high) for name, (low, high) in box.items()}, _INSIDE)
+    return np.concatenate([corners, middle, np.stack([inside[name] for name in box], axis=1)])
+
+
+def _function(
+    problem: RobustProblem,
+    make: Callable[[Mapping[str, Any]], Ensemble],
+    box: Mapping[str, tuple[float, float]],
+    gain: float,
+    which: int,
+) -> Function:
+    """Return the objective (-1) or the ratio of a constraint as a function of the inputs, with its gradient."""
+    names = tuple(box)
+    low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
+
+    def value(points: FloatArray) -> FloatArray:
+        inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+        objective, ratios = inner.values(gain)
+        return objective if which < 0 else ratios[which]
+
+    def both(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = value(points)
+        if not np.isfinite(found).all():
+            return found, np.full(points.shape, np.nan)
+        if _is_smooth(problem, which):
+            ensemble = make(dict(zip(names, points.T, strict=True)))
+            result = ensemble.contacts(gain)
+            return found, np.stack([_slope(problem, ensemble, result, which, name) for name in names], axis=1)
+        slopes = []
+        for j, step in enumerate(_STEP * (high - low)):
+            ahead, behind = points.copy(), points.copy()
+            ahead[:, j] = np.minimum(points[:, j] + step, high[j])
+            behind[:, j] = np.maximum(points[:, j] - step, low[j])
+            slopes.append((value(ahead) - value(behind)) / (ahead[:, j] - behind[:, j]))
+        return found, np.stack(slopes, axis=1)
+
+    return both
+
+
+def _is_smooth(problem: RobustProblem, which: int) -> bool:
+    """Tell whether the objective or the ratio is made of quantities that have gradients."""
+    if which < 0:
+        return has_gradients(problem.objective, None)
+    return has_gradients(problem.objective, problem.limits[which].constraint)
+
+
+def _slope(problem: RobustProblem, ensemble: Ensemble, result: ContactResult, which: int, name: str) -> FloatArray:
+    """Differentiate the objective or the ratio of a constraint by an input."""
+
+    def change(quantity: str) -> FloatArray:
+        if quantity != "impact_force":
+            return np.asarray(ensemble.slope(result, quantity, name))
+        rate = cast("ImpactModel", problem.impact).peak_force_slope(result.end.relative_velocity)
+        return np.asarray(rate * ensemble.slope(result, "relative_velocity", name))
+
+    if which >= 0:
+        constraint = problem.limits[which].constraint
+        sign = np.sign(quantity_of(constraint.quantity, result.end, problem.impact))
+        return np.asarray(sign * change(constraint.quantity) / constraint.limit)
+    total = np.zeros(len(ensemble))
+    velocity = ensemble.scenario.obstacle.velocity
+    for term in problem.objective.terms:
+        level, scale = quantity_of(term.quantity, result.end, problem.impact), term.scale_for(ensemble.speed)
+        own = change(term.quantity)
+        if term.scale == OBSTACLE_SPEED and name == "obstacle.velocity":
+            own = own - level * np.sign(velocity) / scale
+        total = total + 2 * term.weight * level * own / np.square(scale)
+    return total
+
+
+def _worst(
+    found: CertifiedMaximum, decided: float, names: tuple[str, ...], problem: RobustProblem, gain: float
+) -> WorstEncounter:
+    """Put together what is known of the worst encounter."""
+    values = problem.values(gain)[0]
+    points = np.stack([problem.ensemble.values[name] for name in names], axis=1)
+    deciding = np.unique(points[values >= decided * (1 - _ACTIVE)], axis=0)
+    return WorstEncounter(
+        inputs=dict(zip(names, found.point.tolist(), strict=True)),
+        value=found.value,
+        bound=found.bound,
+        lower=decided,
+        boxes=found.boxes,
+        monotone={name: sign for name, sign in zip(names, found.signs, strict=True) if sign},
+        encounters=tuple(map(tuple, deciding.tolist())),
+    )

@@ -1,0 +1,194 @@
+"""How time and relative velocity of each contact depend on the relative inputs: by the fastest way that is exact.
+
+An over-damped motion of constant slope has its derivatives in closed form; any approach has them beside its Taylor
+steps in lanes; what neither can do is followed along the guaranteed path, one by one. Everything else at contact is
+algebra on these two rows (`gradients`).
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch.sensors.change import SlopeChange
+
+from .contact import ContactStatus
+from .curve_changes import changed_pieces
+from .over_damped_gradients import MOST, over_damped_gradients
+from .parallel import for_stretches
+from .solution import STIFF
+from .windows import curve_windows
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+__all__ = ["RELATIVE_INPUTS", "GradientRows"]
+
+RELATIVE_INPUTS: Final = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "gain")
+"""The inputs of L(8) and L(9): the admittance, the plant and the obstacle relative to the reference, and D_p."""
+
+_KEPT: Final = 1 << 20  # encounters up to which all rows are kept: 150 MB
+_BLOCK: Final = 1 << 12  # encounters of which a kernel's whole output is held at a time
+_LEAST_LINEAR: Final = 8192  # encounters that are worth a thread
+_LEAST_SERIES: Final = 512
+_LEAST_FOLLOWED: Final = 16
+_MOST_FOLLOWED: Final = 256
+_FARTHEST: Final = 1e12
+_GROWTH: Final = 64.0
+_OPEN: Final = np.int8(-1)
+
+
+class GradientRows:
+    """Derivatives of time and l' at contact by the relative inputs, found when they are first asked for.
+
+    Args:
+        solution: the encounters and their contacts.
+    """
+
+    __slots__ = ("_followed", "_rows", "_solution")
+
+    def __init__(self, solution: Solution) -> None:
+        self._solution = solution
+        self._rows: FloatArray | None = None
+        self._followed: dict[str, FloatArray] = {}
+
+    def take(self, which: Sequence[int]) -> FloatArray:
+        """Return the derivatives by some of RELATIVE_INPUTS.
+
+        Args:
+            which: their places there.
+
+        Returns:
+            Of time and of l', shape (2, k, n); NaN where there is no contact.
+        """
+        if self._rows is None:
+            everything = range(len(RELATIVE_INPUTS))
+            kept = everything if self._solution.request.size <= _KEPT else which
+            rows = self._find(list(kept))
+            if kept is which:
+                return rows
+            self._rows = rows
+        return self._rows[:, list(which)]
+
+    def of_slope(self, name: str, slope: SlopeChange) -> FloatArray:
+        """Return the derivatives by a parameter that changes the slope of the curve.
+
+        Args:
+            name: of the parameter.
+            slope: dg / d(parameter) of the distance.
+
+        Returns:
+            Of time and of l', shape (2, n); NaN where there is no contact.
+        """
+        if name not in self._followed:
+            rows = np.full((2, self._solution.request.size), np.nan)
+            where = np.flatnonzero(self._solution.status == ContactStatus.CONTACT)
+            rows[:, where] = self._follow(where, [len(RELATIVE_INPUTS)], (slope,))[:, 0]
+            self._followed[name] = rows
+        return self._followed[name]
+
+    def _find(self, kept: list[int]) -> FloatArray:
+        request = self._solution.request
+        rows = np.empty((2, len(kept), request.size))
+        left: BoolArray = np.asarray(self._solution.status == ContactStatus.CONTACT)
+        if not left.all():
+            rows[:, :, ~left] = np.nan
+        if request.method == "closed-form" and left.any():
+            left = self._linear(kept, left, rows)
+        if left.any():
+            left = self._in_lanes(kept, left, rows)
+        where = np.flatnonzero(left)
+        if len(where):
+            rows[:, :, where] = self._follow(where, kept, ())
+        return rows
+
+    def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
+        """Fill what has a closed form; return what is left."""
+        request, time = self._solution.request, self._solution.raw("time")
+        slope = request.sensor.constant_log_slope or 0.0
+        if not _core_is_loaded() and request.size <= MOST:
+            found, done = over_damped_gradients(request.columns, slope, time)
+            done &= left
+            rows[:, :, done] = found[:, kept][:, :, done]
+            return left & ~done
+        from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when it pays
+
+        contact_gradients: Any = linear_block_states.contact_gradients
+        mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
+        total = damping + slope * gain
+        status = np.where(left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), _OPEN)
+
+        def run(start: int, stop: int) -> None:
+            c, out = request.block(start, stop), np.empty((3, 10, stop - start))
+            contact_gradients(*c[:8], c[10], slope, time[start:stop], status[start:stop], out)
+            rows[:, :, start:stop] = out[::2, kept]
+
+        for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
+        return np.asarray(left & (status != 0))
+
+    def _in_lanes(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
+        """Fill what Taylor steps in lanes prove; return what is left."""
+        from .kernels import series_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+        contact_gradients: Any = series_block.contact_gradients
+        request = self._solution.request
+        farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
+        windows = curve_windows(request.sensor, 0.0, min(_power_of_two(farthest), request.sensor.valid_range[1]))
+        mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
+        decays = (damping + gain * request.sensor.log_slope(0.0)) / mass * self._solution.raw("time")
+        where = np.flatnonzero(left & (decays <= STIFF))
+        whole = len(where) == request.size
+        status = np.empty(len(where), dtype=np.int8)
+
+        def run(start: int, stop: int) -> None:
+            part = where[start:stop]
+            c = request.block(start, stop) if whole else [x if len(x) == 1 else x[part] for x in request.columns]
+            state, out = np.empty((6, stop - start)), np.empty((3, 9, stop - start))
+            contact_gradients(*c[:8], c[10], windows, request.horizon, state, out, status[start:stop])
+            rows[:, :, slice(start, stop) if whole else part] = out[::2, kept]
+
+        for_stretches(run, len(where), least=_LEAST_SERIES, most=_BLOCK)
+        left = left.copy()
+        left[where] = np.isnan(rows[0, 0, where])  # OPEN, or its derivatives not smooth enough
+        return left
+
+    def _follow(self, where: IntArray, kept: list[int], slopes: tuple[SlopeChange, ...]) -> FloatArray:
+        """Follow some encounters along the guaranteed path; NaN where that does not come to the contact."""
+        from .kernels import series_follow  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
+
+        follow_gradients: Any = series_follow.follow_gradients
+        request = self._solution.request
+        values, gain = request.part(where)
+        sensor = request.sensor
+        found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
+        status = np.full(len(where), _OPEN)
+        reach = _power_of_two(4 * float(np.max(values[:, 5] - values[:, 3], initial=0.0)))
+        while (status != 0).any():
+            top = min(reach, sensor.valid_range[1])
+            pieces, terms = changed_pieces(sensor, slopes, top)
+            open_ones = np.flatnonzero(status != 0)
+
+            def run(start: int, stop: int, which: IntArray = open_ones, p: Any = pieces, t: Any = terms) -> None:
+                part = which[start:stop]
+                out, ended = np.empty((stop - start, *found.shape[1:])), np.empty(stop - start, dtype=np.int8)
+                follow_gradients(values[part], gain[part], p, t, request.horizon, out, ended)
+                found[part], status[part] = out, ended
+
+            for_stretches(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
+            if top == sensor.valid_range[1] or reach > _FARTHEST:
+                break
+            reach *= _GROWTH  # a motion may have gone beyond the pieces, and come back
+        return found[:, :, kept].transpose(1, 2, 0)
+
+
+def _power_of_two(distance: float) -> float:
+    return 2.0 ** math.ceil(math.log2(distance))
+
+
+def _core_is_loaded() -> bool:
+    return f"{__package__}.kernels.compiler" in sys.modules

@@ -1,0 +1,255 @@
+"""The exact derivatives of a contact by everything that it depends on.
+
+Time and relative velocity at contact change by dt/dq and dl'/dq (`gradient_rows`). What else is known there follows:
+x~ = x_o(t), for l = 0; x~' = x_o' - l'; F_p = D_p g(0) l'; and x~'' by the equation of motion. A parameter of the
+sensor curve that changes ln xi by `output` ln xi + `shift` g + `stretch` l g + constant is a change of D_p, of the
+distance to the surface, or of the unit of length, each of which the derivatives by the other inputs already contain:
+
+    d by a larger gain      D_p d/dD_p
+    d by a shift            d/dp, less what p does to l itself: 1 at a fixed time
+    d by a stretch          (p d/dp + x_0 d/dx_0 + v d/dv + u_0 d/du_0 + a d/da + D_p d/dD_p - 1) on any length
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch.sensors import SensorModel
+from pretouch.sensors.change import CurveChange, curve_change, parameter_units
+
+from .contact import ContactStatus
+from .contact_algebra import DERIVATIVES, Change
+from .curve_changes import bend_at_contact
+from .gradient_rows import RELATIVE_INPUTS, GradientRows
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+__all__ = ["ContactGradients", "input_names"]
+
+_QUANTITIES: Final = {
+    "time": "s",
+    "position": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "displacement": "m",
+    "relative_velocity": "m/s",
+    "virtual_force": "N",
+}
+_INPUTS: Final = {
+    "gain": "N*s",
+    "admittance.mass": "kg",
+    "admittance.damping": "N*s/m",
+    "admittance.stiffness": "N/m",
+    "obstacle.position": "m",
+    "obstacle.velocity": "m/s",
+    "obstacle.acceleration": "m/s^2",
+    "plant.position": "m",
+    "plant.velocity": "m/s",
+    "reference.position": "m",
+    "reference.velocity": "m/s",
+    "reference.acceleration": "m/s^2",
+}
+_RELATIVE: Final[dict[str, dict[str, float]]] = {
+    "gain": {"gain": 1.0},
+    "admittance.mass": {"mass": 1.0},
+    "admittance.damping": {"damping": 1.0},
+    "admittance.stiffness": {"stiffness": 1.0},
+    "obstacle.position": {"p": 1.0},
+    "obstacle.velocity": {"v": 1.0},
+    "obstacle.acceleration": {"a": 1.0},
+    "plant.position": {"x0": 1.0},
+    "plant.velocity": {"u0": 1.0},
+    "reference.position": {"x0": -1.0, "p": -1.0},
+    "reference.velocity": {"u0": -1.0, "v": -1.0},
+    "reference.acceleration": {"a": -1.0},
+}
+_LENGTHS: Final = ("x0", "u0", "p", "v", "a", "gain")  # what grows with the unit of length, D_p among it
+_COLUMNS: Final = {name: i if i < 8 else 10 for i, name in enumerate(RELATIVE_INPUTS)}  # in Request.columns
+
+
+def input_names(sensor: SensorModel) -> tuple[str, ...]:
+    """Return the names of everything that a contact depends on.
+
+    Args:
+        sensor: the curve, whose parameters are among them.
+
+    Returns:
+        The names, the gain first.
+    """
+    return (*_INPUTS, *(f"sensor.{name}" for name in parameter_units(sensor)))
+
+
+class ContactGradients:
+    """The derivatives of quantities at contact by the inputs of an encounter: what `ContactResult.gradients` has.
+
+    They are exact, not differences, and computed when they are first read; NaN where a run does not end in contact. The
+    first contact is differentiated: one that an arbitrarily small change of an input turns into none has l' = 0, and
+    derivatives without bound.
+
+    Args:
+        solution: the encounters and their contacts.
+
+    Attributes:
+        quantities: what can be differentiated: `time`, `position`, `velocity`, `acceleration`, `displacement`,
+            `relative_velocity`, `virtual_force`, each as in ContactState.
+        inputs: by what: `gain`, every field of the scenario such as `obstacle.velocity`, and `sensor.` with the name of
+            each parameter of the curve.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
+        >>> from pretouch.sensors import InversePower
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ... )
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> gradients = find_contact(scenario, sensor, -0.7).gradients
+        >>> round(gradients.of("relative_velocity", "obstacle.velocity"), 6)
+        0.174501
+        >>> gradients.unit("relative_velocity", "gain")
+        '(m/s)/(N*s)'
+    """
+
+    __slots__ = ("_rows", "_solution", "inputs", "quantities")
+
+    quantities: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    def __init__(self, solution: Solution) -> None:
+        object.__setattr__(self, "_solution", solution)
+        object.__setattr__(self, "_rows", GradientRows(solution))
+        object.__setattr__(self, "quantities", tuple(_QUANTITIES))
+        object.__setattr__(self, "inputs", input_names(solution.request.sensor))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{name}: a result cannot be changed")
+
+    def of(self, quantity: str, by: str) -> Any:
+        """Return the derivative of a quantity at contact by an input.
+
+        Args:
+            quantity: one of `quantities`.
+            by: one of `inputs`; all others stay as they are, and so does the horizon.
+
+        Returns:
+            The derivative in SI, as `unit` has it: a float, or an array of the broadcast shape; NaN without contact.
+
+        """
+        _known(quantity, self.quantities, "quantity")
+        _known(by, self.inputs, "by")
+        solution: Solution = self._solution  # type: ignore[attr-defined]
+        change = self._change(by)
+        found = np.asarray(DERIVATIVES[quantity](solution, by, change))
+        shape = solution.request.shape
+        if shape == ():
+            return float(found.reshape(-1)[0])
+        found = found.reshape(shape)
+        found.setflags(write=False)
+        return found
+
+    def unit(self, quantity: str, by: str) -> str:
+        """Return the SI unit of the derivative of a quantity by an input.
+
+        Args:
+            quantity: one of `quantities`.
+            by: one of `inputs`.
+
+        Returns:
+            The unit of the quantity over that of the input.
+        """
+        _known(quantity, self.quantities, "quantity")
+        _known(by, self.inputs, "by")
+        solution: Solution = self._solution  # type: ignore[attr-defined]
+        below = _INPUTS.get(by)
+        if below is None:
+            below = parameter_units(solution.request.sensor)[by.removeprefix("sensor.")]
+        above = _QUANTITIES[quantity]
+        if not below:
+            return above
+        return f"{_bracketed(above)}/{_bracketed(below)}"
+
+    def __repr__(self) -> str:
+        return f"<ContactGradients: {len(self.quantities)} quantities by {len(self.inputs)} inputs>"
+
+    def _change(self, by: str) -> Change:
+        if by in _RELATIVE:
+            inputs = _RELATIVE[by]
+            time, speed = self._weighted(inputs)
+            return Change(time, speed, inputs, 0.0)
+        solution: Solution = self._solution  # type: ignore[attr-defined]
+        name = by.removeprefix("sensor.")
+        change = curve_change(solution.request.sensor, name)
+        low, high = solution.request.sensor.valid_range
+        if not low <= 0 <= high:  # never in contact
+            nothing = np.full(solution.request.size, np.nan)
+            return Change(nothing, nothing, {}, 0.0)
+        factors = change if change.nearest or change.slope is None else CurveChange()
+        time, speed = self._by_factors(factors)
+        if change.slope is not None:
+            rows: GradientRows = self._rows  # type: ignore[attr-defined]
+            near = _distance(solution) < (change.nearest or np.inf)
+            if near.any():
+                time, speed = np.where(near, rows.of_slope(name, change.slope), [time, speed])
+        return Change(time, speed, {}, _slope_change(solution, factors, change))
+
+    def _weighted(self, weights: dict[str, Any]) -> FloatArray:
+        """Return the sum of derivatives of time and l', with weights, shape (2, n)."""
+        rows: GradientRows = self._rows  # type: ignore[attr-defined]
+        found = rows.take([RELATIVE_INPUTS.index(name) for name in weights])
+        if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
+            return found[:, 0]
+        return np.asarray(sum(weight * found[:, i] for i, weight in enumerate(weights.values())))
+
+    def _by_factors(self, change: CurveChange) -> FloatArray:
+        """Return the derivatives of time and l' by a change of the curve that is known by its three factors."""
+        solution: Solution = self._solution  # type: ignore[attr-defined]
+        found = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
+        columns = solution.request.columns
+        with np.errstate(divide="ignore", invalid="ignore"):  # l' is 0 where a run ends without contact
+            if change.output:
+                found = found + change.output * self._weighted({"gain": columns[10]})
+            if change.shift:
+                speed = solution.raw("relative_velocity")
+                earlier = 1 / speed
+                found = found + change.shift * (
+                    self._weighted({"p": 1.0}) + np.stack([earlier, _bend(solution) * earlier])
+                )
+            if change.stretch:
+                whole = self._weighted({name: columns[_COLUMNS[name]] for name in _LENGTHS})
+                whole[1] -= solution.raw("relative_velocity")
+                found = found + change.stretch * whole
+        return found
+
+
+def _known(name: str, names: Iterable[str], what: str) -> None:
+    if name not in names:
+        raise InvalidInputError(f"{what}: found {name!r}, expected one of {', '.join(names)}")
+
+
+def _bracketed(unit: str) -> str:
+    return f"({unit})" if "/" in unit or "*" in unit else unit
+
+
+def _distance(solution: Solution) -> FloatArray:
+    """Return l at the start of every run, shape (n,)."""
+    return np.asarray(solution.request.column(5) - solution.request.column(3))
+
+
+def _bend(solution: Solution) -> FloatArray:
+    """Return l'' at the end of every run."""
+    return np.asarray(solution.request.columns[7] - solution.settled_acceleration)
+
+
+def _slope_change(solution: Solution, factors: CurveChange, change: CurveChange) -> float:
+    """Return the derivative of g(0) by a parameter of the curve."""
+    sensor = solution.request.sensor
+    if change.slope is not None:
+        return float(np.asarray(change.slope(np.zeros(1)))[0])
+    whole = (factors.output + factors.stretch) * float(sensor.log_slope(0.0))
+    return whole + (factors.shift * bend_at_contact(sensor) if factors.shift else 0.0)

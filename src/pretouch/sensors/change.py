@@ -1,0 +1,126 @@
+"""How a parameter of a sensor curve changes the curve: what derivatives of a motion by that parameter need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+
+if TYPE_CHECKING:
+    from .model import SensorModel
+
+__all__ = ["CurveChange", "curve_change", "parameter_units"]
+
+SlopeChange: TypeAlias = Callable[[FloatArray], FloatArray]
+
+_WINDOW: Final = 0.05  # of a parameter, to either side: where a curve is sampled for a derivative by it
+_NODES: Final = np.cos(np.arange(11) * np.pi / 10)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CurveChange:
+    """The derivative of ln xi by a parameter, up to a constant: output ln xi + shift g + stretch l g.
+
+    These three have a meaning of their own: a larger gain, a sensor farther behind the surface, another unit of length.
+    So whatever follows from them follows for the parameter. Where a change is none of these, or is one only with a loss
+    of digits, its slope says everything.
+
+    Args:
+        output: factor of ln xi.
+        shift: factor of g [m].
+        stretch: factor of l g.
+        slope: the derivative of g by the parameter, as a function of the distance [m], where the three factors do not
+            give the change.
+        nearest: distance at the start [m] below which `slope` is to be used although the factors are given.
+    """
+
+    output: float = 0.0
+    shift: float = 0.0
+    stretch: float = 0.0
+    slope: SlopeChange | None = None
+    nearest: float = 0.0
+
+
+def parameter_units(sensor: SensorModel) -> dict[str, str]:
+    """Return the SI unit of each parameter of a curve, that of a recess among them, by its name.
+
+    Args:
+        sensor: the curve.
+
+    Returns:
+        The units; the empty text for pure numbers.
+    """
+    found = {f.name: f.metadata["unit"] for f in fields(sensor) if "unit" in f.metadata}
+    inner = getattr(sensor, "sensor", None)
+    if inner is None or not hasattr(sensor, "recess"):
+        return found
+    return {**parameter_units(inner), "recess": "m"}
+
+
+def curve_change(sensor: SensorModel, name: str) -> CurveChange:
+    """Return how a parameter changes a curve.
+
+    Where the class of the curve does not say it, dg/d(parameter) is that of the polynomial through eleven curves with
+    the parameter within 5 % of its value, or on one side of it where the other makes no sense. It is good to some 1e-11
+    of itself where g is computed to rounding.
+
+    Args:
+        sensor: the curve.
+        name: the parameter, a key of `parameter_units`.
+
+    Returns:
+        The change.
+
+    Raises:
+        InvalidInputError: the curve has no such parameter, or none with another value of it can be made.
+    """
+    if name not in parameter_units(sensor):
+        raise InvalidInputError(
+            f"parameter: found {name!r}, expected one of {', '.join(parameter_units(sensor)) or 'none at all'}"
+        )
+    known = sensor._change_by(name) if _knows_itself(type(sensor)) else None
+    return known if known is not None else CurveChange(slope=_by_differences(sensor, name))
+
+
+def _knows_itself(cls: type) -> bool:
+    """Tell whether what a class says of changes is said of its own curve, not of one that it inherits from."""
+    first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_change_by", "_log_slope")}
+    return issubclass(first["_change_by"], first["_log_slope"])
+
+
+def _by_differences(sensor: SensorModel, name: str) -> SlopeChange:
+    """Return dg/d(parameter) from curves with other values of it."""
+    value = float(getattr(sensor, name))
+    half = _WINDOW * abs(value) or 1e-3
+    error: InvalidInputError | None = None
+    for middle in (value, value - half, value + half):
+        try:
+            curves = [_with(sensor, name, float(v)) for v in middle + half * _NODES]
+        except InvalidInputError as found:
+            error = found
+            continue
+        weights = _weights((value - middle) / half) / half
+
+        def slope(distance: FloatArray, curves: Any = curves, weights: FloatArray = weights) -> FloatArray:
+            return np.asarray(np.tensordot(weights, [c._log_slope(distance) for c in curves], axes=1))
+
+        return slope
+    raise InvalidInputError(f"{name}: found {value:g}, beside which the curve has no derivative: {error}")
+
+
+def _with(sensor: SensorModel, name: str, value: float) -> SensorModel:
+    changed: SensorModel = replace(sensor, **{name: value})
+    return changed
+
+
+def _weights(at: float) -> FloatArray:
+    """Return what the values at Chebyshev's extreme points add to the derivative of their polynomial at a point."""
+    degree = len(_NODES) - 1
+    values = np.polynomial.chebyshev.chebvander(_NODES, degree)
+    slopes = [np.polynomial.chebyshev.chebval(at, np.polynomial.chebyshev.chebder(e)) for e in np.eye(degree + 1)]
+    return np.asarray(np.linalg.solve(values.T, slopes), dtype=np.float64)

@@ -64,7 +64,7 @@ def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, to
         The maximum with its bound; where the function is infinite somewhere, that is the maximum.
     """
     d = len(low)
-    signs = np.array(list(product((-1.0, 1.0), repeat=d))).reshape(-1, d)
+    upper = np.array(list(product((False, True), repeat=d))).reshape(-1, d)
     waiting = [(low[None].astype(np.float64), high[None].astype(np.float64))]
     best, where, boxes = -np.inf, low, 0
     whole: tuple[int, ...] = (0,) * d
@@ -75,7 +75,8 @@ def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, to
             waiting.append((lows[_AT_ONCE:], highs[_AT_ONCE:]))
             lows, highs = lows[:_AT_ONCE], highs[:_AT_ONCE]
         middle, half = 0.5 * (lows + highs), 0.5 * (highs - lows)
-        points = np.concatenate([middle[:, None], middle[:, None] + half[:, None] * signs], axis=1)
+        corners = np.where(upper, highs[:, None], lows[:, None])
+        points = np.concatenate([middle[:, None], corners], axis=1)
         values, slopes = function(points.reshape(-1, d))
         values, slopes = values.reshape(points.shape[:2]), slopes.reshape(points.shape)
         at = np.unravel_index(np.argmax(values), values.shape)

@@ -29,6 +29,11 @@ class Distribution(ABC):
     def mean(self) -> float:
         """The mean; the middle of an interval."""
 
+    @property
+    @abstractmethod
+    def variance(self) -> float:
+        """The variance; that of a uniform distribution for an interval."""
+
     @abstractmethod
     def _quantile(self, probability: FloatArray) -> FloatArray:
         """Return quantiles for probabilities in (0, 1)."""
@@ -93,6 +98,11 @@ class Interval(Distribution):
         """The middle."""
         return 0.5 * (self.low + self.high)
 
+    @property
+    def variance(self) -> float:
+        """That of equally likely values."""
+        return (self.high - self.low) ** 2 / 12
+
     def _quantile(self, probability: FloatArray) -> FloatArray:
         return self.low + (self.high - self.low) * probability
 
@@ -135,6 +145,11 @@ class Normal(Distribution):
     def support(self) -> tuple[float, float]:
         """Everything."""
         return -math.inf, math.inf
+
+    @property
+    def variance(self) -> float:
+        """sigma^2."""
+        return self.deviation**2
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
         from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
@@ -196,6 +211,13 @@ class TruncatedNormal(Distribution):
         density = (math.exp(-a * a / 2) - math.exp(-b * b / 2)) / math.sqrt(2 * math.pi)
         return self.location + sign * self.deviation * density / mass
 
+    @property
+    def variance(self) -> float:
+        """The variance of what is left, by Gauss-Legendre quadrature of its quantiles."""
+        nodes, weights = np.polynomial.legendre.leggauss(200)
+        deviation = self.quantile(0.5 * (nodes + 1)) - self.mean
+        return float(0.5 * (weights * deviation**2).sum())
+
     def _quantile(self, probability: FloatArray) -> FloatArray:
         from scipy.special import ndtr, ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
 
@@ -236,6 +258,11 @@ class Empirical(Distribution):
     def mean(self) -> float:
         """The mean of the values."""
         return math.fsum(self.samples) / len(self.samples)
+
+    @property
+    def variance(self) -> float:
+        """The mean squared distance from the mean."""
+        return math.fsum((x - self.mean) ** 2 for x in self.samples) / len(self.samples)
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
         count = len(self.samples)

@@ -11,25 +11,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import product
-from typing import Any, Final, NamedTuple, cast
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch.motion import ContactResult
 from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
 from pretouch.uncertainty.distributions import Interval
 
 from ..gradient import has_gradients
-from ..impact import ImpactModel
-from ..objectives import OBSTACLE_SPEED
-from ..quantities import quantity_of
 from ..search import Minimum, Scan, refine, scan
 from .certified_maximum import CertifiedMaximum, Function, maximize_on_box
 from .problem import RobustProblem
 from .result import WorstEncounter
+from .slopes import limit_slope, objective_slope
 
 __all__ = ["WorstSearch", "box_of", "search_worst_case"]
 
@@ -151,7 +149,8 @@ def _function(
         if _is_smooth(problem, which):
             ensemble = make(dict(zip(names, points.T, strict=True)))
             result = ensemble.contacts(gain)
-            return found, np.stack([_slope(problem, ensemble, result, which, name) for name in names], axis=1)
+            slope = partial(objective_slope, problem) if which < 0 else partial(limit_slope, problem, which)
+            return found, np.stack([slope(ensemble, result, name) for name in names], axis=1)
         slopes = []
         for j, step in enumerate(_STEP * (high - low)):
             ahead, behind = points.copy(), points.copy()
@@ -168,30 +167,6 @@ def _is_smooth(problem: RobustProblem, which: int) -> bool:
     if which < 0:
         return has_gradients(problem.objective, None)
     return has_gradients(problem.objective, problem.limits[which].constraint)
-
-
-def _slope(problem: RobustProblem, ensemble: Ensemble, result: ContactResult, which: int, name: str) -> FloatArray:
-    """Differentiate the objective or the ratio of a constraint by an input."""
-
-    def change(quantity: str) -> FloatArray:
-        if quantity != "impact_force":
-            return np.asarray(ensemble.slope(result, quantity, name))
-        rate = cast("ImpactModel", problem.impact).peak_force_slope(result.end.relative_velocity)
-        return np.asarray(rate * ensemble.slope(result, "relative_velocity", name))
-
-    if which >= 0:
-        constraint = problem.limits[which].constraint
-        sign = np.sign(quantity_of(constraint.quantity, result.end, problem.impact))
-        return np.asarray(sign * change(constraint.quantity) / constraint.limit)
-    total = np.zeros(len(ensemble))
-    velocity = ensemble.scenario.obstacle.velocity
-    for term in problem.objective.terms:
-        level, scale = quantity_of(term.quantity, result.end, problem.impact), term.scale_for(ensemble.speed)
-        own = change(term.quantity)
-        if term.scale == OBSTACLE_SPEED and name == "obstacle.velocity":
-            own = own - level * np.sign(velocity) / scale
-        total = total + 2 * term.weight * level * own / np.square(scale)
-    return total
 
 
 def _worst(

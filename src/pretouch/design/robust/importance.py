@@ -1,0 +1,156 @@
+"""Which uncertain input matters most: Sobol indices of the objective, and the same to first order from gradients.
+
+With two independent sets of samples A and B, and C like A but with one input from B (I. M. Sobol, Math. Comput. Simul.
+55 (2001) 271), the share of the variance that an input has alone, and the share that would be left if all others were
+known, are
+
+    S = mean(f_B (f_C - f_A)) / Var f   (A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259),
+    T = mean((f_A - f_C)^2) / (2 Var f)   (M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35).
+
+Inputs that were estimated together count as one: what is measured better is the calibration. To first order the
+objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
+
+from ..gradient import has_gradients
+from .problem import RobustProblem
+from .slopes import objective_slope
+
+__all__ = ["InputImportance", "rank_uncertain_inputs"]
+
+_PARTS: Final = 16  # of the samples, from which the spread of the estimates is found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputImportance:
+    """How much of the variance of the objective one input is the cause of.
+
+    Args:
+        name: the input, or the name of several that go together.
+        inputs: the inputs themselves.
+        alone: S, the share that would be saved by knowing this input exactly, in the mean.
+        alone_error: the standard error of its estimate.
+        total: T, the share that would be left if everything else were known.
+        total_error: the standard error of its estimate.
+        by_gradient: the share to first order, from gradients at the given values; None where there are none.
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    alone: float
+    alone_error: float
+    total: float
+    total_error: float
+    by_gradient: float | None
+
+
+def rank_uncertain_inputs(
+    problem: RobustProblem,
+    make: Callable[[Mapping[str, Any]], Ensemble],
+    uncertainty: Uncertainty,
+    gain: float,
+    *,
+    samples: int,
+    seed: int,
+) -> tuple[InputImportance, ...]:
+    """Rank uncertain inputs by what they contribute to the variance of the objective at a gain.
+
+    Args:
+        problem: the problem, of which objective and impact are used.
+        make: makes encounters of values of the inputs.
+        uncertainty: what is known of the inputs.
+        gain: D_p [N s].
+        samples: in each of the two sets.
+        seed: of the samples.
+
+    Returns:
+        One entry per input, the largest total share first; shares are NaN where some encounter has no contact.
+    """
+    both = _two_sets(uncertainty, samples, seed)
+    mine, theirs = ({name: values[:, k] for name, values in both.items()} for k in (0, 1))
+
+    def values(inputs: Mapping[str, FloatArray]) -> FloatArray:
+        ensemble = make(inputs)
+        result = ensemble.contacts(gain)
+        found = problem.objective.value(result.end, ensemble.speed, problem.impact)
+        return np.where(result.reached, found, np.nan)
+
+    f_a, f_b = values(mine), values(theirs)
+    pieces = np.array_split(np.arange(samples), _PARTS)
+    linear = _linear_shares(problem, make, uncertainty, gain)
+    found = []
+    for name, known in uncertainty.items():
+        own = known.names if isinstance(known, CorrelatedNormal) else (name,)
+        f_c = values({**mine, **{member: theirs[member] for member in own}})
+        alone, total = _shares(f_a, f_b, f_c)
+        parts = np.array([_shares(f_a[part], f_b[part], f_c[part]) for part in pieces])
+        error = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))
+        found.append(
+            InputImportance(
+                name=name,
+                inputs=tuple(own),
+                alone=alone,
+                alone_error=float(error[0]),
+                total=total,
+                total_error=float(error[1]),
+                by_gradient=None if linear is None else linear[name],
+            )
+        )
+    return tuple(sorted(found, key=lambda one: -np.nan_to_num(one.total, nan=-1.0)))
+
+
+def _two_sets(uncertainty: Uncertainty, samples: int, seed: int) -> dict[str, FloatArray]:
+    """Return two independent sets of samples by input, shape (samples, 2)."""
+    sets = [sample_inputs(uncertainty, samples, seed=s, sampling="random") for s in (2 * seed, 2 * seed + 1)]
+    return {name: np.stack([one[name] for one in sets], axis=1) for name in sets[0]}
+
+
+def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, float]:
+    """Return S and T; the mean is taken off first, which changes neither and takes noise from S."""
+    every = np.concatenate([f_a, f_b])
+    middle, variance = every.mean(), every.var()
+    if not variance > 0:
+        return 0.0, 0.0
+    return float(((f_b - middle) * (f_c - f_a)).mean() / variance), float(((f_a - f_c) ** 2).mean() / (2 * variance))
+
+
+def _linear_shares(
+    problem: RobustProblem,
+    make: Callable[[Mapping[str, Any]], Ensemble],
+    uncertainty: Uncertainty,
+    gain: float,
+) -> dict[str, float] | None:
+    """Return the share of each input to first order, about the means."""
+    if not has_gradients(problem.objective, None):
+        return None
+    center: dict[str, float] = {}
+    for name, known in uncertainty.items():
+        center |= (
+            dict(zip(known.names, known.mean, strict=True))
+            if isinstance(known, CorrelatedNormal)
+            else {name: known.mean}
+        )
+    ensemble = make({name: np.array([value]) for name, value in center.items()})
+    result = ensemble.contacts(gain)
+    if not result.reached.all():
+        return None
+    slopes = {name: float(objective_slope(problem, ensemble, result, name)[0]) for name in center}
+    variances = {}
+    for name, known in uncertainty.items():
+        if isinstance(known, CorrelatedNormal):
+            own = np.array([slopes[member] for member in known.names])
+            variances[name] = float(own @ np.asarray(known.covariance) @ own)
+        else:
+            variances[name] = slopes[name] ** 2 * known.variance
+    total = sum(variances.values())
+    return {name: v / total if total > 0 else 0.0 for name, v in variances.items()}

@@ -18,7 +18,6 @@ from pretouch.motion import Scenario
 
 from .compiled_search import search_compiled
 from .family import find_family
-from .gain_gradient import gain_gradient
 from .problem import Problem
 from .result import DesignStatus, GainDesign
 from .search import RESOLVED, SCANNED
@@ -65,6 +64,8 @@ class ArrayEvidence:
         Returns:
             The derivatives, of the shape of the gains.
         """
+        from .gain_gradient import gain_gradient  # noqa: PLC0415 - few arrays of designs are differentiated
+
         return gain_gradient(self.problem, gain, name, self.design_one)
 
     def __getattr__(self, name: str) -> Any:

@@ -177,7 +177,7 @@ class Evidence:
         Returns:
             The derivative.
         """
-        from .gain_gradient import gain_gradient  # noqa: PLC0415 - it needs the problem that is defined here
+        from .gain_gradient import gain_gradient  # noqa: PLC0415 - few designs are differentiated
 
         return gain_gradient(self.problem, gain, name, lambda _: self)
 

@@ -47,15 +47,20 @@ if TYPE_CHECKING:
     )
     from .config import load_scenario
     from .design import (
+        AdmittanceDesign,
         Constraint,
         DesignStatus,
         GainDesign,
         HertzImpact,
         Objective,
+        ParetoFront,
+        PhysicalBound,
         SpringImpact,
         Term,
+        design_admittance,
         design_gain,
         excursion_objective,
+        pareto_front,
         time_objective,
     )
     from .design.robust import (
@@ -86,14 +91,17 @@ if TYPE_CHECKING:
         Curve,
         Mark,
         Panel,
+        admittance_figure,
         calibration_figure,
         motion_figure,
         panel_figure,
+        pareto_figure,
         sensitivity_figure,
         sweep_figure,
         trade_off_figure,
         write_design_report,
         write_fit_report,
+        write_pareto_report,
     )
     from .sensors import (
         CustomSensor,
@@ -121,6 +129,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Admittance",
+    "AdmittanceDesign",
     "Calibration",
     "CalibrationDataError",
     "CalibrationReport",
@@ -154,6 +163,8 @@ __all__ = [
     "OutOfRangeError",
     "OutputExistsError",
     "Panel",
+    "ParetoFront",
+    "PhysicalBound",
     "Plant",
     "PretouchError",
     "Quantile",
@@ -174,8 +185,10 @@ __all__ = [
     "Uniform",
     "UnitError",
     "WorstCase",
+    "admittance_figure",
     "calibration_figure",
     "check_sensor",
+    "design_admittance",
     "design_gain",
     "design_robust_gain",
     "excursion_objective",
@@ -184,6 +197,8 @@ __all__ = [
     "load_scenario",
     "motion_figure",
     "panel_figure",
+    "pareto_figure",
+    "pareto_front",
     "rank_models",
     "read_calibration",
     "read_calibrations",
@@ -198,6 +213,7 @@ __all__ = [
     "write_design_report",
     "write_fit_report",
     "write_letter_report",
+    "write_pareto_report",
 ]
 
 _HOMES = {  # loaded on first use: a program pays only for the folders that it needs
@@ -265,15 +281,20 @@ _HOMES = {  # loaded on first use: a program pays only for the folders that it n
         "solve_motion",
     ),
     "design": (
+        "AdmittanceDesign",
         "Constraint",
         "DesignStatus",
         "GainDesign",
         "HertzImpact",
         "Objective",
+        "ParetoFront",
+        "PhysicalBound",
         "SpringImpact",
         "Term",
+        "design_admittance",
         "design_gain",
         "excursion_objective",
+        "pareto_front",
         "time_objective",
     ),
     "sweep": ("sweep",),
@@ -283,14 +304,17 @@ _HOMES = {  # loaded on first use: a program pays only for the folders that it n
         "Curve",
         "Mark",
         "Panel",
+        "admittance_figure",
         "calibration_figure",
         "motion_figure",
         "panel_figure",
+        "pareto_figure",
         "sensitivity_figure",
         "sweep_figure",
         "trade_off_figure",
         "write_design_report",
         "write_fit_report",
+        "write_pareto_report",
     ),
 }
 

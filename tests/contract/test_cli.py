@@ -54,6 +54,7 @@ def test_help_names_every_verb_and_option(run):
             "1 no",
         ],
         "design": ["FILE", "1 no"],
+        "pareto": ["FILE", "1 no"],
         "reproduce": ["[ID]...", "table-2", "impact-force", "1 not"],
     }
     assert all(verb in out for verb in own)
@@ -276,13 +277,13 @@ def test_everything_a_result_may_hold_becomes_json():
 def test_the_reference_names_the_options_that_there_are(run):
     text = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"--[a-z][a-z-]+", text)) - {"--help", "--version"}
-    helps = [run(verb, "--help")[1] for verb in ("fit", "design", "sweep", "reproduce")]
+    helps = [run(verb, "--help")[1] for verb in ("fit", "design", "pareto", "sweep", "reproduce")]
     offered = {option for text in helps for option in re.findall(r"--[a-z][a-z-]+", text)}
     assert documented == offered - {"--help", "--report"}  # --report is the default, spelled out
 
 
 def test_the_reports_are_whole_pages_that_need_nothing_else(run):
-    for verb, file in (("design", "approach.toml"), ("fit", "sensor.csv")):
+    for verb, file in (("design", "approach.toml"), ("pareto", "approach.toml"), ("fit", "sensor.csv")):
         assert run(verb, file)[0] == 0
         page = Path(f"{Path(file).stem}-{verb}.html")
         assert is_own_unchanged(page)

@@ -22,6 +22,8 @@ VERBS = (
     "find_contact",
     "solve_motion",
     "design_gain",
+    "design_admittance",
+    "pareto_front",
     "check_sensor",
     "rank_models",
     "fit_sensor",

@@ -10,6 +10,7 @@ import typer
 
 from .design import design
 from .fit import fit
+from .pareto import pareto
 from .reproduce import reproduce
 from .sweep import sweep
 
@@ -26,6 +27,7 @@ app = typer.Typer(
 app.command()(fit)
 app.command()(design)
 app.command()(sweep)
+app.command()(pareto)
 app.command()(reproduce)
 
 

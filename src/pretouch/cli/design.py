@@ -21,7 +21,7 @@ def design(
     report: Report = True,
     force: Force = False,
 ) -> None:
-    """Choose the gain for a scenario file (TOML).
+    """Choose the gain for a scenario file (TOML), and the admittance where the file leaves it open.
 
     Prints the optimal gain, the contact it leads to, every constraint with its margin, what no mitigation would have
     given, and what the gain is most sensitive to; writes a report with figures, STEM-design.html in this folder.
@@ -35,7 +35,7 @@ def _run(file: Path, presentation: Presentation) -> int:
     from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
     problem = load_scenario(file)
-    found = problem.design()
+    found = problem.design_admittance() if problem.is_admittance_free else problem.design()
 
     def write(path: Path, overwrite: bool) -> object:
         from pretouch.report import write_design_report  # noqa: PLC0415 - Matplotlib, only when needed

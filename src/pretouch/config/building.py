@@ -28,6 +28,7 @@ from .fitting import FitRequest, OutputValue, fit_sensor_of, read_output
 from .objective_sections import CustomObjective
 from .placing import place
 from .positions import KeyPath
+from .problem import DEFAULT_QUANTITIES
 from .schema import (
     DampedAdmittance,
     FrequencyAdmittance,
@@ -35,6 +36,7 @@ from .schema import (
     HertzSection,
     MotionSection,
     ObstacleSection,
+    ParetoSection,
     SpringSection,
 )
 from .section import Section
@@ -61,6 +63,8 @@ _SHORT: Mapping[str, str] = {
     "velocity": "relative_velocity",
     "force": "impact_force",
 }
+_FREE = ("natural_frequency_bounds", "damping_ratio_bounds")
+Bounds = tuple[float, float]
 _PHYSICAL = ("impact_force", "drive_force")
 
 
@@ -151,10 +155,28 @@ class Builder:
     def _admittance(self) -> Admittance | None:
         section = self.sections.get("admittance")
         if isinstance(section, DampedAdmittance):
-            return self.attempt("admittance", lambda: Admittance(**section.model_dump()))
+            return self.attempt("admittance", lambda: Admittance(**section.model_dump(exclude=set(_FREE))))
         if isinstance(section, FrequencyAdmittance):
-            return self.attempt("admittance", lambda: Admittance.from_natural_frequency(**section.model_dump()))
+            given = section.model_dump(exclude=set(_FREE))
+            return self.attempt("admittance", lambda: Admittance.from_natural_frequency(**given))
         return None
+
+    def freedom(self) -> tuple[Bounds | None, Bounds | None]:
+        """Build the bounds of natural frequency and damping ratio, where they are free."""
+        section = self.sections.get("admittance")
+        ends = [getattr(section, key, None) for key in _FREE]
+        found = [None if e is None else (float(e[0]), float(e[1])) for e in ends]
+        return found[0], found[1]
+
+    def pareto(self) -> tuple[tuple[str, ...], float | None]:
+        """Build what is traded, and the choice that is marked."""
+        section = self.sections.get("pareto")
+        if not isinstance(section, ParetoSection):
+            return DEFAULT_QUANTITIES, None
+        names = tuple(section.quantities or DEFAULT_QUANTITIES)
+        for i, name in enumerate(names):
+            self._needs_impact(name, ("pareto", "quantities", i))
+        return names, section.choice
 
     def impact(self) -> ImpactModel | None:
         """Build the impact, where the file has one."""

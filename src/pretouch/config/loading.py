@@ -64,6 +64,8 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
     scenario, objective, bounds = builder.scenario(), builder.objective(), builder.bounds()
     impact, constraints = builder.impact(), builder.constraints()
     method, horizon = builder.motion()
+    natural_frequency, damping_ratio = builder.freedom()
+    quantities, choice = builder.pareto()
     if mistakes + builder.mistakes and isinstance(sections.get("sensor"), CalibratedSensor):
         raise ScenarioFileError(listed(document.path, mistakes + builder.mistakes))  # not worth a fit
     sensor, calibration = builder.sensor()
@@ -81,6 +83,10 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         impact=impact,
         method=method,
         horizon=horizon,
+        natural_frequency_bounds=natural_frequency,
+        damping_ratio_bounds=damping_ratio,
+        quantities=quantities,
+        choice=choice,
         calibration=calibration,
         source=ScenarioSource(
             path=document.path, text=document.text, sha256=hashlib.sha256(document.content).hexdigest()

@@ -19,6 +19,10 @@ _HOME: Final[dict[str, KeyPath]] = {
     "distance": ("sensor",),
     "scenario": ("obstacle",),
     "sensor": ("sensor",),
+    "natural_frequency": ("admittance", "natural_frequency_bounds"),
+    "damping_ratio": ("admittance", "damping_ratio_bounds"),
+    "quantities": ("pareto", "quantities"),
+    "choice": ("pareto", "choice"),
     "impact_force": ("impact",),
     "drive_force": ("impact",),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError
 from pretouch.design.constraints import Constraint
@@ -21,10 +21,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pretouch.calibration import CalibrationReport
+    from pretouch.design.admittance_result import AdmittanceDesign
+    from pretouch.design.front import ParetoFront
     from pretouch.design.result import GainDesign
     from pretouch.sweep import Axes
 
-__all__ = ["DesignProblem", "ScenarioSource"]
+__all__ = ["DEFAULT_QUANTITIES", "DesignProblem", "ScenarioSource"]
+
+DEFAULT_QUANTITIES: Final = ("displacement", "relative_velocity")
+"""What is traded where a file names nothing: L(20)'s two."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +60,10 @@ class DesignProblem:
         impact: the physical properties, where given.
         method: how encounters are solved.
         horizon: the longest time that an encounter is followed [s].
+        natural_frequency_bounds: where the natural frequency is free [rad/s].
+        damping_ratio_bounds: where the damping ratio is free.
+        quantities: what `trade_off` trades.
+        choice: the gain that it marks [N s]; None for the one that is designed.
         calibration: the report of the fit, where the sensor was fitted on the fly.
         source: the file.
     """
@@ -67,11 +76,20 @@ class DesignProblem:
     impact: ImpactModel | None
     method: str
     horizon: float
+    natural_frequency_bounds: tuple[float, float] | None
+    damping_ratio_bounds: tuple[float, float] | None
+    quantities: tuple[str, ...]
+    choice: float | None
     calibration: CalibrationReport | None
     source: ScenarioSource
 
+    @property
+    def is_admittance_free(self) -> bool:
+        """Whether the file leaves natural frequency or damping ratio open."""
+        return self.natural_frequency_bounds is not None or self.damping_ratio_bounds is not None
+
     def design(self) -> GainDesign:
-        """Choose the gain.
+        """Choose the gain, with the admittance as it is.
 
         Returns:
             The design; where no gain will do, its status says so.
@@ -82,15 +100,41 @@ class DesignProblem:
         from pretouch.design import design_gain  # noqa: PLC0415 - the compiled kernels, only when needed
 
         try:
-            return design_gain(
-                self.scenario,
-                self.sensor,
-                self.objective,
-                bounds=self.bounds,
-                constraints=self.constraints,
-                impact=self.impact,
-                method=self.method,
-                horizon=self.horizon,
+            return design_gain(self.scenario, self.sensor, self.objective, **self._shared())
+        except InvalidInputError as error:
+            raise ScenarioFileError(self._placed(str(error))) from error
+
+    def design_admittance(self) -> AdmittanceDesign:
+        """Choose the gain together with what the file leaves open of the admittance.
+
+        Returns:
+            The design; where nothing will do, its status says so.
+
+        Raises:
+            ScenarioFileError: the file leaves nothing open, or asks for something that makes no sense.
+        """
+        from pretouch.design import design_admittance  # noqa: PLC0415 - the compiled kernels, only when needed
+
+        try:
+            return design_admittance(self.scenario, self.sensor, self.objective, **self._free(), **self._shared())
+        except InvalidInputError as error:
+            raise ScenarioFileError(self._placed(str(error))) from error
+
+    def trade_off(self) -> ParetoFront:
+        """Find the Pareto front of the quantities that the file names.
+
+        Returns:
+            The front, with the choice of the file marked, or with the gain that is optimal for the admittance as it is.
+
+        Raises:
+            ScenarioFileError: the file asks for something that makes no sense.
+        """
+        from pretouch.design import pareto_front  # noqa: PLC0415 - the compiled kernels, only when needed
+
+        choice = self.design() if self.choice is None else self.choice
+        try:
+            return pareto_front(
+                self.scenario, self.sensor, self.quantities, choice=choice, **self._free(), **self._shared()
             )
         except InvalidInputError as error:
             raise ScenarioFileError(self._placed(str(error))) from error
@@ -113,6 +157,17 @@ class DesignProblem:
             asked = {"objective": self.objective, "bounds": self.bounds, "constraints": self.constraints}
         held: dict[str, Any] = {"impact": self.impact, "method": self.method, "horizon": self.horizon}
         return sweep(self.scenario, self.sensor, axes, **asked, **held, **options)
+
+    def _shared(self) -> dict[str, Any]:
+        """Return what every verb takes."""
+        names = ("bounds", "constraints", "impact", "method", "horizon")
+        return {name: getattr(self, name) for name in names}
+
+    def _free(self) -> dict[str, Any]:
+        return {
+            "natural_frequency": self.natural_frequency_bounds,
+            "damping_ratio": self.damping_ratio_bounds,
+        }
 
     def _placed(self, message: str) -> str:
         """Put the line and the key before a message, as near as they are known."""

@@ -29,6 +29,7 @@ __all__ = [
     "ImpactSection",
     "MotionSection",
     "ObstacleSection",
+    "ParetoSection",
     "PlantSection",
     "ReferenceSection",
     "SpringSection",
@@ -37,14 +38,6 @@ __all__ = [
 ]
 
 _MASS: Final = Quantity(unit="kg", example='"1 kg"', sign="positive")
-
-
-class DampedAdmittance(Section):
-    """Mass, damping and stiffness of L(1)."""
-
-    mass: Annotated[float, _MASS]
-    damping: Annotated[float, Quantity(unit="N*s/m", example='"10 N*s/m"', sign="nonnegative")]
-    stiffness: Annotated[float, Quantity(unit="N/m", example='"25 N/m"', sign="nonnegative")]
 
 
 def _angular(value: Any) -> Any:
@@ -56,14 +49,44 @@ def _angular(value: Any) -> Any:
     return value
 
 
-class FrequencyAdmittance(Section):
+_FREQUENCY: Final = Quantity(unit="rad/s", example='"5 rad/s"', sign="nonnegative")
+_RATIO: Final = Quantity(unit="", example="1.0", sign="nonnegative")
+
+
+class AdmittanceSection(Section):
+    """What may be chosen along with the gain, in every form of [admittance]."""
+
+    natural_frequency_bounds: Annotated[
+        list[Annotated[float, _FREQUENCY, BeforeValidator(_angular)]] | None,
+        list_of(2, 2, "a list of two quantities in rad/s, the lower bound first"),
+    ] = None
+    damping_ratio_bounds: Annotated[
+        list[Annotated[float, _RATIO]] | None, list_of(2, 2, "a list of two numbers, the lower bound first")
+    ] = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for key in ("natural_frequency_bounds", "damping_ratio_bounds"):
+            ends = getattr(self, key)
+            if ends is not None and not ends[0] < ends[1]:
+                raise UnfitValueError(f"found bounds from {ends[0]:g} to {ends[1]:g}, expected the lower first", key)
+        return self
+
+
+class DampedAdmittance(AdmittanceSection):
+    """Mass, damping and stiffness of L(1)."""
+
+    mass: Annotated[float, _MASS]
+    damping: Annotated[float, Quantity(unit="N*s/m", example='"10 N*s/m"', sign="nonnegative")]
+    stiffness: Annotated[float, Quantity(unit="N/m", example='"25 N/m"', sign="nonnegative")]
+
+
+class FrequencyAdmittance(AdmittanceSection):
     """Mass, natural frequency and damping ratio; critically damped by default, as in the letter."""
 
     mass: Annotated[float, _MASS]
-    natural_frequency: Annotated[
-        float, Quantity(unit="rad/s", example='"5 rad/s"', sign="nonnegative"), BeforeValidator(_angular)
-    ]
-    damping_ratio: Annotated[float, Quantity(unit="", example="1.0", sign="nonnegative")] = 1.0
+    natural_frequency: Annotated[float, _FREQUENCY, BeforeValidator(_angular)]
+    damping_ratio: Annotated[float, _RATIO] = 1.0
 
 
 class ObstacleSection(Section):
@@ -142,6 +165,22 @@ class MotionSection(Section):
     horizon: Annotated[float, Quantity(unit="s", example='"1 h"', sign="positive")] = 600.0
 
 
+class ParetoSection(Section):
+    """What `pretouch pareto` trades."""
+
+    quantities: Annotated[
+        list[Annotated[str, name_of(*QUANTITY_UNITS)]] | None,
+        list_of(2, 3, 'a list of two or three quantities such as "displacement", "relative_velocity"'),
+    ] = None
+    choice: Annotated[float | None, Quantity(unit="N*s", example='"-0.7 N*s"')] = None
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        if self.quantities is not None and len(set(self.quantities)) < len(self.quantities):
+            raise UnfitValueError("found a quantity twice, expected each once", "quantities")
+        return self
+
+
 SECTIONS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
     "sensor": {**SENSOR_SECTIONS, "calibration": CalibratedSensor},
     "admittance": {"damping": DampedAdmittance, "natural_frequency": FrequencyAdmittance},
@@ -153,6 +192,7 @@ SECTIONS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
     "constraints": {"": ConstraintsSection},
     "impact": {"stiffness": SpringSection, "radius": HertzSection},
     "motion": {"": MotionSection},
+    "pareto": {"": ParetoSection},
 }
 """Every section in its variants, each variant by what distinguishes it."""
 

@@ -1,9 +1,14 @@
 """Gain design: what is minimized, what must hold, the gain that is optimal, and the evidence."""
 
+from .admittance import design_admittance
+from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .constraints import CONSTRAINT_NAMES, Constraint
+from .front import BoundComparison, FrontPoint, FrontStatus, ParetoFront
 from .gain import Evaluator, design_gain
 from .impact import HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
+from .pareto import pareto_front
+from .physical_bound import PhysicalBound, find_physical_bound
 from .quantities import QUANTITY_UNITS, quantity_of
 from .result import Certificate, ConstraintOutcome, DesignStatus, GainDesign, Sensitivity, TradeOff
 
@@ -11,21 +16,33 @@ __all__ = [
     "CONSTRAINT_NAMES",
     "OBSTACLE_SPEED",
     "QUANTITY_UNITS",
+    "AdmittanceCertificate",
+    "AdmittanceDesign",
+    "AdmittanceMap",
+    "AdmittanceMinimum",
+    "BoundComparison",
     "Certificate",
     "Constraint",
     "ConstraintOutcome",
     "DesignStatus",
     "Evaluator",
+    "FrontPoint",
+    "FrontStatus",
     "GainDesign",
     "HertzImpact",
     "ImpactModel",
     "Objective",
+    "ParetoFront",
+    "PhysicalBound",
     "Sensitivity",
     "SpringImpact",
     "Term",
     "TradeOff",
+    "design_admittance",
     "design_gain",
     "excursion_objective",
+    "find_physical_bound",
+    "pareto_front",
     "quantity_of",
     "time_objective",
 ]

@@ -10,11 +10,12 @@ import numpy as np
 from pretouch.design.quantities import QUANTITY_UNITS, quantity_of
 from pretouch.design.result import ConstraintOutcome, DesignStatus, GainDesign
 from pretouch.design.summary import headline
-from pretouch.motion import ContactResult, ContactStatus
+from pretouch.motion import ContactResult, ContactStatus, Scenario
+from pretouch.sensors import SensorModel
 
 from .wording import QUANTITY_LABELS, number, quantity, quantity_label, word
 
-__all__ = ["design_page"]
+__all__ = ["design_page", "scenario_rows", "sensor_rows"]
 
 Row = tuple[str, ...]
 
@@ -61,8 +62,8 @@ def design_page(design: GainDesign) -> dict[str, Any]:
         "certificate_rows": list(_certificate_rows(design)),
         "minima": list(_minima(design)),
         "sensitivities": list(_sensitivities(design)),
-        "scenario_rows": list(_scenario_rows(design)),
-        "sensor_rows": list(_sensor_rows(design)),
+        "scenario_rows": [*scenario_rows(design.scenario), *_search_rows(design)],
+        "sensor_rows": list(sensor_rows(design.sensor)),
         "method": _METHODS.get(design.method, design.method),
     }
 
@@ -212,8 +213,9 @@ def _sensitivities(design: GainDesign) -> Iterator[dict[str, str]]:
             }
 
 
-def _scenario_rows(design: GainDesign) -> Iterator[Row]:
-    a, o, p, r = (getattr(design.scenario, name) for name in ("admittance", "obstacle", "plant", "reference"))
+def scenario_rows(scenario: Scenario) -> Iterator[Row]:
+    """Yield every input of an encounter."""
+    a, o, p, r = (getattr(scenario, name) for name in ("admittance", "obstacle", "plant", "reference"))
     yield "admittance: mass M_a", quantity(float(a.mass), "kg")
     yield "admittance: damping D_a", quantity(float(a.damping), "N*s/m")
     yield "admittance: stiffness K_a", quantity(float(a.stiffness), "N/m")
@@ -225,22 +227,26 @@ def _scenario_rows(design: GainDesign) -> Iterator[Row]:
         yield f"{name}: velocity", quantity(float(body.velocity), "m/s")
         if hasattr(body, "acceleration"):
             yield f"{name}: acceleration", quantity(float(body.acceleration), "m/s^2")
-    yield "distance at the start", quantity(float(design.scenario.distance), "m")
+    yield "distance at the start", quantity(float(scenario.distance), "m")
+
+
+def _search_rows(design: GainDesign) -> Iterator[Row]:
     yield "gain: bounds", " to ".join(quantity(b, "N*s") for b in design.bounds)
     if design.impact is not None:
         yield "physical mass of the robot", quantity(design.impact.robot_mass, "kg")
         yield "mass of the obstacle", quantity(design.impact.obstacle_mass, "kg")
 
 
-def _sensor_rows(design: GainDesign) -> Iterator[Row]:
-    yield "curve", design.sensor.name
+def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
+    """Yield the parameters of a curve and where it holds."""
+    yield "curve", sensor.name
     units: dict[str, str] = {}
-    part: Any = design.sensor
+    part: Any = sensor
     while part is not None:
         units |= {f.name: f.metadata.get("unit", "m") for f in part.__dataclass_fields__.values()}
         yield from [("recessed curve", part.sensor.name)] if hasattr(part, "sensor") else []
         part = getattr(part, "sensor", None)
-    for name, value in design.sensor.parameters.items():
+    for name, value in sensor.parameters.items():
         yield word(name), quantity(value, units.get(name, ""), 6)
-    low, high = design.sensor.valid_range
+    low, high = sensor.valid_range
     yield "valid for distances", f"{quantity(low, 'm')} to {quantity(high, 'm')}"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pretouch._core.files import sign, write_text
+from pretouch.design.admittance_result import AdmittanceDesign
 from pretouch.design.result import GainDesign
 
 from .style import draw_svg
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "design_report_html",
     "fit_report_html",
+    "page_source",
     "picture",
     "render_page",
     "write_design_report",
@@ -51,7 +53,7 @@ def fit_report_html(report: CalibrationReport) -> str:
 
 
 def design_report_html(
-    design: GainDesign,
+    design: GainDesign | AdmittanceDesign,
     *,
     calibration: CalibrationReport | None = None,
     source: object = None,
@@ -59,7 +61,7 @@ def design_report_html(
     """Write a design report as one self-contained HTML page.
 
     Args:
-        design: a design of any status.
+        design: a design of any status, of the gain alone or together with the admittance.
         calibration: the calibration that the sensor curve was fitted to, where there is one.
         source: the scenario file: an object, or a mapping, with `name` or `path`, `text` and `sha256`.
 
@@ -70,6 +72,14 @@ def design_report_html(
     from .design_page import design_page  # noqa: PLC0415
     from .fit_page import fit_page  # noqa: PLC0415
 
+    together = None
+    if isinstance(design, AdmittanceDesign):
+        from .pareto_figures import admittance_figure  # noqa: PLC0415
+        from .pareto_page import admittance_block  # noqa: PLC0415
+
+        drawn = None if design.certificate is None else picture(admittance_figure(design), "admittance")
+        together = {**admittance_block(design), "figure": drawn}
+        design = design.gain_design or design.as_it_is
     fitted = None
     if calibration is not None:
         from .calibration_figures import calibration_figure  # noqa: PLC0415
@@ -81,7 +91,8 @@ def design_report_html(
         trade_off=picture(trade_off_figure(design), "trade-off"),
         motion=picture(motion_figure(design), "motion"),
         fitted=fitted,
-        source=_source(source),
+        together=together,
+        source=page_source(source),
     )
 
 
@@ -100,7 +111,7 @@ def write_fit_report(report: CalibrationReport, path: str | os.PathLike[str], *,
 
 
 def write_design_report(
-    design: GainDesign,
+    design: GainDesign | AdmittanceDesign,
     path: str | os.PathLike[str],
     *,
     calibration: CalibrationReport | None = None,
@@ -110,7 +121,7 @@ def write_design_report(
     """Write a design report to a file.
 
     Args:
-        design: a design of any status.
+        design: a design of any status, of the gain alone or together with the admittance.
         path: where the page goes.
         calibration: the calibration that the sensor curve was fitted to, where there is one.
         source: the scenario file, as `design_report_html` takes it.
@@ -180,7 +191,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def _source(source: object) -> dict[str, str] | None:
+def page_source(source: object) -> dict[str, str] | None:
     """Read name, text and hash of a file from an object or a mapping that has them."""
     if source is None:
         return None

@@ -1,0 +1,283 @@
+"""Gain and admittance designed together: natural frequency and damping ratio are free, the mass is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch.motion import Admittance, Scenario
+from pretouch.sensors import SensorModel
+
+from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
+from .constraints import Constraint
+from .freedom import make_freedom
+from .gain import design_gain
+from .impact import ImpactModel
+from .local_search import descend, kkt_residual
+from .objectives import Objective
+from .problem import Evaluator
+from .result import DesignStatus, GainDesign
+from .trials import HELD, Trials, merit
+
+__all__ = ["design_admittance"]
+
+_GAINS: Final = 65
+_STARTS: Final = 8
+_TESTS: Final = 11  # 2^11 encounters
+_SAME: Final = 1e-3  # of the range of each coordinate: minima closer than this are one
+_BETTER: Final = 1e-9  # relative: an objective that is lower by less is the same
+_ROUNDS: Final = 4
+_NARROW: Final = (1e-2, 1e-3, 1e-4)  # of the gains, around the one that was found
+_NEAR: Final = np.linspace(-1.0, 1.0, 17)
+_ZOOMS: Final = 3
+_ONE: Final = np.ones(1)
+
+
+def design_admittance(
+    scenario: Scenario,
+    sensor: SensorModel,
+    objective: Objective,
+    *,
+    bounds: tuple[float, float],
+    natural_frequency: tuple[float, float] | None = None,
+    damping_ratio: tuple[float, float] | None = None,
+    constraints: Sequence[Constraint] = (),
+    impact: ImpactModel | None = None,
+    method: str = "auto",
+    horizon: float = 600.0,
+    evaluate: Evaluator | None = None,
+) -> AdmittanceDesign:
+    """Find the gain D_p together with the natural frequency, the damping ratio or both that minimize an objective.
+
+    A grid over all that is free shows where the minima lie; from each, SciPy's SLSQP goes to the minimum, with exact
+    gradients where the objective is made of quantities at contact. The answer is tested by encounters that had no part
+    in finding it, and by a whole design of the gain at the admittance that was found.
+
+    Args:
+        scenario: one encounter; its virtual mass is kept, and so is what is not free.
+        sensor: the sensor curve.
+        objective: what is minimized.
+        bounds: smallest and largest gain [N s]; mitigating gains are negative.
+        natural_frequency: bounds of sqrt(K_a / M_a) [rad/s]; None keeps that of the scenario.
+        damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)); None keeps that of the scenario.
+        constraints: limits that the encounter must keep.
+        impact: physical properties, for objectives and constraints on forces.
+        method: how encounters are solved, as in `find_contact`.
+        horizon: how long to wait for contact [s].
+        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and gains.
+
+    Returns:
+        The design, with that of the gain at the chosen admittance; infeasible and no-contact are statuses of it.
+
+    Raises:
+        InvalidInputError: neither natural frequency nor damping ratio is free, or a request makes no sense.
+
+    Examples:
+        >>> from pretouch.design import Constraint, excursion_objective
+        >>> from pretouch.motion import Obstacle
+        >>> from pretouch.sensors import ExponentialFirstOrder
+        >>> design = design_admittance(
+        ...     Scenario(
+        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ...     ),
+        ...     ExponentialFirstOrder(scale=0.458, rate=-61.0),
+        ...     excursion_objective(position_scale=0.5, velocity_scale=0.3),
+        ...     bounds=(-10.0, -0.01),
+        ...     damping_ratio=(0.7, 2.0),
+        ... )
+        >>> round(design.gain, 3), design.damping_ratio
+        (-1.256, 2.0)
+        >>> round(design.objective, 4), round(design.as_it_is.objective, 4)
+        (0.1441, 0.1564)
+    """
+    if natural_frequency is None and damping_ratio is None:
+        raise InvalidInputError(
+            "natural_frequency: found neither it nor damping_ratio free, expected bounds of at least one; "
+            "use design_gain for the gain alone"
+        )
+    low, high = (finite(b, "bounds", "N*s") for b in bounds)
+    if not low < high:
+        raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
+    freedom = make_freedom(scenario, (low, high), natural_frequency, damping_ratio)
+    trials = Trials(
+        freedom=freedom,
+        sensor=sensor,
+        measures=(merit(objective, abs(float(scenario.obstacle.velocity)), impact),),
+        constraints=tuple(constraints),
+        impact=impact,
+        method=method,
+        horizon=horizon,
+        evaluator=evaluate,
+    )
+
+    def gain_at(admittance: Admittance, within: tuple[float, float] = (low, high)) -> GainDesign:
+        return design_gain(
+            replace(scenario, admittance=admittance),
+            sensor,
+            objective,
+            bounds=within,
+            constraints=constraints,
+            impact=impact,
+            method=method,
+            horizon=horizon,
+            evaluate=evaluate,
+        )
+
+    as_it_is = gain_at(scenario.admittance)
+    search = _Search(trials)
+    found = search.minima()
+    for _ in range(_ROUNDS if found else 0):
+        chosen = gain_at(_admittance(trials, found[0].at))
+        gain = chosen.gain
+        if gain is None or chosen.objective is None or chosen.objective > found[0].objective * (1 - _BETTER):
+            break
+        found = search.also(np.append(freedom.coordinate(float(gain), 0.0, 0.0)[:1], found[0].at[1:]))
+    if not found:
+        reached = np.isfinite(search.rows).all(axis=1).any()
+        status = DesignStatus.INFEASIBLE if reached else DesignStatus.NO_CONTACT
+        return _design(search, as_it_is, None, None, status)
+    admittance = _admittance(trials, found[0].at)
+    chosen = gain_at(admittance)
+    for share in _NARROW:
+        if chosen.status is DesignStatus.OPTIMAL:
+            break
+        ends = np.clip(found[0].at[0] + np.array([-share, share]), 0.0, 1.0)  # feasible where the scan has no gain
+        low_, high_ = (float(g) for g in freedom.gain(ends[:, None]))
+        chosen = gain_at(admittance, (low_, high_))
+    return _design(search, as_it_is, chosen, found, chosen.status)
+
+
+def _design(
+    search: _Search,
+    as_it_is: GainDesign,
+    chosen: GainDesign | None,
+    found: list[AdmittanceMinimum] | None,
+    status: DesignStatus,
+) -> AdmittanceDesign:
+    """Put the answer together with its evidence."""
+    trials, certificate = search.trials, None
+    if found:
+        residual, active, multipliers = kkt_residual(trials, found[0].at, _ONE)
+        certificate = AdmittanceCertificate(
+            grid=len(search.grid),
+            tests=len(search.tests),
+            local_minima=tuple(found),
+            residual=residual,
+            active=tuple(zip(active, (float(m) for m in multipliers), strict=True)),
+        )
+    good = chosen is not None and chosen.status is DesignStatus.OPTIMAL
+    return AdmittanceDesign(
+        status=status,
+        free=trials.freedom.names,
+        bounds=trials.freedom.axis.ends,
+        natural_frequency_bounds=trials.freedom.natural_frequency,
+        damping_ratio_bounds=trials.freedom.damping_ratio,
+        gain_design=chosen if good else None,
+        as_it_is=as_it_is,
+        certificate=certificate,
+        map=search.map(),
+        best_ratio=search.best_ratio(),
+    )
+
+
+class _Search:
+    """The grid, the tests, and the minima found from them."""
+
+    def __init__(self, trials: Trials) -> None:
+        from scipy.stats import qmc  # noqa: PLC0415 - `import pretouch` stays quick
+
+        self.trials = trials
+        self.grid = trials.freedom.lattice(_GAINS)
+        self.rows, _ = trials.rows(self.grid)
+        self.values = np.where(trials.feasible(self.rows), self.rows[:, 0], np.inf)
+        self.tests: FloatArray = qmc.Sobol(trials.freedom.size, scramble=True, seed=0).random_base2(_TESTS)
+        self.test_values = trials.values(self.tests)[:, 0]
+        self.known: list[AdmittanceMinimum] = []
+
+    def minima(self) -> list[AdmittanceMinimum]:
+        """Search from the lowest places of the grid, then from each test that is better than what was found."""
+        for i in self._starts():
+            self.also(self.grid[i])
+        for _ in range(_ROUNDS):
+            best = int(self.test_values.argmin())
+            if not self.test_values[best] < (self.known[0].objective if self.known else np.inf):
+                break
+            before = self.known[0].objective if self.known else np.inf
+            self.also(self.tests[best])
+            if not self.known or self.known[0].objective >= before:
+                break
+        return self.known
+
+    def also(self, start: FloatArray) -> list[AdmittanceMinimum]:
+        """Search from one more start; return all minima, best first."""
+        trials = self.trials
+        descended = descend(trials, start, _ONE)
+        tried = [start] if descended is None else [descended, start]
+        values = trials.values(np.stack(tried))[:, 0]
+        at, value = tried[int(values.argmin())], float(values.min())
+        if np.isfinite(value) and not any(np.abs(m.at - at).max() < _SAME and m.objective <= value for m in self.known):
+            self.known = [m for m in self.known if np.abs(m.at - at).max() >= _SAME]
+            frequency, ratio = (float(v[0]) for v in trials.freedom.admittance(at[None]))
+            self.known.append(
+                AdmittanceMinimum(
+                    gain=float(trials.freedom.gain(at[None])[0]),
+                    natural_frequency=frequency,
+                    damping_ratio=ratio,
+                    objective=value,
+                    at=at,
+                )
+            )
+            self.known.sort(key=lambda m: m.objective)
+        return self.known
+
+    def _starts(self) -> IntArray:
+        """Return the grid's local minima, best first; where nothing is feasible, the places that miss limits least."""
+        from scipy.ndimage import minimum_filter  # noqa: PLC0415
+
+        shape = self._shape()
+        function = self.values if np.isfinite(self.values).any() else self._worst()
+        table = function.reshape(shape)
+        lowest = np.flatnonzero((table <= minimum_filter(table, size=3, mode="nearest")) & np.isfinite(table))
+        return np.asarray(lowest[np.argsort(function[lowest], kind="stable")][:_STARTS], dtype=np.int64)
+
+    def _worst(self) -> FloatArray:
+        ratios = self.rows[:, 1:]
+        return np.asarray(ratios.max(axis=1) if ratios.shape[1] else np.full(len(self.rows), np.inf))
+
+    def _shape(self) -> tuple[int, ...]:
+        return tuple(len(np.unique(column)) for column in self.grid.T)
+
+    def map(self) -> AdmittanceMap:
+        """Return the best objective over the gains, for each admittance of the grid: that of the grid, zoomed in on."""
+        shape = self._shape()
+        grid, values = self.grid.reshape(*shape, -1), self.values.reshape(shape)
+        best, middle = values.min(axis=0), np.take_along_axis(grid[..., 0], values.argmin(axis=0)[None], axis=0)[0]
+        half = 1 / (shape[0] - 1)
+        for _ in range(_ZOOMS):
+            near = np.repeat(grid[:1], len(_NEAR), axis=0)
+            near[..., 0] = np.clip(middle + half * _NEAR.reshape(-1, *[1] * middle.ndim), 0.0, 1.0)
+            found = self.trials.values(near.reshape(-1, near.shape[-1]))[:, 0].reshape(near.shape[:-1])
+            middle = np.take_along_axis(near[..., 0], found.argmin(axis=0)[None], axis=0)[0]
+            best, half = np.minimum(best, found.min(axis=0)), 2 * half / (len(_NEAR) - 1)
+        frequency, ratio = (v.reshape(shape)[0] for v in self.trials.freedom.admittance(self.grid))
+        return AdmittanceMap(natural_frequency=frequency, damping_ratio=ratio, objective=best)
+
+    def best_ratio(self) -> float | None:
+        """Return by how much, at best, the worst limit is missed on the grid: |quantity| / limit."""
+        worst = self._worst()
+        if not self.trials.constraints or not np.isfinite(worst).any():
+            return None
+        return float(worst.min()) if worst.min() > HELD else None
+
+
+def _admittance(trials: Trials, at: FloatArray) -> Admittance:
+    frequency, ratio = (float(v[0]) for v in trials.freedom.admittance(at[None]))
+    return Admittance.from_natural_frequency(
+        mass=trials.freedom.scenario.admittance.mass, natural_frequency=frequency, damping_ratio=ratio
+    )

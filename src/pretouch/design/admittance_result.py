@@ -1,0 +1,236 @@
+"""What the design of gain and admittance comes to, and why it is believed to be the best."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
+from pretouch.motion import Admittance, Scenario
+
+from .result import DesignStatus, GainDesign
+
+__all__ = ["AdmittanceCertificate", "AdmittanceDesign", "AdmittanceMap", "AdmittanceMinimum"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdmittanceMinimum:
+    """A local minimum over gain and admittance.
+
+    Args:
+        gain: D_p [N s].
+        natural_frequency: sqrt(K_a / M_a) [rad/s].
+        damping_ratio: D_a / (2 sqrt(M_a K_a)).
+        objective: the objective there.
+        at: its coordinates within the bounds, each in [0, 1].
+    """
+
+    gain: float
+    natural_frequency: float
+    damping_ratio: float
+    objective: float
+    at: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdmittanceCertificate:
+    """Why a design of gain and admittance is believed to be the global optimum within the bounds.
+
+    Args:
+        grid: how many encounters the grid over all that is free has.
+        tests: how many further encounters, none of which is better, had no part in the search.
+        local_minima: the minima that were found, best first.
+        residual: what remains of the gradient of the objective, over the objective, by coordinates that go from 0 to 1
+            between the bounds, when the active limits and bounds are balanced: the first-order conditions of
+            Karush, Kuhn and Tucker.
+        active: the limits and bounds that hold the optimum, each with its multiplier: by how much of itself the
+            objective falls per unit by which it is relaxed (of a limit: of itself; of a bound: of the range).
+    """
+
+    grid: int
+    tests: int
+    local_minima: tuple[AdmittanceMinimum, ...]
+    residual: float
+    active: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class AdmittanceMap:
+    """The best objective over the gains, for each admittance of the grid.
+
+    Args:
+        natural_frequency: [rad/s], of the shape of the grid over what is free.
+        damping_ratio: likewise.
+        objective: likewise; infinite where no gain that was tried will do.
+    """
+
+    natural_frequency: FloatArray
+    damping_ratio: FloatArray
+    objective: FloatArray
+
+    def __repr__(self) -> str:
+        return f"<AdmittanceMap: {self.objective.size} admittances>"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
+class AdmittanceDesign:
+    """What `design_admittance` returns.
+
+    Args:
+        status: optimal, infeasible or no-contact.
+        free: what was chosen: `gain` and `natural_frequency`, `damping_ratio` or both.
+        bounds: the gains between which the optimum was sought [N s].
+        natural_frequency_bounds: likewise [rad/s]; None where it is not free.
+        damping_ratio_bounds: likewise; None where it is not free.
+        gain_design: the design of the gain at the chosen admittance, with its evidence; None unless optimal.
+        as_it_is: the design of the gain with the admittance of the scenario.
+        certificate: why it is believed to be the optimum; None unless optimal.
+        map: the best objective over admittances.
+        best_ratio: where infeasible, |quantity| / limit of the worst limit at the best encounter of the grid, or None.
+    """
+
+    status: DesignStatus
+    free: tuple[str, ...]
+    bounds: tuple[float, float]
+    natural_frequency_bounds: tuple[float, float] | None
+    damping_ratio_bounds: tuple[float, float] | None
+    gain_design: GainDesign | None
+    as_it_is: GainDesign
+    certificate: AdmittanceCertificate | None
+    map: AdmittanceMap
+    best_ratio: float | None
+
+    @property
+    def gain(self) -> float | None:
+        """The optimal gain D_p [N s]; None unless optimal."""
+        return None if self.gain_design is None else float(self.gain_design.gain)
+
+    @property
+    def objective(self) -> float | None:
+        """The objective at the optimum; None unless optimal."""
+        return None if self.gain_design is None else float(self.gain_design.objective)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The encounter with the optimal admittance; that which was given unless optimal."""
+        return (self.gain_design or self.as_it_is).scenario
+
+    @property
+    def admittance(self) -> Admittance:
+        """The optimal admittance.
+
+        Raises:
+            ResultUnavailableError: there is no optimum; `status` says why.
+        """
+        if self.gain_design is None:
+            raise ResultUnavailableError(f"admittance: found a design that is {self.status.value}, which has none")
+        return self.gain_design.scenario.admittance
+
+    @property
+    def natural_frequency(self) -> float | None:
+        """The optimal natural frequency [rad/s]; None unless optimal."""
+        return None if self.certificate is None else self.certificate.local_minima[0].natural_frequency
+
+    @property
+    def damping_ratio(self) -> float | None:
+        """The optimal damping ratio; None unless optimal."""
+        return None if self.certificate is None else self.certificate.local_minima[0].damping_ratio
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the design as one JSON object: that of the gain, with `admittance` beside it."""
+        found = (self.gain_design or self.as_it_is).to_dict()
+        return {**found, "status": self.status.value, "admittance": _as_dict(self)}
+
+    def __repr__(self) -> str:
+        return f"<AdmittanceDesign: {_headline(self)}>"
+
+    def __str__(self) -> str:
+        lines = [_headline(self)]
+        if self.gain_design is None:
+            lines += ["", "With the admittance as it is:"]
+        else:
+            lines += [*_evidence(self), "", "At this admittance:"]
+        return "\n".join([*lines, str(self.gain_design or self.as_it_is)])
+
+    def _repr_html_(self) -> str:
+        inner = (self.gain_design or self.as_it_is)._repr_html_() or ""
+        return f"<p><b>{html.escape(_headline(self))}</b></p>{inner}"
+
+
+def _headline(design: AdmittanceDesign) -> str:
+    if design.gain_design is None or design.objective is None:
+        if design.status is DesignStatus.NO_CONTACT:
+            return "No gain and admittance within the bounds end in contact."
+        missed = (
+            "" if design.best_ratio is None else f"; at best one is exceeded by {100 * (design.best_ratio - 1):.3g} %"
+        )
+        return f"Infeasible: no gain and admittance within the bounds meet every constraint{missed}."
+    a = design.admittance
+    text = (
+        f"Optimal admittance: natural frequency {format_quantity(design.natural_frequency or 0.0, 'rad/s')}, damping "
+        f"ratio {design.damping_ratio:.4g} (damping {format_quantity(a.damping, 'N*s/m')}, stiffness "
+        f"{format_quantity(a.stiffness, 'N/m')}) with D_p = {format_quantity(design.gain or 0.0, 'N*s')}: "
+        f"objective {design.objective:.4g}"
+    )
+    if design.as_it_is.objective is not None:
+        change = 100 * (design.objective / design.as_it_is.objective - 1)
+        than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
+        return f"{text}, {than} the {design.as_it_is.objective:.4g} of the admittance as it is."
+    return f"{text}; with the admittance as it is no gain would do."
+
+
+def _evidence(design: AdmittanceDesign) -> list[str]:
+    c = design.certificate
+    if c is None:
+        return []
+    count = len(c.local_minima)
+    minima = "one local minimum" if count == 1 else f"{count} local minima"
+    held = " and ".join(name.replace("_", " ") for name, _ in c.active) or "nothing: it lies inside"
+    return [
+        f"evidence: {c.grid} encounters on a grid lead to {minima}; none of {c.tests} others is better; what holds the "
+        f"optimum is {held}; first-order residual {c.residual:.0e}"
+    ]
+
+
+def _as_dict(design: AdmittanceDesign) -> dict[str, Any]:
+    c, m = design.certificate, design.map
+    chosen = None if design.gain_design is None else design.admittance
+    return {
+        "free": list(design.free),
+        "natural_frequency": design.natural_frequency,
+        "damping_ratio": design.damping_ratio,
+        "mass": None if chosen is None else chosen.mass,
+        "damping": None if chosen is None else chosen.damping,
+        "stiffness": None if chosen is None else chosen.stiffness,
+        "natural_frequency_bounds": design.natural_frequency_bounds,
+        "damping_ratio_bounds": design.damping_ratio_bounds,
+        "as_it_is": {"gain": design.as_it_is.gain, "objective": design.as_it_is.objective},
+        "best_ratio": design.best_ratio,
+        "certificate": None
+        if c is None
+        else {
+            "grid": c.grid,
+            "tests": c.tests,
+            "residual": c.residual,
+            "active": [{"name": name, "multiplier": value} for name, value in c.active],
+            "local_minima": [
+                {
+                    "gain": p.gain,
+                    "natural_frequency": p.natural_frequency,
+                    "damping_ratio": p.damping_ratio,
+                    "objective": p.objective,
+                }
+                for p in c.local_minima
+            ],
+        },
+        "map": {
+            "natural_frequency": m.natural_frequency.reshape(-1).tolist(),
+            "damping_ratio": m.damping_ratio.reshape(-1).tolist(),
+            "objective": [v if np.isfinite(v) else None for v in m.objective.reshape(-1).tolist()],
+        },
+    }

@@ -1,0 +1,81 @@
+"""Encounters beside the physical bound: the best motion of a robot that accelerates as much as they do."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import ContactResult, Scenario, solve_motion
+
+from .front import BoundComparison
+from .physical_bound import PhysicalBound, why_no_bound
+from .trials import Trials
+
+__all__ = ["compare_with_bound"]
+
+_SAMPLES: Final = 400
+_FORWARD: Final = 1e-9  # of the excursion: a motion that goes farther toward the obstacle first is another case
+_NOTHING: Final = 1e-9  # of the deceleration that the approach needs: as good as no acceleration at all
+
+
+def compare_with_bound(
+    trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult
+) -> BoundComparison | None:
+    """Put encounters beside the best that any robot with the same largest acceleration could do.
+
+    Args:
+        trials: how encounters are solved.
+        scenario: the encounters.
+        gain: their gains [N s].
+        result: how they ended, all in contact.
+
+    Returns:
+        The comparison; None where the bound does not speak of such encounters.
+    """
+    given = trials.freedom.scenario
+    if trials.method == "uniform-motion" or trials.evaluator is not None or why_no_bound(given):
+        return None
+    end = result.end
+    acceleration, speed = np.asarray(end.largest_acceleration), np.abs(end.relative_velocity)
+    approach = given.obstacle.velocity**2 / given.distance
+    still = acceleration < _NOTHING * approach
+    bound = PhysicalBound(
+        distance=given.distance,
+        velocity=given.obstacle.velocity,
+        acceleration=given.obstacle.acceleration,
+        acceleration_limit=np.where(still, approach, acceleration),
+    )
+    least = np.where(still, 0.0, bound.excursion(speed))
+    least = np.where(_gives_way(trials, scenario, gain, result), least, np.nan)
+    return BoundComparison(
+        acceleration=_plain(acceleration),
+        excursion=_plain(np.abs(end.displacement)),
+        least_excursion=_plain(least),
+        least_acceleration=_plain(np.asarray(bound.least_acceleration(speed))),
+    )
+
+
+def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
+    """Tell which plants never move toward the obstacle, past where they rested.
+
+    Where the admittance is not under-damped, the gain mitigates and the obstacle does not brake, that is proved
+    (docs/fast-designs.md: l' < 0 all the way, so the force only ever pushes, and such an admittance does not swing).
+    Elsewhere motions are sampled.
+
+    Returns:
+        Of the shape of the gain.
+    """
+    a = scenario.admittance
+    damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
+    proved = damped & (np.asarray(gain) <= 0) & (trials.freedom.scenario.obstacle.acceleration <= 0)
+    if np.all(proved):
+        return np.ones(np.shape(gain), dtype=bool)
+    motion = solve_motion(scenario, trials.sensor, gain, method=trials.method, horizon=trials.horizon, samples=_SAMPLES)
+    forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
+    return np.asarray(proved | forward)
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else value

@@ -1,0 +1,65 @@
+"""Which of many points are worth choosing: none other is as good in every quantity and better in one."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+
+__all__ = ["non_dominated", "shortfall"]
+
+
+def non_dominated(values: FloatArray) -> BoolArray:
+    """Tell which points no other point dominates; of points that are equal, the first one counts.
+
+    Args:
+        values: quantities to be minimized, shape (n, k) with k = 2 or 3; a point with an infinite one is left out.
+
+    Returns:
+        True where no other point is as low in every quantity, shape (n,).
+    """
+    n, k = values.shape
+    kept = np.zeros(n, dtype=bool)
+    order = np.lexsort((np.arange(n), *values.T[::-1]))
+    order = order[np.isfinite(values[order]).all(axis=1)]
+    if k == 2:
+        second = values[order, 1]
+        lowest = np.minimum.accumulate(np.concatenate([[np.inf], second]))[:-1]
+        kept[order[second < lowest]] = True
+        return kept
+    stairs_y: list[float] = []  # ascending; of the points so far, those that none dominates in the last two
+    stairs_z: list[float] = []  # descending
+    for i in order:
+        y, z = float(values[i, 1]), float(values[i, 2])
+        at = bisect_left(stairs_y, y)
+        before = at if at < len(stairs_y) and stairs_y[at] == y else at - 1
+        if before >= 0 and stairs_z[before] <= z:
+            continue
+        kept[i] = True
+        end = at
+        while end < len(stairs_y) and stairs_z[end] >= z:
+            end += 1
+        stairs_y[at:end], stairs_z[at:end] = [y], [z]
+    return kept
+
+
+def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
+    """Return by how much a front misses points: the least shift of all its quantities with which it dominates each.
+
+    Args:
+        points: shape (m, k); infinite ones are missed by nothing.
+        front: shape (n, k).
+
+    Returns:
+        The shift, shape (m,); not positive where the front dominates the point (Zitzler et al. 2003, additive epsilon).
+    """
+    missed = np.full(len(points), -np.inf)
+    there = np.flatnonzero(np.isfinite(points).all(axis=1))
+    for start in range(0, len(there), 1024):
+        some = there[start : start + 1024]
+        apart: Any = front[None] - points[some, None]
+        missed[some] = apart.max(axis=2).min(axis=1)
+    return missed

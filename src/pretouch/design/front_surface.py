@@ -1,0 +1,170 @@
+"""The front where more than the gain is free: found everywhere on a grid, then followed exactly.
+
+A grid over all that is free says where the front runs. From points spread along it, each search goes toward less of
+every quantity at once, as far as encounters reach; gaps are filled by searches that begin between neighbors. At last
+the front is put to the test by encounters that had no part in finding it; those that it misses are searched from, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray, IntArray
+
+from .domination import non_dominated, shortfall
+from .local_search import advance, descend
+from .trials import Trials
+
+__all__ = ["SurfaceFront", "find_front"]
+
+_GAINS: Final = 49
+_TESTS: Final = 11  # 2^11 encounters
+_ROUNDS: Final = 3
+_SPACING: Final = 0.03  # between neighbors of the front, of its extent; with three quantities, see _POINTS
+_GAP: Final = 2.5  # times that: what neither points nor searches between them have closed
+_POINTS: Final = {2: 40, 3: 90}
+_MISSED: Final = 2e-3  # of the extent: a test encounter that the front misses by more is searched from
+_PULL: Final = 1e-3  # of the other quantities, where one alone is minimized: of equally good encounters the better
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceFront:
+    """A front over several free parameters.
+
+    Args:
+        at: coordinates of its points, shape (n, size).
+        values: the quantities there, shape (n, k).
+        piece: the number of the piece that each point belongs to: between pieces no encounter was found.
+        scanned: coordinates of all encounters that were tried side by side, shape (m, size).
+        scanned_values: the quantities there, infinite where not feasible.
+        missed: the largest amount by which the front misses a test encounter, of its extent in every quantity.
+    """
+
+    at: FloatArray
+    values: FloatArray
+    piece: IntArray
+    scanned: FloatArray
+    scanned_values: FloatArray
+    missed: float
+
+
+def find_front(trials: Trials) -> SurfaceFront:
+    """Find the front of everything that is free.
+
+    Args:
+        trials: the encounters.
+
+    Returns:
+        The front; empty where nothing is feasible on the grid.
+    """
+    from scipy.stats import qmc  # noqa: PLC0415 - `import pretouch` stays quick
+
+    grid = trials.freedom.lattice(_GAINS)
+    grid_values = trials.values(grid)
+    best = np.flatnonzero(non_dominated(grid_values))
+    tests = qmc.Sobol(trials.freedom.size, scramble=True, seed=0).random_base2(_TESTS)
+    tests_values = trials.values(tests)
+    every = np.concatenate([grid, tests]), np.concatenate([grid_values, tests_values])
+    if not len(best):
+        return SurfaceFront(
+            at=grid[:0],
+            values=grid_values[:0],
+            piece=np.zeros(0, dtype=np.int64),
+            scanned=every[0],
+            scanned_values=every[1],
+            missed=np.inf,
+        )
+    extent = _extent(grid_values[best])
+    found = _Front(trials, extent)
+    for k in range(grid_values.shape[1]):
+        weights = np.full(grid_values.shape[1], _PULL) / extent
+        weights[k] = 1 / extent[k]
+        found.add(descend(trials, grid[best[np.argmin(grid_values[best] @ weights)]], weights))
+    for i in _spread(grid_values[best] / extent, _POINTS[grid_values.shape[1]]):
+        found.search(grid[best[i]], grid_values[best[i]])
+    found.fill()
+    for _ in range(_ROUNDS):
+        missed = shortfall(every[1] / extent, found.values / extent)
+        worst = np.argsort(-missed)[: 2 * trials.freedom.size]
+        worst = worst[missed[worst] > _MISSED]
+        for i in worst:
+            found.search(every[0][i], every[1][i])
+        if not len(worst):
+            break
+        found.fill()
+    missed = shortfall(every[1] / extent, found.values / extent)
+    return SurfaceFront(
+        at=found.at,
+        values=found.values,
+        piece=found.pieces(),
+        scanned=every[0],
+        scanned_values=every[1],
+        missed=float(max(missed.max(), 0.0)),
+    )
+
+
+class _Front:
+    """The points found so far; none dominates another."""
+
+    def __init__(self, trials: Trials, extent: FloatArray) -> None:
+        self.trials = trials
+        self.extent = extent
+        self.at = np.empty((0, trials.freedom.size))
+        self.values = np.empty((0, len(extent)))
+
+    def add(self, at: FloatArray | None) -> None:
+        """Take a point in; points that it dominates go."""
+        if at is None:
+            return
+        values = self.trials.values(at[None])
+        if not np.isfinite(values).all():
+            return
+        at_all, values_all = np.concatenate([self.at, at[None]]), np.concatenate([self.values, values])
+        best = np.flatnonzero(non_dominated(values_all))
+        best = best[np.argsort(values_all[best, 0], kind="stable")]
+        self.at, self.values = at_all[best], values_all[best]
+
+    def search(self, start: FloatArray, origin: FloatArray) -> None:
+        """Search from a start along the ray through a point of the plane; take the start itself where that fails."""
+        found = advance(self.trials, start, origin, self.extent)
+        self.add(start if found is None else found[0])
+
+    def fill(self) -> None:
+        """Search between neighbors that lie far apart; with three quantities points have no neighbors in a row."""
+        if self.values.shape[1] != 2:
+            return
+        for _ in range(_ROUNDS):
+            gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
+            wide = np.flatnonzero(gap > _SPACING)
+            pairs = [(0.5 * (self.at[i] + self.at[i + 1]), 0.5 * (self.values[i] + self.values[i + 1])) for i in wide]
+            for start, origin in pairs:
+                self.search(start, origin)
+            if not pairs:
+                return
+
+    def pieces(self) -> IntArray:
+        """Number the stretches of the front between which no search has found anything."""
+        if self.values.shape[1] != 2:
+            return np.zeros(len(self.values), dtype=np.int64)
+        gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
+        return np.concatenate([[0], np.cumsum(gap > _GAP * _SPACING)]).astype(np.int64)
+
+
+def _extent(values: FloatArray) -> FloatArray:
+    """Return the extent of a front in each quantity; where it has none, the quantity itself."""
+    extent = np.ptp(values, axis=0)
+    extent = np.where(extent > 0, extent, np.abs(values).max(axis=0))
+    return np.asarray(np.where(extent > 0, extent, 1.0))
+
+
+def _spread(points: FloatArray, count: int) -> list[int]:
+    """Choose points that lie far apart, each the farthest from those before; the first is the lowest of all."""
+    chosen = [int(points.sum(axis=1).argmin())]
+    apart = np.abs(points - points[chosen[0]]).max(axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(apart.argmax()))
+        apart = np.minimum(apart, np.abs(points - points[chosen[-1]]).max(axis=1))
+    return chosen

@@ -1,0 +1,305 @@
+"""The trade-off between contact quantities: every choice that no other choice beats in all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch.motion import ContactResult, Scenario
+from pretouch.sensors import SensorModel
+
+from .bound_comparison import compare_with_bound
+from .constraints import Constraint
+from .domination import shortfall
+from .freedom import make_freedom
+from .front import FrontPoint, FrontStatus, ParetoFront
+from .front_curve import trace_front
+from .front_surface import find_front
+from .impact import ImpactModel
+from .knee import find_knee
+from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
+from .problem import Evaluator
+from .quantities import QUANTITY_UNITS
+from .trials import Trials, magnitude
+
+__all__ = ["Chosen", "pareto_front"]
+
+_ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
+_FLAT: Final = 1e-12  # relative: a quantity that varies less along the front is the same everywhere
+
+
+class Chosen(Protocol):
+    """What can be marked as the user's choice: a design."""
+
+    @property
+    def gain(self) -> Any:
+        """D_p [N s]."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The encounter with its admittance."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """A front by coordinates, whichever way it was found."""
+
+    at: FloatArray
+    values: FloatArray
+    piece: IntArray
+    scanned: FloatArray
+    scanned_values: FloatArray
+    missed: float
+
+
+def pareto_front(
+    scenario: Scenario,
+    sensor: SensorModel,
+    quantities: Sequence[str] = ("displacement", "relative_velocity"),
+    *,
+    bounds: tuple[float, float],
+    natural_frequency: tuple[float, float] | None = None,
+    damping_ratio: tuple[float, float] | None = None,
+    constraints: Sequence[Constraint] = (),
+    impact: ImpactModel | None = None,
+    choice: float | Chosen | None = None,
+    method: str = "auto",
+    horizon: float = 600.0,
+    evaluate: Evaluator | None = None,
+) -> ParetoFront:
+    """Find the Pareto front of two or three contact quantities over the gain D_p, and the admittance where it is free.
+
+    A point of the front is a choice that no other one equals in every quantity and beats in one. Where only the gain is
+    free, the curve of all gains is scanned and the ends of the front are found to rounding; where the admittance is
+    free, too, the front is found on a grid and followed with SciPy's SLSQP. Beside each point stands what no controller
+    can beat (`PhysicalBound`).
+
+    Args:
+        scenario: one encounter; its virtual mass is kept.
+        sensor: the sensor curve.
+        quantities: two or three names of QUANTITY_UNITS; their magnitudes are minimized.
+        bounds: smallest and largest gain [N s]; mitigating gains are negative.
+        natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; the damping ratio is kept then.
+        damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) where it is free.
+        constraints: limits that the encounter must keep; those of acceleration and speed are taken for the limits of
+            the robot, of which the physical bound speaks.
+        impact: physical properties, for quantities and constraints that speak of forces.
+        choice: the user's own: a gain [N s] with the admittance of the scenario, or a design.
+        method: how encounters are solved, as in `find_contact`.
+        horizon: how long to wait for contact [s].
+        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and gains.
+
+    Returns:
+        The front; infeasible and no-contact are statuses of it, not errors.
+
+    Raises:
+        InvalidInputError: quantities are not known or not two or three different ones, or bounds are no interval.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import ExponentialFirstOrder
+        >>> front = pareto_front(
+        ...     Scenario(
+        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ...     ),
+        ...     ExponentialFirstOrder(scale=0.458, rate=-61.0),
+        ...     bounds=(-10.0, -0.01),
+        ...     choice=-0.8,
+        ... )
+        >>> round(front.knee.gain, 3), round(front.knee.values["relative_velocity"], 4)
+        (-0.865, 0.0944)
+        >>> abs(front.choice.behind) < 0.01
+        True
+    """
+    names = _quantities(quantities)
+    low, high = (finite(b, "bounds", "N*s") for b in bounds)
+    if not low < high:
+        raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
+    trials = Trials(
+        freedom=make_freedom(scenario, (low, high), natural_frequency, damping_ratio),
+        sensor=sensor,
+        measures=tuple(magnitude(name, impact) for name in names),
+        constraints=tuple(constraints),
+        impact=impact,
+        method=method,
+        horizon=horizon,
+        evaluator=evaluate,
+    )
+    found = _find(trials)
+    return _assemble(trials, names, found, choice)
+
+
+def _quantities(given: Sequence[str]) -> tuple[str, ...]:
+    names = (given,) if isinstance(given, str) else tuple(given)
+    for name in names:
+        if name not in QUANTITY_UNITS:
+            raise InvalidInputError(f"quantities: found {name!r}, expected some of {', '.join(QUANTITY_UNITS)}")
+    if len(names) not in {2, 3} or len(set(names)) < len(names):
+        raise InvalidInputError(f"quantities: found {', '.join(names) or 'none'}, expected two or three different ones")
+    return names
+
+
+def _find(trials: Trials) -> _Found:
+    """Find the front, as points that ascend in the first quantity."""
+    if trials.freedom.size > 1:
+        surface = find_front(trials)
+        return _Found(
+            at=surface.at,
+            values=surface.values,
+            piece=surface.piece,
+            scanned=surface.scanned,
+            scanned_values=surface.scanned_values,
+            missed=surface.missed,
+        )
+    curve = trace_front(lambda u: trials.values(u[:, None]))
+    order = np.argsort(curve.values[:, 0] if curve.values.shape[1] == 2 else curve.at, kind="stable")
+    extent = _extent(curve.values)
+    missed = shortfall(curve.scanned_values / extent, curve.values / extent).max() if len(order) else np.inf
+    return _Found(
+        at=curve.at[order][:, None],
+        values=curve.values[order],
+        piece=_numbered(curve.piece[order]),
+        scanned=curve.scanned[:, None],
+        scanned_values=curve.scanned_values,
+        missed=float(max(missed, 0.0)),
+    )
+
+
+def _numbered(piece: IntArray) -> IntArray:
+    """Number the stretches of points that follow each other on one piece."""
+    return np.asarray(np.concatenate([[0], np.cumsum(piece[1:] != piece[:-1])])[: len(piece)], dtype=np.int64)
+
+
+def _extent(values: FloatArray) -> FloatArray:
+    if not len(values):
+        return np.ones(values.shape[1])
+    extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
+    return np.asarray(np.where(extent > _FLAT * size, extent, np.where(size > 0, size, 1.0)))
+
+
+def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: float | Chosen | None) -> ParetoFront:
+    freedom = trials.freedom
+    maker = _Points(trials, names, found)
+    reached = np.isfinite(found.scanned_values).all(axis=1)
+    known = len(found.at) > 0
+    status = FrontStatus.FOUND if known else _why_empty(trials, found)
+    result = trials.run(found.at) if known else None
+    knee = find_knee(trials, found.at, found.values, found.scanned, found.scanned_values) if known else None
+    gain, (frequency, ratio) = freedom.gain(found.at), freedom.admittance(found.at)
+    return ParetoFront(
+        status=status,
+        quantities=names,
+        free=freedom.names,
+        gain=gain,
+        natural_frequency=frequency,
+        damping_ratio=ratio,
+        values=found.values,
+        piece=found.piece,
+        knee=None if knee is None else maker.point("knee", *maker.choice_at(knee[0]), depth=knee[1]),
+        choice=None if choice is None else maker.chosen(choice),
+        ends=maker.ends(found.at),
+        comparison=None if result is None else compare_with_bound(trials, freedom.encounters(found.at), gain, result),
+        bound=_bound(trials),
+        no_bound=_why_no_bound(trials),
+        scanned=found.scanned_values[reached],
+        tried=len(found.scanned) + len(found.at),
+        missed=found.missed,
+        bounds=freedom.axis.ends,
+        natural_frequency_bounds=freedom.natural_frequency,
+        damping_ratio_bounds=freedom.damping_ratio,
+        constraints=trials.constraints,
+        scenario=freedom.scenario,
+        sensor=trials.sensor,
+        impact=trials.impact,
+        result=result,
+    )
+
+
+def _why_empty(trials: Trials, found: _Found) -> FrontStatus:
+    _, reached = trials.rows(found.scanned)
+    return FrontStatus.INFEASIBLE if reached.any() else FrontStatus.NO_CONTACT
+
+
+def _why_no_bound(trials: Trials) -> str:
+    if trials.method == "uniform-motion" or trials.evaluator is not None:
+        return "the motion is not that of L(1) from rest, of which the bound speaks"
+    return why_no_bound(trials.freedom.scenario)
+
+
+def _bound(trials: Trials) -> PhysicalBound | None:
+    """Return the bound of a robot with the limits that were given."""
+    limits = {c.name: c.limit for c in trials.constraints}
+    if _why_no_bound(trials) or "acceleration" not in limits:
+        return None
+    return find_physical_bound(
+        trials.freedom.scenario,
+        acceleration_limit=limits["acceleration"],
+        speed_limit=limits.get("speed", np.inf),
+    )
+
+
+class _Points:
+    """Makes points of the plane: solves single encounters and places them beside the front."""
+
+    def __init__(self, trials: Trials, names: tuple[str, ...], found: _Found) -> None:
+        self.trials, self.names, self.front = trials, names, found.values
+        self.extent = _extent(found.values)
+
+    def choice_at(self, at: FloatArray) -> tuple[Scenario, float]:
+        """Return the encounter and the gain at coordinates."""
+        freedom = self.trials.freedom
+        scenario = freedom.scenario
+        if freedom.size > 1:
+            every = freedom.encounters(at[None]).admittance
+            one = {f.name: float(np.reshape(getattr(every, f.name), -1)[0]) for f in dataclasses.fields(every)}
+            scenario = dataclasses.replace(scenario, admittance=dataclasses.replace(every, **one))
+        return scenario, float(freedom.gain(at[None])[0])
+
+    def ends(self, at: FloatArray) -> tuple[FrontPoint, ...]:
+        """Return the points of the front at which each quantity is least."""
+        if not len(at):
+            return ()
+        least = [self.choice_at(at[i]) for i in np.argmin(self.front, axis=0)]
+        points = [self.point(f"least {name}", *one) for name, one in zip(self.names, least, strict=True)]
+        return tuple(p for p in points if p is not None)
+
+    def chosen(self, choice: float | Chosen) -> FrontPoint | None:
+        """Return the user's choice; None where that is a design without a gain or an encounter without contact."""
+        if isinstance(choice, (int, float)):
+            return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", "N*s")))
+        if choice.gain is None:
+            return None
+        if np.ndim(choice.gain):
+            raise InvalidInputError("choice: found an array of designs, expected one; choose it with .at(index)")
+        scenario = dataclasses.replace(self.trials.freedom.scenario, admittance=choice.scenario.admittance)
+        return self.point("choice", scenario, float(choice.gain))
+
+    def point(self, name: str, scenario: Scenario, gain: float, depth: float | None = None) -> FrontPoint | None:
+        """Solve an encounter and place it; None where it does not end in contact."""
+        trials = self.trials
+        result: ContactResult = trials.solve(scenario, gain)
+        if not result.reached.all():
+            return None
+        rows = trials.rows_of(result).reshape(1, -1)
+        values = rows[0, : len(self.names)]
+        behind = -shortfall(values[None] / self.extent, self.front / self.extent)[0] if len(self.front) else np.nan
+        admittance = scenario.admittance
+        return FrontPoint(
+            name=name,
+            gain=gain,
+            natural_frequency=float(admittance.natural_frequency),
+            damping_ratio=float(admittance.damping_ratio) if admittance.stiffness > 0 else float("nan"),
+            values={n: float(v) for n, v in zip(self.names, values, strict=True)},
+            behind=float(behind),
+            feasible=bool((rows[0, len(self.names) :] <= 1 + _ROUNDING).all()),
+            depth=depth,
+            bound=compare_with_bound(trials, scenario, np.asarray(gain), result),
+            result=result,
+        )

@@ -1,0 +1,214 @@
+"""What no controller can beat: the least excursion with which a robot of limited acceleration softens a contact.
+
+An obstacle at distance l0 arrives at v + a t; the robot rests, may accelerate by at most A, and gives way (it does not
+first move toward the obstacle). Say that contact is made after an excursion d, with contact speed w.
+
+    1. The obstacle is at -d when its own speed is |v_T| = sqrt(v^2 - 2 a (l0 + d)), whatever the robot does.
+    2. From its last moment at rest, the robot gains s^2 / 2 = -int x'' dx <= A d, so its speed is s <= sqrt(2 A d).
+    3. w = |v_T| - s; and the robot was there in time, which takes at least sqrt(2 d / A).
+
+So w >= |v_T(d)| - sqrt(2 A d), which falls with d. Resting first and retreating by A from the right moment attains it:
+it is the best motion. With y = sqrt(2 d), the least excursion for a contact speed w solves
+
+    (A + a) y^2 + 2 w sqrt(A) y + w^2 - (v^2 - 2 a l0) = 0,
+
+which for a = 0 is d = (|v| - w)^2 / (2 A). Retreating by A from the start gives the least contact speed of all,
+w^2 = v^2 - 2 (A + a) l0, or zero. docs/trade-offs.md has the whole derivation, also with a largest speed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite, nonnegative, positive
+from pretouch.motion import Scenario
+
+__all__ = ["PhysicalBound", "find_physical_bound"]
+
+_ROUNDING: Final = 1e-9  # relative, by which a time may be short
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhysicalBound:
+    """The least excursion and the least contact speed of any robot, whatever its controller.
+
+    The robot is at rest at its reference when the object is detected, knows distance and speed of the object from that
+    moment, gives way without first moving toward it, and accelerates without delay up to its limit.
+
+    Args:
+        distance: l0 > 0 at detection [m].
+        velocity: of the obstacle at that moment [m/s], negative.
+        acceleration: of the obstacle, constant [m/s^2].
+        acceleration_limit: A > 0, the largest acceleration of the robot [m/s^2]; a number or an array.
+        speed_limit: its largest speed > 0 [m/s]; infinite for none.
+
+    Examples:
+        >>> bound = PhysicalBound(distance=0.0422, velocity=-0.3, acceleration_limit=2.0)
+        >>> bound.least_contact_speed
+        0.0
+        >>> round(bound.excursion(0.0), 6), round(bound.excursion(0.1), 6)
+        (0.0225, 0.01)
+    """
+
+    distance: float
+    velocity: float
+    acceleration: float = 0.0
+    acceleration_limit: Any
+    speed_limit: float = math.inf
+
+    def __post_init__(self) -> None:
+        positive(self.distance, "distance", "m")
+        if not finite(self.velocity, "velocity", "m/s") < 0:
+            raise InvalidInputError(
+                f"velocity: found {self.velocity:g} m/s, which must be negative: the obstacle approaches"
+            )
+        finite(self.acceleration, "acceleration", "m/s^2")
+        object.__setattr__(self, "acceleration_limit", positive(self.acceleration_limit, "acceleration_limit", "m/s^2"))
+        if not (self.speed_limit > 0):
+            raise InvalidInputError(f"speed_limit: found {self.speed_limit:g} m/s, which must be positive")
+
+    @property
+    def least_contact_speed(self) -> Any:
+        """The least contact speed that can be reached from the detection distance [m/s], of the shape of the limit."""
+        a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
+        free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
+        if math.isinf(self.speed_limit):
+            return _plain(free)
+        top = self.speed_limit
+        time = top / limit  # until the robot is at its largest speed
+        distance = room + v * time + (a + limit) * time**2 / 2
+        approach = v + a * time + top
+        early = _arrival(room, v, a + limit) <= time  # contact before that
+        if a <= 0:
+            late = np.maximum(np.sqrt(v**2 - 2 * a * (room + top**2 / (2 * limit))) - top, 0.0)
+        else:
+            late = np.where(approach < 0, np.sqrt(np.maximum(approach**2 - 2 * a * distance, 0.0)), 0.0)
+        return _plain(np.where(early, free, late))
+
+    def excursion(self, contact_speed: ArrayLike) -> Any:
+        """Return the least excursion with which a contact speed is reached.
+
+        Args:
+            contact_speed: w = |l'| at contact >= 0 [m/s], broadcast with the acceleration limit.
+
+        Returns:
+            The excursion [m]: 0 where nothing needs to be done, NaN where no robot of this limit comes to that speed.
+        """
+        w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
+        limit, a = np.asarray(self.acceleration_limit), self.acceleration
+        arrival = self.velocity**2 - 2 * a * self.distance  # square of the obstacle's speed where the robot rests
+        with np.errstate(invalid="ignore", divide="ignore"):
+            root = np.sqrt(w**2 * limit + (limit + a) * (arrival - w**2))
+            y = (arrival - w**2) / (w * np.sqrt(limit) + root)
+            needed = np.where(arrival <= w**2, 0.0, y**2 / 2)
+            if math.isfinite(self.speed_limit):
+                needed = np.where(np.sqrt(2 * limit * needed) > self.speed_limit, self._slow(w), needed)
+            known = self._duration(needed) <= self._time(needed) * (1 + _ROUNDING)
+        return _plain(np.where(known, needed, np.nan))
+
+    def time(self, contact_speed: ArrayLike) -> Any:
+        """Return the least time of contact at a contact speed: that of the least excursion.
+
+        Args:
+            contact_speed: w = |l'| at contact >= 0 [m/s].
+
+        Returns:
+            The time [s]; NaN where no robot of this limit comes to that speed.
+        """
+        return _plain(self._time(np.asarray(self.excursion(contact_speed))))
+
+    def least_acceleration(self, contact_speed: ArrayLike) -> Any:
+        """Return the least acceleration with which any robot comes to a contact speed from the detection distance.
+
+        Args:
+            contact_speed: w = |l'| at contact >= 0 [m/s].
+
+        Returns:
+            (v^2 - w^2) / (2 l0) - a [m/s^2], or 0 where the obstacle arrives no faster; whatever the excursion.
+        """
+        w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
+        return _plain(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
+
+    def _slow(self, w: FloatArray) -> FloatArray:
+        """Return the excursion at which an obstacle that brakes has come down to w above the largest speed."""
+        if self.acceleration <= 0:
+            return np.full(np.shape(w), np.nan)
+        return np.asarray((self.velocity**2 - (w + self.speed_limit) ** 2) / (2 * self.acceleration) - self.distance)
+
+    def _time(self, excursion: FloatArray) -> FloatArray:
+        """Return when the obstacle is so far behind the robot's place of rest."""
+        return _arrival(self.distance + excursion, self.velocity, self.acceleration)
+
+    def _duration(self, excursion: FloatArray) -> FloatArray:
+        """Return the least time that the robot takes to be that far back."""
+        limit, top = np.asarray(self.acceleration_limit), self.speed_limit
+        short = np.sqrt(2 * excursion / limit)
+        if math.isinf(top):
+            return np.asarray(short)
+        return np.asarray(np.where(short * limit <= top, short, top / limit + (excursion - top**2 / 2 / limit) / top))
+
+
+def find_physical_bound(
+    scenario: Scenario, *, acceleration_limit: ArrayLike, speed_limit: float = math.inf
+) -> PhysicalBound:
+    """Find what no controller can beat in an encounter, from detection distance and motion of the obstacle.
+
+    Args:
+        scenario: one encounter, with the plant at rest at its reference; the admittance is of no consequence.
+        acceleration_limit: the largest acceleration of the robot > 0 [m/s^2]; a number or an array.
+        speed_limit: its largest speed > 0 [m/s].
+
+    Returns:
+        The bound.
+
+    Raises:
+        InvalidInputError: the plant does not rest at its reference, or the obstacle does not approach.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ... )
+        >>> round(find_physical_bound(scenario, acceleration_limit=1.0).least_contact_speed, 4)
+        0.0748
+    """
+    reason = why_no_bound(scenario)
+    if reason:
+        raise InvalidInputError(f"scenario: {reason}")
+    return PhysicalBound(
+        distance=float(scenario.distance),
+        velocity=float(scenario.obstacle.velocity),
+        acceleration=float(scenario.obstacle.acceleration),
+        acceleration_limit=acceleration_limit,
+        speed_limit=speed_limit,
+    )
+
+
+def why_no_bound(scenario: Scenario) -> str:
+    """Say why the bound does not speak of an encounter; the empty text where it does."""
+    moving = (scenario.plant.velocity, scenario.reference.velocity, scenario.reference.acceleration)
+    if any(np.ndim(v) for v in (scenario.distance, scenario.relative_velocity, scenario.obstacle.acceleration)):
+        return "found an array of encounters, expected one"
+    if any(np.any(np.asarray(v) != 0) for v in moving) or scenario.plant.position != scenario.reference.position:
+        return "found a plant that does not rest at its reference, of which the bound speaks"
+    if not scenario.obstacle.velocity < 0:
+        return "found an obstacle that does not approach, expected a negative velocity"
+    return ""
+
+
+def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
+    """Return when distance + velocity t + acceleration t^2 / 2 is first 0, infinite for never; velocity < 0."""
+    square = np.asarray(velocity**2 - 2 * acceleration * distance)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(square >= 0, 2 * distance / (np.sqrt(np.maximum(square, 0)) - velocity), np.inf))
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else value

@@ -1,0 +1,211 @@
+"""Encounters over all that is free, as rows of numbers: what is minimized, what is limited, and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import ContactResult, Scenario, find_contact
+from pretouch.sensors import SensorModel
+
+from .constraints import Constraint
+from .freedom import Freedom
+from .impact import ImpactModel
+from .objectives import Objective
+from .problem import Evaluator
+from .quantities import quantity_of
+
+__all__ = ["HELD", "Measure", "Trials", "magnitude", "merit"]
+
+HELD: Final = 1 - 1e-11  # of a limit: so that the encounter that is chosen, solved again, holds it, too
+_STEP: Final = 2e-4  # of a coordinate in [0, 1]: differences of order 4 are then as good as the contacts
+_NODES: Final = np.arange(-2.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """A number of an encounter that is minimized.
+
+    Args:
+        value: the number, from a result.
+        parts: the quantities that it is made of, with the derivative of the number by each, from a result; None where
+            it is known as a whole only.
+    """
+
+    value: Callable[[ContactResult], Any]
+    parts: Callable[[ContactResult], list[tuple[str, Any]]] | None
+
+
+def magnitude(quantity: str, impact: ImpactModel | None) -> Measure:
+    """Make the measure |quantity|."""
+
+    def parts(result: ContactResult) -> list[tuple[str, Any]]:
+        if quantity == "impact_force":
+            return [("relative_velocity", _impact_slope(impact, result))]
+        return [(quantity, np.sign(quantity_of(quantity, result.end, impact)))]
+
+    return Measure(value=lambda result: np.abs(quantity_of(quantity, result.end, impact)), parts=parts)
+
+
+def merit(objective: Objective, obstacle_speed: float, impact: ImpactModel | None) -> Measure:
+    """Make the measure that an objective is."""
+
+    def parts(result: ContactResult) -> list[tuple[str, Any]]:
+        found = []
+        for term in objective.terms:
+            scale = term.scale_for(obstacle_speed)
+            slope = 2 * term.weight * quantity_of(term.quantity, result.end, impact) / scale**2
+            if term.quantity == "impact_force":
+                found.append(("relative_velocity", slope * _impact_slope(impact, result)))
+            else:
+                found.append((term.quantity, slope))
+        return found
+
+    return Measure(
+        value=lambda result: objective.value(result.end, obstacle_speed, impact),
+        parts=parts if type(objective) is Objective else None,  # a class of the user's may compute anything
+    )
+
+
+def _impact_slope(impact: ImpactModel | None, result: ContactResult) -> Any:
+    """Differentiate the peak force by l'."""
+    if impact is None:
+        raise ResultUnavailableError("impact_force: needs the physical properties of robot and obstacle")
+    return impact.peak_force_slope(result.end.relative_velocity)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trials:
+    """Everything that a search asks of encounters.
+
+    Args:
+        freedom: what is free.
+        sensor: the sensor curve.
+        measures: what is minimized.
+        constraints: the limits.
+        impact: the physical properties, where given.
+        method: how encounters are solved.
+        horizon: how long to wait for contact [s].
+        evaluator: solves encounters in the place of `find_contact`, where given.
+    """
+
+    freedom: Freedom
+    sensor: SensorModel
+    measures: tuple[Measure, ...]
+    constraints: tuple[Constraint, ...]
+    impact: ImpactModel | None
+    method: str
+    horizon: float
+    evaluator: Evaluator | None
+
+    def run(self, at: FloatArray) -> ContactResult:
+        """Solve the encounters at coordinates, shape (n, size)."""
+        return self.solve(self.freedom.encounters(at), self.freedom.gain(at))
+
+    def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
+        """Solve any encounters."""
+        if self.evaluator is not None:
+            return self.evaluator(scenario, self.sensor, gain)
+        return find_contact(scenario, self.sensor, gain, method=self.method, horizon=self.horizon)
+
+    def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return measures, then |quantity| / limit of every constraint.
+
+        Args:
+            at: coordinates, shape (n, size).
+
+        Returns:
+            Shape (n, measures + constraints), infinite where there is no contact; and where there is.
+        """
+        result = self.run(at)
+        reached = np.asarray(result.reached)
+        every = self.rows_of(result)
+        return np.where(reached[:, None], np.reshape(every, (len(at), -1)), np.inf), reached
+
+    def feasible(self, rows: FloatArray) -> BoolArray:
+        """Tell where there is contact and every limit holds."""
+        ratios = rows[:, len(self.measures) :]
+        return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
+
+    def values(self, at: FloatArray) -> FloatArray:
+        """Return the measures, infinite where the point is not feasible, shape (n, measures)."""
+        rows, _ = self.rows(at)
+        return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
+
+    def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the rows at one point and their derivatives by its coordinates.
+
+        Derivatives are exact where the result has gradients of all that a row is made of, otherwise differences of
+        order 4 that stay within the bounds.
+
+        Args:
+            at: one point, shape (size,).
+
+        Returns:
+            Shape (rows,) and (rows, size); infinite and zero where there is no contact.
+        """
+        result = self.run(at[None])
+        if not np.asarray(result.reached).all():
+            count = len(self.measures) + len(self.constraints)
+            return np.full(count, np.inf), np.zeros((count, len(at)))
+        rows = np.reshape(self.rows_of(result), -1)
+        slopes = self._exact(result, at)
+        rough = np.isnan(slopes).any(axis=1)
+        if rough.any():
+            slopes[rough] = self._differences(at)[rough]
+        return rows, slopes
+
+    def rows_of(self, result: ContactResult) -> FloatArray:
+        """Return the rows of a result, its runs along the first axis."""
+        columns = [m.value(result) for m in self.measures]
+        columns += [c.magnitude(result.end, self.impact) / c.limit for c in self.constraints]
+        return np.stack([np.asarray(c, dtype=np.float64) for c in columns], axis=-1)
+
+    def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
+        """Return exact derivatives, NaN where there are none."""
+        limited = [(magnitude(c.quantity, self.impact), c.limit) for c in self.constraints]
+        every = [*((m, 1.0) for m in self.measures), *limited]
+        found = np.full((len(every), len(at)), np.nan)
+        try:
+            gradients = result.gradients if self.evaluator is None else None
+        except ResultUnavailableError:
+            gradients = None
+        if gradients is None:
+            return found
+        known, chain = set(gradients.quantities), self.freedom.chain(at)
+        for i, (measure, scale) in enumerate(every):
+            parts = None if measure.parts is None else measure.parts(result)
+            if parts is None or any(name not in known for name, _ in parts):
+                continue
+            for j, inputs in enumerate(chain):
+                total = sum(
+                    np.asarray(weight) * rate * np.asarray(gradients.of(name, by))
+                    for name, weight in parts
+                    for by, rate in inputs
+                )
+                found[i, j] = float(np.reshape(total, -1)[0]) / scale
+        return found
+
+    def _differences(self, at: FloatArray) -> FloatArray:
+        """Return derivatives by differences of order 4, one-sided beside a bound."""
+        size = len(at)
+        shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # of the middle node, in steps
+        offsets = _STEP * (_NODES + shift[:, None])
+        points = np.repeat(at[None], 5 * size, axis=0).reshape(size, 5, size)
+        for j in range(size):
+            points[j, :, j] = np.clip(points[j, :, j] + offsets[j], 0.0, 1.0)
+        rows, _ = self.rows(points.reshape(-1, size))
+        samples = rows.reshape(size, 5, -1)
+        found = np.zeros((samples.shape[2], size))
+        for j in range(size):
+            powers = np.vander((points[j, :, j] - at[j]) / _STEP, 5, increasing=True).T
+            weights = np.linalg.solve(powers, np.array([0.0, 1.0, 0.0, 0.0, 0.0])) / _STEP
+            with np.errstate(invalid="ignore"):
+                slope = weights @ samples[j]
+            found[:, j] = np.where(np.isfinite(slope), slope, 0.0)  # beside an edge of contact
+        return found

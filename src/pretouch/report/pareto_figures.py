@@ -1,0 +1,283 @@
+"""The pictures of a trade-off: the front, what is chosen along it, and its distance from what is possible."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray
+from pretouch.design.admittance_result import AdmittanceDesign
+from pretouch.design.domination import shortfall
+from pretouch.design.front import FrontPoint, ParetoFront
+from pretouch.design.quantities import QUANTITY_UNITS
+
+from .panels import Curve, Mark, Panel, panel_figure
+from .style import Scale, scale_for
+from .wording import quantity_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["admittance_figure", "pareto_figure"]
+
+_WIDE: Final = 30.0  # ratio from which an axis is logarithmic
+_WORSE: Final = 2e-3  # of the extent of the front, in every quantity at once
+_BEHIND: Final = 400  # points that are shown of those that were tried
+_CHOSEN: Final = {
+    "natural_frequency": ("natural frequency", "rad/s"),
+    "damping_ratio": ("damping ratio", ""),
+}
+
+
+def pareto_figure(front: ParetoFront) -> Figure:
+    """Draw a Pareto front, what is chosen along it, and how far it is from the physical bound.
+
+    Args:
+        front: a front that was found.
+
+    Returns:
+        The plane of each pair of quantities, with knee and choice; the gain, and the admittance where it is free,
+        along the front; and the excursion over the contact speed beside the least that any robot would need with the
+        same largest acceleration.
+
+    Raises:
+        InvalidInputError: the front is empty.
+    """
+    if not len(front.gain):
+        raise InvalidInputError(f"front: found one that is {front.status.value}, expected one with points to draw")
+    pairs = list(combinations(range(len(front.quantities)), 2))
+    panels = [_plane(front, *pair) for pair in pairs]
+    if front.comparison is not None and np.isfinite(front.comparison.least_excursion).any():
+        panels.append(_bound(front))
+    panels += _parameters(front)
+    return panel_figure(*panels, columns=2)
+
+
+def admittance_figure(design: AdmittanceDesign) -> Figure:
+    """Draw the best objective over the admittance, as `design_admittance` found it on its grid.
+
+    Args:
+        design: a design of gain and admittance, for which some admittance will do.
+
+    Returns:
+        One panel: over the natural frequency for some damping ratios, or over what is free.
+
+    Raises:
+        InvalidInputError: no admittance of the grid will do.
+    """
+    m = design.map
+    if not np.isfinite(m.objective).any():
+        raise InvalidInputError("design: found no admittance that will do, expected some to draw")
+    value = np.where(np.isfinite(m.objective), m.objective, np.nan)
+    only_ratio = design.natural_frequency_bounds is None
+    across = m.damping_ratio if only_ratio else m.natural_frequency
+    if value.ndim == 1:
+        curves = [Curve(x=across, y=value, label="best gain", kind="both")]
+    else:
+        shown = np.unique(np.linspace(0, value.shape[1] - 1, 5).round().astype(int))
+        curves = [
+            Curve(x=across[:, j], y=value[:, j], label=f"damping ratio {m.damping_ratio[0, j]:.3g}")
+            for j in shown
+            if np.isfinite(value[:, j]).any()
+        ]
+    marks = []
+    best, before = design.certificate, design.as_it_is
+    if best is not None:
+        at = best.local_minima[0]
+        x = at.damping_ratio if only_ratio else at.natural_frequency
+        marks.append(Mark(x=x, y=at.objective, label="chosen"))
+    own = before.scenario.admittance
+    low, high = float(across.min()), float(across.max())
+    x = _own(own, only_ratio)
+    if before.objective is not None and low <= x <= high:
+        marks.append(Mark(x=x, y=float(before.objective), label="as it is", shape="square"))
+    name, unit = _CHOSEN["damping_ratio" if only_ratio else "natural_frequency"]
+    known = value[np.isfinite(value)]
+    panel = Panel(
+        x_label=f"{name} [{unit or '1'}]",
+        y_label="best objective over the gains f [1]",
+        curves=curves,
+        marks=marks,
+        x_log=_is_wide(across),
+        y_log=bool(known.min() > 0 and known.max() > _WIDE * known.min()),
+    )
+    return panel_figure(panel)
+
+
+def _own(admittance: Any, only_ratio: bool) -> float:
+    if not only_ratio:
+        return float(admittance.natural_frequency)
+    return float(admittance.damping_ratio) if admittance.stiffness > 0 else float("nan")
+
+
+def _plane(front: ParetoFront, i: int, k: int) -> Panel:
+    """Draw the front over two of its quantities, before what was tried and is worse."""
+    names = front.quantities[i], front.quantities[k]
+    across, up = (_scale(name, _seen(front, name)) for name in names)
+    x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
+    curves = []
+    behind = _behind(front, i, k)
+    if len(behind):
+        curves.append(
+            Curve(
+                x=behind[:, 0] / across.factor,
+                y=behind[:, 1] / up.factor,
+                label="tried and worse",
+                kind="points",
+                quiet=True,
+            )
+        )
+    if _is_curve(front):
+        curves.append(Curve(x=_broken(front, x), y=_broken(front, y), label="Pareto front", style=0))
+    else:
+        curves.append(Curve(x=x, y=y, label="Pareto front", kind="points", style=0))
+    return Panel(
+        x_label=f"{quantity_label(names[0])} [{across.unit}]",
+        y_label=f"{quantity_label(names[1])} [{up.unit}]",
+        title="What can be traded",
+        curves=curves,
+        marks=[
+            _mark(point, point.values[names[0]] / across.factor, point.values[names[1]] / up.factor)
+            for point in _marked(front)
+        ],
+        x_log=_is_wide(x) and len(front.quantities) == 3,
+        y_log=_is_wide(y) and len(front.quantities) == 3,
+    )
+
+
+def _bound(front: ParetoFront) -> Panel:
+    """Draw the excursion over the contact speed beside what the best motions need."""
+    c = front.comparison
+    if c is None or front.result is None:
+        raise InvalidInputError("front: found one without a physical bound")
+    speed = np.abs(front.result.end.relative_velocity)
+    up, across = scale_for("m", float(np.max(c.excursion))), scale_for("m/s", float(speed.max()))
+    order = np.argsort(speed, kind="stable")
+    x = speed[order] / across.factor
+    kind: Any = "line" if _is_curve(front) else "points"
+    curves = [
+        Curve(x=x, y=_positive(c.excursion[order] / up.factor), label="this controller", style=0, kind=kind),
+        Curve(
+            x=x,
+            y=_positive(c.least_excursion[order] / up.factor),
+            label="any robot, same acceleration",
+            style=1,
+            kind=kind,
+        ),
+    ]
+    if front.bound is not None:
+        w = np.linspace(float(front.bound.least_contact_speed), float(speed.max()), 60)
+        limit = f"any robot, {front.bound.acceleration_limit:g} m/s\u00b2"
+        curves.append(
+            Curve(
+                x=w / across.factor,
+                y=_positive(np.asarray(front.bound.excursion(w)) / up.factor),
+                label=limit,
+                style=2,
+            )
+        )
+    marks = [
+        _mark(p, abs(float(p.result.end.relative_velocity)) / across.factor, float(p.bound.excursion) / up.factor)
+        for p in _marked(front)
+        if p.bound is not None and p.bound.excursion > 0
+    ]
+    return Panel(
+        x_label=f"relative speed at contact [{across.unit}]",
+        y_label=f"excursion at contact [{up.unit}]",
+        title="What no controller can beat",
+        curves=curves,
+        marks=marks,
+        y_log=True,
+    )
+
+
+def _parameters(front: ParetoFront) -> Iterator[Panel]:
+    """Draw what is chosen along the front."""
+    name = front.quantities[0]
+    scale = _scale(name, front.of(name))
+    x = front.of(name) / scale.factor
+    order = np.argsort(x, kind="stable")
+    plain = _is_curve(front)
+    sign = -1.0 if front.bounds[1] <= 0 else 1.0
+    minus = "\u2212" if sign < 0 else ""
+    rows: list[tuple[str, str, FloatArray]] = [(f"gain {minus}D\u209a", "N s", sign * front.gain)]
+    rows += [(*_CHOSEN[n], getattr(front, n)) for n in front.free[1:]]
+    for label, unit, values in rows:
+        shown = _broken(front, values) if plain else values[order]
+        points = [p for p in _marked(front) if p.feasible]
+        attribute = {"natural frequency": "natural_frequency", "damping ratio": "damping_ratio"}.get(label, "gain")
+        yield Panel(
+            x_label=f"{quantity_label(name)} [{scale.unit}]",
+            y_label=f"{label} [{unit or '1'}]",
+            title="What is chosen along the front",
+            curves=[
+                Curve(
+                    x=_broken(front, x) if plain else x[order],
+                    y=shown,
+                    kind="line" if plain else "points",
+                    style=0,
+                )
+            ],
+            marks=[
+                _mark(
+                    p,
+                    p.values[name] / scale.factor,
+                    getattr(p, attribute) * (sign if attribute == "gain" else 1.0),
+                )
+                for p in points
+                if np.isfinite(getattr(p, attribute))
+            ],
+            y_log=_is_wide(values),
+            x_log=_is_wide(x) and len(front.quantities) == 3,
+        )
+
+
+def _marked(front: ParetoFront) -> list[FrontPoint]:
+    return [p for p in (front.knee, front.choice) if p is not None]
+
+
+def _mark(point: FrontPoint, x: float, y: float) -> Mark:
+    return Mark(x=x, y=y, label=point.name, shape="dot" if point.name == "knee" else "square")
+
+
+def _seen(front: ParetoFront, name: str) -> FloatArray:
+    every = [front.of(name), np.array([p.values[name] for p in _marked(front)])]
+    return np.concatenate(every)
+
+
+def _scale(name: str, values: FloatArray) -> Scale:
+    return scale_for(QUANTITY_UNITS[name], float(np.abs(values).max()))
+
+
+def _is_curve(front: ParetoFront) -> bool:
+    """Tell whether the front is a curve, whose points follow each other."""
+    return len(front.quantities) == 2 or front.free == ("gain",)
+
+
+def _behind(front: ParetoFront, i: int, k: int) -> FloatArray:
+    """Return some of the encounters that were tried and are plainly worse, within the extent of what is drawn."""
+    extent = np.ptp(front.values, axis=0)
+    extent = np.where(extent > 0, extent, 1.0)
+    limits = [float(_seen(front, front.quantities[j]).max()) for j in (i, k)]
+    points = front.scanned[(front.scanned[:, [i, k]] <= limits).all(axis=1)]
+    points = points[shortfall(points / extent, front.values / extent) < -_WORSE]
+    return np.asarray(points[:: max(1, len(points) // _BEHIND)][:, [i, k]])
+
+
+def _broken(front: ParetoFront, values: FloatArray) -> FloatArray:
+    """Put NaN between the pieces of the front, so that no line joins them."""
+    return np.insert(values, np.flatnonzero(np.diff(front.piece)) + 1, np.nan)
+
+
+def _positive(values: Any) -> FloatArray:
+    found = np.asarray(values, dtype=np.float64)
+    return np.where(found > 0, found, np.nan)
+
+
+def _is_wide(values: FloatArray) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(len(known) and known.min() > 0 and known.max() > _WIDE * known.min())

@@ -1,0 +1,238 @@
+"""The page on trade-offs does what it shows, and the command, its reports and figures keep what all of them promise."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_text import SCENARIO, command, lay_out, strict
+
+import pretouch as pt
+from figure_checks import assert_legible, visible_texts
+from page_checks import EVIL, assert_sound, parse
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.files import is_own_unchanged
+from pretouch.report import design_report_html, pareto_report_html
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "trade-offs.md").read_text(encoding="utf-8")
+FREE = {"natural_frequency": (3.0, 10.0), "damping_ratio": (0.7, 1.5)}
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    lay_out(tmp_path, monkeypatch)
+    return command(monkeypatch, capsys)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return pt.load_scenario(ROOT / "examples" / "approach.toml")
+
+
+def front_of(problem, quantities=("displacement", "relative_velocity"), **more):
+    return pt.pareto_front(problem.scenario, problem.sensor, quantities, bounds=problem.bounds, **more)
+
+
+# --- the page
+
+
+def test_the_session_prints_what_the_page_shows():
+    (session,) = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+    asked, _, expected = session.partition("\n")
+    assert asked == "$ pretouch pareto examples/tradeoff.toml --no-report"
+    done = subprocess.run(
+        [sys.executable, "-m", "pretouch", *asked.split()[2:]], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    assert doctest.OutputChecker().check_output(expected, done.stdout, flags), done.stdout
+
+
+def test_the_python_of_the_page_runs(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert len(blocks) == 2
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    runner.run(doctest.DocTestParser().get_doctest("\n".join(blocks), {}, "trade-offs.md", "trade-offs.md", 0))
+    assert runner.summarize().failed == 0
+
+
+def test_the_numbers_in_the_text_of_the_page_hold(problem):
+    """35 times in the letter's case; two thirds of the way in the example."""
+    design = problem.design()
+    assert "takes 35 times the least excursion" in PAGE
+    assert round(front_of(problem, choice=design).choice.bound.ratio) == 35
+    example = pt.load_scenario(ROOT / "examples" / "tradeoff.toml")
+    front = example.trade_off()
+    least = front.of("displacement")[front.meets(relative_velocity=front.choice.values["relative_velocity"])].min()
+    assert least / front.choice.values["displacement"] == pytest.approx(2 / 3, abs=0.03)
+
+
+# --- the command
+
+
+def test_pareto_prints_the_knee_and_where_the_report_is(run):
+    code, out, err = run("pareto", "approach.toml")
+    assert (code, err) == (0, "")
+    assert out.startswith("The knee of displacement and relative velocity lies at D_p = ")
+    assert "physical bound, knee" in out
+    assert out.splitlines()[-1] == "Report with figures: approach-pareto.html"
+    assert is_own_unchanged("approach-pareto.html")
+
+
+def test_pareto_as_json_is_one_object(run, tmp_path):
+    before = sorted(p.name for p in tmp_path.iterdir())
+    code, out, err = run("pareto", "approach.toml", "--json")
+    assert (code, err) == (0, "")
+    told = strict(out)
+    assert told["status"] == "found"
+    assert {"quantities", "free", "front", "knee", "choice", "ends", "physical_bound", "missed"} <= set(told)
+    assert {"gain", "displacement", "relative_velocity", "least_excursion"} <= set(told["front"])
+    assert told["choice"]["gain"] == pytest.approx(-0.8081, abs=1e-4)  # that of `pretouch design`
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+    assert run("pareto", "approach.toml", "--json", "--output", "mine.html")[0] == 0
+    assert is_own_unchanged("mine.html")
+
+
+def test_the_file_says_what_is_traded_and_chosen(run):
+    Path("other.toml").write_text(
+        SCENARIO + '[pareto]\nquantities = ["time", "relative_velocity", "virtual_force"]\nchoice = "-0.5 N*s"\n'
+    )
+    told = strict(run("pareto", "other.toml", "--json")[1])
+    assert [q["name"] for q in told["quantities"]] == ["time", "relative_velocity", "virtual_force"]
+    assert [q["unit"] for q in told["quantities"]] == ["s", "m/s", "N"]
+    assert told["choice"]["gain"] == -0.5
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "status"),
+    [('excursion = "0.2 m"', 'excursion = "1 um"', "infeasible"), ('"-0.3 m/s"', '"0.3 m/s"', "no-contact")],
+)
+def test_a_trade_off_whose_answer_is_no_ends_with_1_and_its_object(run, old, new, status):
+    Path("no.toml").write_text(SCENARIO.replace(old, new))
+    code, out, err = run("pareto", "no.toml", "--json")
+    assert (code, err) == (1, "")
+    assert strict(out)["status"] == status
+    code, out, _ = run("pareto", "no.toml")
+    assert code == 1
+    assert_sound(Path("no-pareto.html").read_text(encoding="utf-8"))
+
+
+def test_design_chooses_the_admittance_where_the_file_leaves_it_open(run):
+    free = SCENARIO.replace("[obstacle]", "damping_ratio_bounds = [0.7, 1.5]\n[obstacle]")
+    Path("free.toml").write_text(free)
+    code, out, err = run("design", "free.toml")
+    assert (code, err) == (0, "")
+    assert out.startswith("Optimal admittance: natural frequency 5 rad/s, damping ratio 1.5")
+    assert "The admittance" in Path("free-design.html").read_text(encoding="utf-8")
+    told = strict(run("design", "free.toml", "--json")[1])
+    assert told["status"] == "optimal"
+    assert told["admittance"]["damping_ratio"] == 1.5
+    assert told["admittance"]["as_it_is"]["gain"] == pytest.approx(-0.8081, abs=1e-4)
+    told = strict(run("pareto", "free.toml", "--json")[1])
+    assert told["free"] == ["gain", "damping_ratio"]
+
+
+@pytest.mark.parametrize(
+    ("section", "line", "says"),
+    [
+        ("pareto", 'quantities = ["time"]', "expected a list of two or three quantities"),
+        ("pareto", 'quantities = ["time", "speed"]', 'quantities[1]: found "speed", expected one of "time"'),
+        ("pareto", 'quantities = ["time", "time"]', "quantities: found a quantity twice"),
+        ("pareto", 'quantities = ["time", "impact_force"]', "quantities[1]: found impact_force without physical"),
+        ("pareto", 'choice = "1 m"', 'choice: found "1 m", expected a quantity in N*s'),
+        ("pareto", "gain = 1", "gain: found"),
+        ("admittance", "damping_ratio_bounds = [1.5, 0.7]", "damping_ratio_bounds: found bounds from 1.5 to 0.7"),
+        ("admittance", "damping_ratio_bounds = 1", "damping_ratio_bounds: found 1, expected a list of two numbers"),
+        ("admittance", 'natural_frequency_bounds = ["1 Hz", "2 Hz"]', "expected an angular frequency in rad/s"),
+        ("admittance", 'natural_frequency_bounds = ["1 m", 2]', 'bounds[0]: found "1 m", expected a quantity in rad'),
+    ],
+)
+def test_a_mistake_in_the_file_is_placed(run, section, line, says):
+    text = SCENARIO + f"[pareto]\n{line}\n"
+    if section == "admittance":
+        text = SCENARIO.replace("[obstacle]", f"{line}\n[obstacle]")
+    Path("wrong.toml").write_text(text)
+    code, out, err = run("pareto", "wrong.toml")
+    assert (code, out) == (2, "")
+    number = next(i for i, found in enumerate(text.splitlines(), 1) if found == line)
+    assert err.startswith(f"pretouch: wrong.toml, line {number}: {section}.")
+    assert says in err
+
+
+def test_what_only_the_search_finds_out_is_placed_too(run):
+    text = SCENARIO.replace('"25 N/m"', '"0 N/m"').replace("[obstacle]", "damping_ratio_bounds = [0.7, 1]\n[obstacle]")
+    Path("wrong.toml").write_text(text)
+    for verb in ("design", "pareto"):
+        code, out, err = run(verb, "wrong.toml")
+        assert (code, out) == (2, "")
+        assert err.startswith("pretouch: wrong.toml, line 9: admittance.damping_ratio_bounds: found it free")
+
+
+# --- figures and reports
+
+FRONTS = {
+    "gain": lambda p: front_of(p, choice=-0.7),
+    "limits": lambda p: front_of(p, constraints=[pt.Constraint(name="acceleration", limit=5.0)], choice=-0.3),
+    "three": lambda p: front_of(p, ("time", "relative_velocity", "largest_acceleration"), choice=-0.7),
+    "admittance": lambda p: front_of(p, choice=p.design(), **FREE),
+    "surface": lambda p: front_of(
+        p, ("displacement", "relative_velocity", "acceleration"), natural_frequency=(3.0, 10.0)
+    ),
+    "one point": lambda p: front_of(p, ("time", "displacement")),
+    "no bound": lambda p: pt.pareto_front(
+        p.scenario,
+        pt.ExponentialSecondOrder(scale=0.48, rate=-74.0, curvature=474.0),
+        bounds=p.bounds,
+        method="uniform-motion",
+    ),
+}
+
+
+@pytest.fixture(scope="module", params=FRONTS)
+def front(request, problem):
+    return FRONTS[request.param](problem)
+
+
+def test_figures_of_fronts_are_legible(front):
+    figure = pt.pareto_figure(front)
+    assert_legible(figure)
+    texts = " ".join(text for text, _ in visible_texts(figure))
+    assert ("knee" in texts) == (front.knee is not None)
+    assert ("choice" in texts) == (front.choice is not None)
+
+
+def test_reports_of_fronts_are_whole_pages(front):
+    text = pareto_report_html(front, source={"name": EVIL, "text": EVIL, "sha256": "0"})
+    assert_sound(text)
+    assert ("knee" in parse(text).words) == (len(front.gain) > 0)
+
+
+@pytest.mark.parametrize("free", [{"natural_frequency": (3.0, 10.0)}, {"damping_ratio": (0.7, 1.5)}, FREE])
+def test_a_designed_admittance_is_drawn_and_reported(problem, free):
+    design = pt.design_admittance(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free)
+    figure = pt.admittance_figure(design)
+    assert_legible(figure)
+    assert {"chosen", "as it is"} <= {text for text, _ in visible_texts(figure)}
+    text = design_report_html(design)
+    assert_sound(text)
+    assert "The admittance" in parse(text).words
+    json.dumps(design.to_dict(), allow_nan=False)
+
+
+def test_what_cannot_be_drawn_is_refused(problem):
+    limits = [pt.Constraint(name="excursion", limit=1e-6)]
+    with pytest.raises(InvalidInputError, match="expected one with points to draw"):
+        pt.pareto_figure(front_of(problem, constraints=limits))
+    design = pt.design_admittance(
+        problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE
+    )
+    with pytest.raises(InvalidInputError, match="no admittance that will do"):
+        pt.admittance_figure(design)
+    assert "as it is" in parse(design_report_html(design)).words

@@ -85,7 +85,7 @@ def measure(case: str, size: int, peers: dict[str, Peer], budget: float, least: 
     """
     for sensor in SENSORS:
         problem = problem_for(case, sensor, size)
-        (mine,) = (way for way in peers[OURS].cases() if way.sensor == sensor and case in way.cases)
+        mine = next(way for way in peers[OURS].cases() if way.sensor == sensor and case in way.cases)
         for name, peer in peers.items():
             for way in peer.cases():
                 if way.sensor != sensor or case not in way.cases:

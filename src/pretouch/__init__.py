@@ -24,6 +24,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ._core.public_names import PUBLIC_NAMES
+
 if TYPE_CHECKING:
     from ._core.errors import (
         CalibrationDataError,
@@ -94,14 +96,18 @@ if TYPE_CHECKING:
         admittance_figure,
         calibration_figure,
         motion_figure,
+        outcome_figure,
         panel_figure,
         pareto_figure,
+        price_figure,
+        robust_figure,
         sensitivity_figure,
         sweep_figure,
         trade_off_figure,
         write_design_report,
         write_fit_report,
         write_pareto_report,
+        write_robust_report,
     )
     from .sensors import (
         CustomSensor,
@@ -122,6 +128,7 @@ if TYPE_CHECKING:
         Normal,
         TruncatedNormal,
         Uniform,
+        parameter_distribution,
         sample_inputs,
     )
 
@@ -196,13 +203,17 @@ __all__ = [
     "fit_sensor",
     "load_scenario",
     "motion_figure",
+    "outcome_figure",
     "panel_figure",
+    "parameter_distribution",
     "pareto_figure",
     "pareto_front",
+    "price_figure",
     "rank_models",
     "read_calibration",
     "read_calibrations",
     "reproduce",
+    "robust_figure",
     "sample_inputs",
     "sensitivity_figure",
     "solve_motion",
@@ -214,115 +225,14 @@ __all__ = [
     "write_fit_report",
     "write_letter_report",
     "write_pareto_report",
+    "write_robust_report",
 ]
-
-_HOMES = {  # loaded on first use: a program pays only for the folders that it needs
-    "_core.errors": (
-        "CalibrationDataError",
-        "InvalidInputError",
-        "MissingExtraError",
-        "OutOfRangeError",
-        "OutputExistsError",
-        "PretouchError",
-        "ResultUnavailableError",
-        "ScenarioFileError",
-        "UnitError",
-    ),
-    "sensors": (
-        "CustomSensor",
-        "ExponentialFirstOrder",
-        "ExponentialSecondOrder",
-        "InversePower",
-        "MittagLeffler",
-        "Recessed",
-        "SensorModel",
-        "Table",
-        "check_sensor",
-    ),
-    "calibration": (
-        "Calibration",
-        "CalibrationReport",
-        "SensorFit",
-        "fit_sensor",
-        "rank_models",
-        "read_calibration",
-        "read_calibrations",
-    ),
-    "uncertainty": (
-        "CorrelatedNormal",
-        "Empirical",
-        "Interval",
-        "Normal",
-        "TruncatedNormal",
-        "Uniform",
-        "sample_inputs",
-    ),
-    "design.robust": (
-        "ConditionalValueAtRisk",
-        "Expected",
-        "Quantile",
-        "Required",
-        "RobustDesign",
-        "WorstCase",
-        "design_robust_gain",
-    ),
-    "motion": (
-        "Admittance",
-        "ContactGradients",
-        "ContactResult",
-        "ContactState",
-        "ContactStatus",
-        "Motion",
-        "Obstacle",
-        "Plant",
-        "Reference",
-        "Scenario",
-        "find_contact",
-        "solve_motion",
-    ),
-    "design": (
-        "AdmittanceDesign",
-        "Constraint",
-        "DesignStatus",
-        "GainDesign",
-        "HertzImpact",
-        "Objective",
-        "ParetoFront",
-        "PhysicalBound",
-        "SpringImpact",
-        "Term",
-        "design_admittance",
-        "design_gain",
-        "excursion_objective",
-        "pareto_front",
-        "time_objective",
-    ),
-    "sweep": ("sweep",),
-    "config": ("load_scenario",),
-    "letter": ("LetterReport", "Reproduction", "reproduce", "write_letter_report"),
-    "report": (
-        "Curve",
-        "Mark",
-        "Panel",
-        "admittance_figure",
-        "calibration_figure",
-        "motion_figure",
-        "panel_figure",
-        "pareto_figure",
-        "sensitivity_figure",
-        "sweep_figure",
-        "trade_off_figure",
-        "write_design_report",
-        "write_fit_report",
-        "write_pareto_report",
-    ),
-}
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return import_module("importlib.metadata").version(__name__)
-    for home, names in _HOMES.items():
+    for home, names in PUBLIC_NAMES.items():
         if name in names:
             value = getattr(import_module(f"{__name__}.{home}"), name)
             globals()[name] = value

@@ -55,6 +55,7 @@ def test_help_names_every_verb_and_option(run):
         ],
         "design": ["FILE", "1 no"],
         "pareto": ["FILE", "1 no"],
+        "robust": ["FILE", "--samples", "--seed", "1 no"],
         "reproduce": ["[ID]...", "table-2", "impact-force", "1 not"],
     }
     assert all(verb in out for verb in own)
@@ -277,7 +278,7 @@ def test_everything_a_result_may_hold_becomes_json():
 def test_the_reference_names_the_options_that_there_are(run):
     text = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"--[a-z][a-z-]+", text)) - {"--help", "--version"}
-    helps = [run(verb, "--help")[1] for verb in ("fit", "design", "pareto", "sweep", "reproduce")]
+    helps = [run(verb, "--help")[1] for verb in ("fit", "design", "robust", "pareto", "sweep", "reproduce")]
     offered = {option for text in helps for option in re.findall(r"--[a-z][a-z-]+", text)}
     assert documented == offered - {"--help", "--report"}  # --report is the default, spelled out
 

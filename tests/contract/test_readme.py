@@ -13,7 +13,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-SESSIONS = re.findall(r"```console\n(.*?)```", README, re.DOTALL)
+ROBUST = (ROOT / "docs" / "robust.md").read_text(encoding="utf-8")
+SESSIONS = [s for page in (README, ROBUST) for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
 
 
 @pytest.mark.parametrize("session", SESSIONS, ids=[s.splitlines()[0] for s in SESSIONS])
@@ -30,14 +31,15 @@ def test_a_session_prints_what_the_readme_shows(session: str) -> None:
 
 
 def test_there_are_sessions_to_check() -> None:
-    assert len(SESSIONS) == 3
+    assert len(SESSIONS) == 4
 
 
-def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("page", [README, ROBUST], ids=["README", "robust"])
+def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, page: str) -> None:
     monkeypatch.chdir(ROOT)
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
-    (block,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    runner.run(parser.get_doctest(block, {}, "README.md", "README.md", 0))
+    (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    runner.run(parser.get_doctest(block, {}, "page", "page", 0))
     assert runner.summarize().failed == 0
 
 

@@ -66,7 +66,23 @@ def test_the_scan_finds_every_key_of_any_toml(text):
     assert all(1 <= line <= text.count("\n") + 1 for line in lines.values())
 
 
-LINES = (WHOLE + '[impact]\nrobot_mass = "4 kg"\nstiffness = "10 kN/m"\n[motion]\nmethod = "auto"\n').splitlines()
+MORE = """\
+[impact]
+robot_mass = "4 kg"
+stiffness = "10 kN/m"
+[motion]
+method = "auto"
+[uncertainty]
+obstacle.velocity = { normal = [-0.3, 0.1], between = [-0.6, -0.05] }
+sensor.exponent = { uniform = [3.0, 3.5] }
+admittance.mass = { samples = ["1 kg", "2 kg"] }
+[robust]
+measure = "quantile"
+probability = 0.9
+samples = 100
+required = { excursion = 0.9 }
+"""
+LINES = (WHOLE + MORE).splitlines()
 ODD = st.one_of(
     st.sampled_from(
         ['"1 kg"', '"5 Hz"', "nan", "-inf", "[]", "{}", "true", '""', '"inf m"', "1e308", "-1", '"obstacle speed"', "0"]

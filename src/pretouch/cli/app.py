@@ -12,6 +12,7 @@ from .design import design
 from .fit import fit
 from .pareto import pareto
 from .reproduce import reproduce
+from .robust import robust
 from .sweep import sweep
 
 __all__ = ["app", "main"]
@@ -28,6 +29,7 @@ app.command()(fit)
 app.command()(design)
 app.command()(sweep)
 app.command()(pareto)
+app.command()(robust)
 app.command()(reproduce)
 
 

@@ -80,12 +80,12 @@ class Builder:
         """Note a mistake at a key."""
         self.mistakes.append(self.document.mistake(path, sentence))
 
-    def attempt(self, section: str, make: Callable[[], T]) -> T | None:
-        """Make an object; note the mistake where that is refused."""
+    def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
+        """Make an object; note the mistake where that is refused, at a key where that is known."""
         try:
             return make()
         except InvalidInputError as error:
-            self.refuse(*place(str(error), section))
+            self.refuse(*((path, str(error)) if path else place(str(error), section)))
             return None
 
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:

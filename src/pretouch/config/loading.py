@@ -11,6 +11,7 @@ from .building import Builder
 from .document import Document, listed
 from .problem import DesignProblem, ScenarioSource
 from .reading import read_sections
+from .robust import robust_request
 from .sensor_sections import CalibratedSensor
 
 __all__ = ["load_scenario"]
@@ -25,7 +26,8 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         path: the file.
 
     Returns:
-        Everything that `design_gain` takes; `.design()` calls it.
+        Everything that `design_gain` takes, `.design()` calls it; and where the file has [uncertainty], what
+        `design_robust_gain` takes, `.design_robust()` calls that.
 
     Raises:
         ScenarioFileError: the file has mistakes. The message has one sentence for each: line, key, what was found,
@@ -71,6 +73,7 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
     sensor, calibration = builder.sensor()
     if sensor is not None and scenario is not None:
         builder.check_range(sensor, scenario)
+    robust = robust_request(builder, scenario=scenario, sensor=sensor, calibration=calibration, constraints=constraints)
     mistakes += builder.mistakes
     if mistakes or scenario is None or sensor is None or objective is None or bounds is None:
         raise ScenarioFileError(listed(document.path, mistakes))
@@ -87,6 +90,7 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         damping_ratio_bounds=damping_ratio,
         quantities=quantities,
         choice=choice,
+        robust=robust,
         calibration=calibration,
         source=ScenarioSource(
             path=document.path, text=document.text, sha256=hashlib.sha256(document.content).hexdigest()

@@ -25,6 +25,10 @@ _HOME: Final[dict[str, KeyPath]] = {
     "choice": ("pareto", "choice"),
     "impact_force": ("impact",),
     "drive_force": ("impact",),
+    "uncertainty": ("uncertainty",),
+    "samples": ("robust", "samples"),
+    "seed": ("robust", "seed"),
+    "confidence": ("robust", "confidence"),
 }
 
 

@@ -16,6 +16,7 @@ from pretouch.sensors import SensorModel
 from .document import Mistake, listed
 from .placing import place
 from .positions import key_lines
+from .robust import RobustRequest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,12 +25,18 @@ if TYPE_CHECKING:
     from pretouch.design.admittance_result import AdmittanceDesign
     from pretouch.design.front import ParetoFront
     from pretouch.design.result import GainDesign
+    from pretouch.design.robust.result import RobustDesign
     from pretouch.sweep import Axes
 
 __all__ = ["DEFAULT_QUANTITIES", "DesignProblem", "ScenarioSource"]
 
 DEFAULT_QUANTITIES: Final = ("displacement", "relative_velocity")
 """What is traded where a file names nothing: L(20)'s two."""
+
+NOTHING_UNCERTAIN: Final = (
+    "found no section [uncertainty], expected what is known of inputs, such as "
+    'obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }'
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +71,7 @@ class DesignProblem:
         damping_ratio_bounds: where the damping ratio is free.
         quantities: what `trade_off` trades.
         choice: the gain that it marks [N s]; None for the one that is designed.
+        robust: what is known of inputs that are uncertain, and what is asked of a robust gain.
         calibration: the report of the fit, where the sensor was fitted on the fly.
         source: the file.
     """
@@ -80,6 +88,7 @@ class DesignProblem:
     damping_ratio_bounds: tuple[float, float] | None
     quantities: tuple[str, ...]
     choice: float | None
+    robust: RobustRequest
     calibration: CalibrationReport | None
     source: ScenarioSource
 
@@ -157,6 +166,45 @@ class DesignProblem:
             asked = {"objective": self.objective, "bounds": self.bounds, "constraints": self.constraints}
         held: dict[str, Any] = {"impact": self.impact, "method": self.method, "horizon": self.horizon}
         return sweep(self.scenario, self.sensor, axes, **asked, **held, **options)
+
+    def design_robust(self, *, samples: int | None = None, seed: int | None = None) -> RobustDesign:
+        """Choose the gain for inputs that are not known exactly.
+
+        Args:
+            samples: how many encounters the measure is taken over, and as many fresh ones; None as in the file.
+            seed: of all samples; None as in the file.
+
+        Returns:
+            The design; where no gain will do, its status says so.
+
+        Raises:
+            ScenarioFileError: the file does not say what is uncertain, or asks for something that makes no sense.
+        """
+        from pretouch.design.robust import design_robust_gain  # noqa: PLC0415 - the compiled kernels, only when needed
+
+        asked = self.robust
+        if not asked.uncertainty:
+            raise ScenarioFileError(f"{self.source.path}: {NOTHING_UNCERTAIN}")
+        try:
+            return design_robust_gain(
+                self.scenario,
+                self.sensor,
+                self.objective,
+                bounds=self.bounds,
+                uncertainty=asked.uncertainty,
+                measure=asked.measure,
+                constraints=asked.constraints,
+                impact=self.impact,
+                samples=asked.samples if samples is None else samples,
+                validation=asked.validation if samples is None else samples,
+                seed=asked.seed if seed is None else seed,
+                confidence=asked.confidence,
+                sampling=asked.sampling,
+                method=self.method,
+                horizon=self.horizon,
+            )
+        except InvalidInputError as error:
+            raise ScenarioFileError(self._placed(str(error))) from error
 
     def _shared(self) -> dict[str, Any]:
         """Return what every verb takes."""

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final, get_args
 
 from pydantic import ValidationError
 
 from .document import Document, Mistake
-from .objective_sections import OBJECTIVE_SECTIONS, TermSection
+from .objective_sections import OBJECTIVE_SECTIONS
 from .positions import KeyPath
 from .quantities import shown
+from .robust_sections import uncertainty_section
 from .schema import REQUIRED, SECTIONS, keys_of, quantity_of_key
 from .section import Section, nearest, one_of
 from .sensor_sections import SENSOR_SECTIONS
 
 __all__ = ["read_sections"]
+
+_BY_KEYS: Final = {
+    "admittance": ({"natural_frequency", "damping_ratio"}, "natural_frequency", "damping"),
+    "impact": ({"radius", "effective_modulus"}, "radius", "stiffness"),
+}
+_TABLES: Final = {
+    "objective": '{ quantity = "time", scale = "1 s" }',
+    "uncertainty": "{ uniform = [smallest, largest] } or { normal = [mean, standard deviation] }",
+}
 
 
 def read_sections(document: Document) -> tuple[dict[str, Section], list[Mistake]]:
@@ -78,10 +88,11 @@ def _variant(name: str, found: Mapping[str, Any]) -> type[Section] | tuple[KeyPa
         return _named(name, "model", found, SENSOR_SECTIONS, ', or calibration = "sensor.csv"')
     if name == "objective":
         return _named(name, "kind", found, OBJECTIVE_SECTIONS, "")
-    if name == "admittance":
-        return variants["natural_frequency" if {"natural_frequency", "damping_ratio"} & set(found) else "damping"]
-    if name == "impact":
-        return variants["radius" if {"radius", "effective_modulus"} & set(found) else "stiffness"]
+    if name == "uncertainty":
+        return uncertainty_section()
+    if name in _BY_KEYS:
+        keys, with_them, without = _BY_KEYS[name]
+        return variants[with_them if keys & set(found) else without]
     return variants[""]
 
 
@@ -122,18 +133,37 @@ def _mistakes_of_section(
         elif kind == "missing":
             if len(path) == 2 and path[1] in meant:
                 continue
-            sentence = _missing(variant if len(path) == 2 else TermSection, str(path[-1]))
+            sentence = _missing(_model_at(variant, path[1:-1]), str(path[-1]))
         elif kind == "extra_forbidden" and len(path) == 2:
             sentence = _stranger(document, name, variant, str(path[1]))
         elif kind == "extra_forbidden":
-            sentence = f"found an unknown key, expected one of {', '.join(TermSection.model_fields)}"
+            keys = tuple(_model_at(variant, path[1:-1]).model_fields)
+            near = nearest(str(path[-1]), keys)
+            meaning = f'; did you mean "{near}"?' if near else ""
+            sentence = f"found an unknown key, expected one of {', '.join(keys)}{meaning}"
         else:
-            sentence = f"found {shown(detail['input'])}, expected {_expected_of(kind)}"
+            sentence = f"found {shown(detail['input'])}, expected {_expected_of(kind, name)}"
         yield document.mistake(path, sentence)
 
 
-def _expected_of(kind: str) -> str:
-    return 'a table such as { quantity = "time", scale = "1 s" }' if kind == "model_type" else "another value"
+def _expected_of(kind: str, section: str) -> str:
+    return f"a table such as {_TABLES.get(section, '{ ... }')}" if kind == "model_type" else "another value"
+
+
+def _model_at(variant: type[Section], path: KeyPath) -> type[Section]:
+    """Return the model of a table inside a section, by the keys that lead to it."""
+    model = variant
+    for key in path:
+        if isinstance(key, str):
+            kinds = _sections_in(model.model_fields[key].annotation)
+            model = kinds[0] if kinds else model
+    return model
+
+
+def _sections_in(annotation: Any) -> list[type[Section]]:
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [found for part in get_args(annotation) for found in _sections_in(part)]
 
 
 def _missing(variant: type[Section], key: str) -> str:

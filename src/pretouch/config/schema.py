@@ -16,6 +16,7 @@ from pretouch.design.quantities import QUANTITY_UNITS
 
 from .objective_sections import OBJECTIVE_SECTIONS
 from .quantities import Quantity, UnfitValueError
+from .robust_sections import RobustSection, UncertaintySection
 from .section import ACCELERATION, LENGTH, SPEED, Section, list_of, name_of
 from .sensor_sections import SENSOR_SECTIONS, CalibratedSensor
 
@@ -193,6 +194,8 @@ SECTIONS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
     "impact": {"stiffness": SpringSection, "radius": HertzSection},
     "motion": {"": MotionSection},
     "pareto": {"": ParetoSection},
+    "uncertainty": {"": UncertaintySection},
+    "robust": {"": RobustSection},
 }
 """Every section in its variants, each variant by what distinguishes it."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from pretouch.sensors import SensorModel
 
 from .wording import QUANTITY_LABELS, number, quantity, quantity_label, word
 
-__all__ = ["design_page", "scenario_rows", "sensor_rows"]
+__all__ = ["METHODS", "design_page", "scenario_rows", "sensor_rows"]
 
 Row = tuple[str, ...]
 
@@ -24,7 +24,7 @@ _STATUS = {
     DesignStatus.INFEASIBLE: "infeasible: no gain within the bounds meets every constraint",
     DesignStatus.NO_CONTACT: "no contact: no gain within the bounds ends in contact",
 }
-_METHODS = {
+METHODS: Final = {
     "closed-form": "Closed form L(10)-(13), exact for a curve of constant slope g.",
     "integration": "Integration of L(1) with L(2) for the sensor curve as it is, with the contact located as a root.",
     "uniform-motion": (
@@ -64,7 +64,7 @@ def design_page(design: GainDesign) -> dict[str, Any]:
         "sensitivities": list(_sensitivities(design)),
         "scenario_rows": [*scenario_rows(design.scenario), *_search_rows(design)],
         "sensor_rows": list(sensor_rows(design.sensor)),
-        "method": _METHODS.get(design.method, design.method),
+        "method": METHODS.get(design.method, design.method),
     }
 
 

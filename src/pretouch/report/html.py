@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 __all__ = [
     "design_report_html",
     "fit_report_html",
-    "page_source",
+    "fitted_part",
     "picture",
     "render_page",
+    "source_part",
     "write_design_report",
     "write_fit_report",
 ]
@@ -70,7 +71,6 @@ def design_report_html(
     """
     from .design_figures import motion_figure, trade_off_figure  # noqa: PLC0415
     from .design_page import design_page  # noqa: PLC0415
-    from .fit_page import fit_page  # noqa: PLC0415
 
     together = None
     if isinstance(design, AdmittanceDesign):
@@ -80,20 +80,26 @@ def design_report_html(
         drawn = None if design.certificate is None else picture(admittance_figure(design), "admittance")
         together = {**admittance_block(design), "figure": drawn}
         design = design.gain_design or design.as_it_is
-    fitted = None
-    if calibration is not None:
-        from .calibration_figures import calibration_figure  # noqa: PLC0415
 
-        fitted = {**fit_page(calibration), "figure": picture(calibration_figure(calibration), "calibration")}
     return render_page(
         "design.html.j2",
         **design_page(design),
         trade_off=picture(trade_off_figure(design), "trade-off"),
         motion=picture(motion_figure(design), "motion"),
-        fitted=fitted,
+        fitted=fitted_part(calibration),
         together=together,
-        source=page_source(source),
+        source=source_part(source),
     )
+
+
+def fitted_part(calibration: CalibrationReport | None) -> dict[str, Any] | None:
+    """Collect what a page says of the calibration that a sensor was fitted to; None where there is none."""
+    if calibration is None:
+        return None
+    from .calibration_figures import calibration_figure  # noqa: PLC0415
+    from .fit_page import fit_page  # noqa: PLC0415
+
+    return {**fit_page(calibration), "figure": picture(calibration_figure(calibration), "calibration")}
 
 
 def write_fit_report(report: CalibrationReport, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -191,7 +197,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def page_source(source: object) -> dict[str, str] | None:
+def source_part(source: object) -> dict[str, str] | None:
     """Read name, text and hash of a file from an object or a mapping that has them."""
     if source is None:
         return None

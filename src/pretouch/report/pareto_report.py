@@ -8,7 +8,7 @@ from pathlib import Path
 from pretouch._core.files import write_text
 from pretouch.design.front import ParetoFront
 
-from .html import page_source, picture, render_page
+from .html import picture, render_page, source_part
 
 __all__ = ["pareto_report_html", "write_pareto_report"]
 
@@ -27,7 +27,7 @@ def pareto_report_html(front: ParetoFront, *, source: object = None) -> str:
     from .pareto_page import pareto_page  # noqa: PLC0415
 
     figure = picture(pareto_figure(front), "front") if len(front.gain) else None
-    return render_page("pareto.html.j2", **pareto_page(front), figure=figure, source=page_source(source))
+    return render_page("pareto.html.j2", **pareto_page(front), figure=figure, source=source_part(source))
 
 
 def write_pareto_report(

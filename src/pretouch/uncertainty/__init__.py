@@ -10,6 +10,7 @@ from .distributions import (
     Uniform,
 )
 from .ensemble import Ensemble, make_ensemble
+from .fitted import parameter_distribution
 from .sampling import Uncertainty, sample_inputs
 
 __all__ = [
@@ -23,5 +24,6 @@ __all__ = [
     "Uncertainty",
     "Uniform",
     "make_ensemble",
+    "parameter_distribution",
     "sample_inputs",
 ]

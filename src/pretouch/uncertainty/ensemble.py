@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,6 +17,11 @@ from pretouch.motion.similar import Likeness, find_likeness
 from pretouch.sensors import SensorModel
 
 __all__ = ["Ensemble", "make_ensemble"]
+
+_REMEDY: Final = (
+    "; an input that is drawn from a distribution with tails may come out impossible: leave such values out, for "
+    "example by a truncated normal distribution"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -187,12 +192,23 @@ def make_ensemble(
         shapes = ", ".join(f"{v.shape} for {name}" for name, v in checked.items()) or "none"
         raise InvalidInputError(f"uncertainty: found values of shapes {shapes}, expected a row of as many for each")
     own = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
-    several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
-    if not own:
-        likeness: Likeness | None = Likeness(sensor=sensor, length=1.0, gain=1.0)
-    else:
-        likeness = find_likeness(sensor, own, several.distance)
+    try:
+        several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
+        likeness = _likeness(sensor, own, several)
+    except InvalidInputError as impossible:
+        raise InvalidInputError(f"uncertainty: {impossible}{_REMEDY}") from None
     return Ensemble(scenario=several, sensor=sensor, values=checked, likeness=likeness, method=method, horizon=horizon)
+
+
+def _likeness(sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario) -> Likeness | None:
+    """Find how the sensors are one; refuse values that no such curve has."""
+    if not own:
+        return Likeness(sensor=sensor, length=1.0, gain=1.0)
+    found = find_likeness(sensor, own, several.distance)
+    if found is None:  # every sensor is built here, so that an impossible one is named before anything is solved
+        for row in zip(*own.values(), strict=True):
+            sensor_with(sensor, dict(zip(own, map(float, row), strict=True)))
+    return found
 
 
 def _of_sensor(name: str) -> bool:

@@ -72,6 +72,8 @@ def sample_inputs(
         raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
     if type(count) is not int or count < 1:
         raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
+    if type(seed) is not int or seed < 0:
+        raise InvalidInputError(f"seed: found {seed!r}, expected a whole number that is not negative")
     widths = [len(known.names) if isinstance(known, CorrelatedNormal) else 1 for known in uncertainty.values()]
     points = _points(count, sum(widths), seed, sampling)
     found: dict[str, FloatArray] = {}

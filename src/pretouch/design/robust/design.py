@@ -19,7 +19,8 @@ from ..gain import design_gain
 from ..impact import ImpactModel
 from ..objectives import Objective
 from ..result import DesignStatus
-from ..search import GainAxis, Scan, refine, scan
+from ..search import GainAxis, Minimum, Scan, refine, scan
+from .evidence import RobustEvidence
 from .measures import Expected, Measure, Required, WorstCase
 from .price import price_of_robustness
 from .problem import RobustProblem
@@ -111,14 +112,15 @@ def design_robust_gain(
         "impact": impact,
         "axis": GainAxis(low=low, high=high),
     }
+    unseen = sample_inputs(uncertainty, validation, seed=seed + _FRESH, sampling="random")
+    fresh = RobustProblem(ensemble=make(unseen), **common)
     worst: WorstEncounter | None = None
     if isinstance(chosen, WorstCase):
         problem, searched, minima, worst = search_worst_case(uncertainty, make, common)
     else:
         drawn = sample_inputs(uncertainty, samples, seed=seed, sampling=sampling)
         problem = RobustProblem(ensemble=make(drawn), **common)
-        searched = _search(problem)
-        minima = refine(lambda u: problem.landscape(u).merit, searched.coordinate, searched.landscape.merit)
+        searched, minima = _search(problem)
     nominal = design_gain(
         scenario,
         sensor,
@@ -130,10 +132,7 @@ def design_robust_gain(
         horizon=horizon,
     )
     gain = float(problem.axis.gain(minima[0].coordinate)) if minima else None
-    checked = None
-    if gain is not None:
-        fresh = sample_inputs(uncertainty, validation, seed=seed + _FRESH, sampling="random")
-        checked = validate(RobustProblem(ensemble=make(fresh), **common), gain, nominal.gain, confidence=confidence)
+    checked = None if gain is None else validate(fresh, gain, nominal.gain, confidence=confidence)
     contact = searched.landscape.reached.any()
     return RobustDesign(
         status=DesignStatus.OPTIMAL if minima else DesignStatus.INFEASIBLE if contact else DesignStatus.NO_CONTACT,
@@ -166,13 +165,15 @@ def design_robust_gain(
             gain=gain,
             options={"method": method, "horizon": horizon},
         ),
+        evidence=RobustEvidence(problem=problem, fresh=fresh, scanned=searched),
     )
 
 
-def _search(problem: RobustProblem) -> Scan:
-    """Scan the gains that may be the optimum until neighbors predict each other."""
+def _search(problem: RobustProblem) -> tuple[Scan, list[Minimum]]:
+    """Scan the gains that may be the optimum until neighbors predict each other, and refine the minima."""
     _, high = map(float, problem.axis.coordinate(np.array(problem.axis.ends)))
-    return scan(problem.landscape, problem.lowest_needed(), high)
+    searched = scan(problem.landscape, problem.lowest_needed(), high)
+    return searched, refine(lambda u: problem.landscape(u).merit, searched.coordinate, searched.landscape.merit)
 
 
 def _check(uncertainty: Uncertainty, measure: Measure, limits: tuple[Required, ...], confidence: float) -> None:

@@ -145,6 +145,8 @@ class ConditionalValueAtRisk(Measure):
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the mean of the tail and its asymptotic interval: that of the mean of q + max(f - q, 0) / (1 - p)."""
         q = _quantile(values, self.probability)
+        if not math.isfinite(q):
+            return math.inf, -math.inf, math.inf
         return Expected().estimate(q + np.maximum(values - q, 0.0) / (1 - self.probability), confidence)
 
 

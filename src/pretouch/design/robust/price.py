@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.numbers import FloatArray
 from pretouch.motion import Scenario
-from pretouch.motion.inputs import SCENARIO_INPUTS, scenario_with, sensor_inputs, sensor_with
+from pretouch.motion.inputs import SCENARIO_INPUTS, sensor_inputs
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
+from pretouch.uncertainty.sampling import names_of
 
 from ..gain import design_gain
 from ..impact import ImpactModel
@@ -37,6 +39,9 @@ def price_of_robustness(
 ) -> Price:
     """Hold one gain against the best gain for each value of an input, the others at their given values.
 
+    Inputs that were estimated together with it follow at their likeliest values. The gains made
+    for each value keep no constraints, so that the loss is never negative, and part of it what constraints cost.
+
     Args:
         name: the input.
         count: at how many values, from its 1 % to its 99 % quantile.
@@ -54,25 +59,38 @@ def price_of_robustness(
 
     Raises:
         ResultUnavailableError: there is no robust gain.
+        InvalidInputError: the input is not uncertain, or the number of values makes no sense.
     """
+    if type(count) is not int or count < 2:
+        raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
     low, high = _range(uncertainty, name)
     x = np.linspace(low, high, count)
-    several = make_ensemble(scenario, sensor, {name: x}, **options)
+    several = make_ensemble(scenario, sensor, {name: x, **_companions(uncertainty, name, x)}, **options)
     result = several.contacts(gain)
     robust = np.where(result.reached, objective.value(result.end, several.speed, impact), np.nan)
     common = {"bounds": bounds, "impact": impact, **options}
-    if name in SCENARIO_INPUTS:
-        best = design_gain(scenario_with(scenario, {name: x}), sensor, objective, **common)
+    if all(member in SCENARIO_INPUTS for member in several.values):
+        best = design_gain(several.scenario, sensor, objective, **common)
         gains, values = np.asarray(best.gain), np.asarray(best.objective)
     else:
-        own = name.removeprefix("sensor.")
-        each = [design_gain(scenario, sensor_with(sensor, {own: v}), objective, **common) for v in x.tolist()]
+        each = [design_gain(*several.at(i), objective, **common) for i in range(count)]
         gains = np.array([np.nan if d.gain is None else d.gain for d in each])
         values = np.array([np.nan if d.objective is None else d.objective for d in each])
     unit = {**SCENARIO_INPUTS, **sensor_inputs(sensor)}[name]
     return Price(name=name, unit=unit, value=x, best_gain=gains, best=values, robust=robust, low=low, high=high)
+
+
+def _companions(uncertainty: Uncertainty, name: str, x: FloatArray) -> dict[str, FloatArray]:
+    """Return the inputs that were estimated together with one, at their means where that one is known."""
+    for known in uncertainty.values():
+        if isinstance(known, CorrelatedNormal) and name in known.names:
+            i = known.names.index(name)
+            covariance, mean = np.asarray(known.covariance), np.asarray(known.mean)
+            slope = covariance[i] / covariance[i, i]
+            return {n: mean[k] + slope[k] * (x - mean[i]) for k, n in enumerate(known.names) if k != i}
+    return {}
 
 
 def _range(uncertainty: Uncertainty, name: str) -> tuple[float, float]:
@@ -87,4 +105,4 @@ def _range(uncertainty: Uncertainty, name: str) -> tuple[float, float]:
             if np.isfinite(low) and np.isfinite(high):
                 return low, high
             return known.quantile(_TAIL), known.quantile(1 - _TAIL)
-    raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(uncertainty)}")
+    raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")

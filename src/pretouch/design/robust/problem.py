@@ -71,18 +71,27 @@ class RobustProblem:
         measure found, the axis ends.
         """
         low, high = map(float, self.axis.coordinate(np.array(self.axis.ends)))
-        sensor = self.ensemble.sensor if self.ensemble.likeness is None else self.ensemble.likeness.sensor
-        if not touches_later(self.ensemble.scenario, sensor).all():
+        if not self._touch_later():
             return low
         best = np.inf
         count = int(np.ceil((high - low) / _STRIDE)) + 1
         for u in np.linspace(high, low, count)[1:]:
-            objective, ratios, least = next(self._parts(self.axis.gain(np.array([u]))))
+            gain = self.axis.gain(np.array([u]))
+            objective, ratios, least = next(self._parts(gain))
             found = Landscape(objective=objective, ratios=ratios)
             best = min(best, float(found.merit[0]))
-            if float(least[0]) > best:
+            if gain[0] <= 0 and float(least[0]) > best:  # nothing is known of gains that drive toward the object
                 return float(u)
         return low
+
+    def _touch_later(self) -> bool:
+        """Tell whether in every encounter a stronger mitigating gain is known to touch later."""
+        several = self.ensemble
+        if several.method == "uniform-motion":  # one particular motion, of which the proof does not speak
+            return False
+        if several.likeness is not None:
+            return bool(touches_later(several.scenario, several.likeness.sensor).all())
+        return all(bool(touches_later(*several.at(i)).all()) for i in range(len(several)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Yield measure, ratios and the least measure of stronger gains, for gains in blocks."""

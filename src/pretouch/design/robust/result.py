@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
-from pretouch._core.numbers import FloatArray
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
@@ -14,6 +18,7 @@ from pretouch.uncertainty import Uncertainty
 from ..impact import ImpactModel
 from ..objectives import Objective
 from ..result import DesignStatus
+from .evidence import Outcomes, RobustEvidence, RobustTradeOff
 from .measures import Measure, Required
 
 __all__ = ["LimitOutcome", "Price", "RobustDesign", "Validation", "WorstEncounter"]
@@ -94,7 +99,7 @@ class Price:
         value: its values, shape (n,).
         best_gain: the gain that is optimal for each [N s]; NaN where there is none.
         best: the objective there.
-        robust: the objective of the robust gain.
+        robust: the objective of the robust gain; NaN where it does not end in contact.
         low: the input's 1 % quantile, or the smallest value that is possible.
         high: its 99 % quantile, or the largest.
     """
@@ -114,7 +119,8 @@ class Price:
         return self.robust / self.best - 1
 
     def __repr__(self) -> str:
-        return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {self.loss.max():.3g}>"
+        most = np.max(self.loss, initial=0.0, where=np.isfinite(self.loss))
+        return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {most:.3g}>"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -142,6 +148,7 @@ class RobustDesign:
         limits: the constraints.
         impact: the physical properties, where given.
         pricing: what `price` calls.
+        evidence: what the parts below are computed from.
     """
 
     status: DesignStatus
@@ -163,19 +170,48 @@ class RobustDesign:
     definition: Objective
     limits: tuple[Required, ...]
     impact: ImpactModel | None
-    pricing: Callable[[str, int], Price] = field(repr=False)
+    pricing: Callable[..., Price] = field(repr=False)
+    evidence: RobustEvidence = field(repr=False)
 
-    def price(self, name: str, *, count: int = 101) -> Price:
+    @cached_property
+    def trade_off(self) -> RobustTradeOff:
+        """The measure over the gain, on the samples of the design, as far as the robust and the nominal gain."""
+        return self.evidence.trade_off(*(g for g in (self.gain, self.nominal_gain) if g is not None))
+
+    @property
+    def nearest_gain(self) -> float | None:
+        """Where infeasible, the gain that exceeds the limits least [N s]; else None."""
+        return self.evidence.nearest_gain() if self.status is DesignStatus.INFEASIBLE else None
+
+    def outcomes(self, gain: float | None = None) -> Outcomes:
+        """Tell what a gain leads to in each of the fresh encounters.
+
+        Args:
+            gain: D_p [N s]; the robust gain where none is given.
+
+        Returns:
+            The outcomes, one per fresh sample.
+
+        Raises:
+            ResultUnavailableError: no gain is given, and there is no robust one.
+        """
+        chosen = self.gain if gain is None else float(finite(gain, "gain", "N*s"))
+        if chosen is None:
+            raise ResultUnavailableError("outcomes: there is no robust gain; see the status, or give a gain")
+        return self.evidence.outcomes(chosen)
+
+    def price(self, name: str, *, count: int = 101, gain: float | None = None) -> Price:
         """Tell what knowing one input exactly would have gained, as a curve over that input.
 
         Args:
             name: an uncertain input, such as `obstacle.velocity`.
             count: at how many values.
+            gain: another gain D_p than the robust one [N s], such as the nominal gain.
 
         Returns:
-            The curve; the other inputs have their given values.
+            The curve; the other inputs have their given values, those that were estimated together with it follow.
         """
-        return self.pricing(name, count)
+        return self.pricing(name, count) if gain is None else self.pricing(name, count, gain=gain)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object: numbers in SI, None where there is none."""

@@ -6,23 +6,33 @@ import math
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from pretouch.uncertainty import CorrelatedNormal
+from pretouch._core.units import format_quantity
+
+from .wording import known_in_words, outcome_in_words, units_of
 
 if TYPE_CHECKING:
     from .result import RobustDesign
 
-__all__ = ["robust_as_dict", "robust_as_text"]
+__all__ = ["robust_as_dict", "robust_as_text", "robust_headline"]
+
+_ROUNDING = 1e-12  # of a limit, as in the validation
 
 
 def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
     """Return a robust design as one JSON object: numbers in SI, None where there is none."""
     v, w = design.validation, design.worst
+    measure = {"kind": type(design.measure).__name__, "label": design.measure.label, **_fields(design.measure)}
     return {
         "status": design.status.value,
         "gain": design.gain,
-        "measure": {"kind": type(design.measure).__name__, "label": design.measure.label},
+        "measure": measure,
         "value": design.value,
         "nominal_gain": design.nominal_gain,
+        "nearest_gain": design.nearest_gain,
+        "reachable": [
+            {"name": r.required.constraint.name, "magnitude": r.magnitude, "gain": r.gain}
+            for r in design.evidence.reachable()
+        ],
         "validation": None
         if v is None
         else {
@@ -67,57 +77,123 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
     }
 
 
+def robust_headline(design: RobustDesign) -> str:
+    """Return the answer in a sentence or two.
+
+    Args:
+        design: a design of any status.
+
+    Returns:
+        The text.
+    """
+    if design.gain is None:
+        return {
+            "infeasible": _conflict(design),
+            "no-contact": f"No gain within the bounds ends in contact as often as the measure asks for "
+            f"({design.measure.label}).",
+        }[design.status.value]
+    text = (
+        f"Robust gain D_p = {format_quantity(design.gain, 'N*s')}: {design.measure.label} of the objective "
+        f"{design.value:.4g}"
+    )
+    v = design.validation
+    if v is None or design.nominal_gain is None or v.nominal is None or not math.isfinite(v.value):
+        return text + "."
+    beside = f"the gain {format_quantity(design.nominal_gain, 'N*s')}, optimal where nothing is uncertain"
+    if not math.isfinite(v.nominal):
+        return f"{text}; with {beside}, too many encounters end without contact."
+    change = 100 * (v.nominal / v.value - 1)
+    broken = _broken(design, design.nominal_gain)
+    worse, but = ("worse", "and") if change >= 0 else ("better", "but")
+    too = f", {but} does not hold {' and '.join(broken)} as often as it must" if broken else ""
+    return f"{text}. On fresh samples {beside}, is {abs(change):.2g} % {worse}{too}."
+
+
+def _conflict(design: RobustDesign) -> str:
+    """Name the limits that no gain holds as often as it must, or say that they exclude each other."""
+    said = []
+    for found in design.evidence.reachable():
+        c = found.required.constraint
+        if found.magnitude > c.limit:
+            often = (
+                "in every sample" if found.required.probability == 1 else f"in {100 * found.required.probability:g} %"
+            )
+            said.append(
+                f"{c.name} cannot be held at {format_quantity(c.limit, c.unit)} {often}: the least that is, is "
+                f"{format_quantity(found.magnitude, c.unit)}, at D_p = {format_quantity(found.gain, 'N*s')}"
+            )
+    if said:
+        return f"Infeasible: {'; '.join(said)}."
+    return "Infeasible: each constraint can be held as often as it must, but no gain holds all of them."
+
+
+def _broken(design: RobustDesign, gain: float) -> list[str]:
+    """Name the constraints that a gain does not hold as often as it must, on fresh samples."""
+    if not design.limits:
+        return []
+    found = design.outcomes(gain)
+    shares = {r.constraint: r.share(found.magnitude(r.constraint.quantity) / r.constraint.limit) for r in design.limits}
+    return [constraint.name for constraint, share in shares.items() if share > 1 + _ROUNDING]
+
+
 def robust_as_text(design: RobustDesign) -> str:
     """Return a robust design as lines for a terminal."""
-    if design.gain is None or design.value is None:
-        what = {
-            "infeasible": "no gain within the bounds meets the constraints as often as they ask for",
-            "no-contact": "no gain within the bounds ends in contact as often as the measure asks for",
-        }[design.status.value]
-        return f"{design.status.value}: {what}"
     low, high = design.bounds
+    said = known_in_words(design)
+    width = max(len(name) for name, _ in said)
     lines = [
-        f"D_p = {design.gain:.4g} N s   ({design.measure.label} of the objective {design.value:.4g}; "
-        f"bounds {low:g} to {high:g} N s)",
+        robust_headline(design),
         "",
         "uncertain",
-        *(f"  {name:<22} {_said(known)}" for name, known in design.uncertainty.items()),
+        *(f"  {name.ljust(width)}  {text}" for name, text in said),
+        *_validated(design),
+        *_worst(design),
+        "",
+        f"evidence: {design.scanned} gains over [{low:g}, {high:g}] N s, {design.samples} encounters each, seed "
+        f"{design.seed}; {_count(design)}{_proved(design)}",
     ]
-    lines += _validated(design) + _worst(design)
     return "\n".join(lines)
+
+
+def _proved(design: RobustDesign) -> str:
+    if design.strongest <= design.bounds[0]:
+        return ""
+    return f"; none stronger than {design.strongest:.4g} N s can be better"
+
+
+def _count(design: RobustDesign) -> str:
+    count = len(design.local_minima)
+    return {0: "no minimum", 1: "one local minimum"}.get(count, f"{count} local minima")
 
 
 def _validated(design: RobustDesign) -> list[str]:
     v = design.validation
     if v is None:
         return []
-    percent = f"{100 * v.confidence:g} %"
-    lines = ["", f"on {v.samples} fresh samples ({percent} intervals)"]
-    if math.isfinite(v.high):
-        lines.append(f"  {design.measure.label:<22} {v.value:.4g}   ({v.low:.4g} to {v.high:.4g})")
-    else:
-        lines.append(f"  largest objective      {v.value:.4g}")
+    rows = [(design.measure.label, _measured(v.value, v.low, v.high))]
     if v.nominal is not None and design.nominal_gain is not None:
-        share = f"{100 * (v.nominal / v.value - 1):+.2g} %" if math.isfinite(v.nominal) else "no contact in some"
-        lines.append(
-            f"  nominal gain           {v.nominal:.4g}   ({design.nominal_gain:.4g} N s, optimal where nothing is "
-            f"uncertain: {share})"
-        )
-    lines.append(f"  end in contact         {100 * v.reached:.4g} %")
-    for o in v.limits:
-        c = o.required.constraint
-        lines.append(
-            f"  {o.required.label}: held in {100 * o.held:.4g} %, at least {100 * o.low:.4g} %; "
-            f"{o.magnitude:.4g} {c.unit} at that probability"
-        )
-    return lines
+        rows.append(("with the nominal gain", f"{v.nominal:.4g}"))
+    rows.append(("end in contact", f"{100 * v.reached:.4g} %"))
+    rows += [(o.required.label, outcome_in_words(o, v.confidence)) for o in v.limits]
+    width = max(len(name) for name, _ in rows)
+    lines = ["", f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)"]
+    return lines + [f"  {name.ljust(width)}  {text}" for name, text in rows]
+
+
+def _measured(value: float, low: float, high: float) -> str:
+    if not math.isfinite(value):
+        return "without end: encounters that count do not end in contact"
+    if not math.isfinite(high):
+        return f"{value:.4g}, the largest that was seen"
+    return f"{value:.4g} ({low:.4g} to {high:.4g})"
 
 
 def _worst(design: RobustDesign) -> list[str]:
     w = design.worst
     if w is None:
         return []
-    where = ", ".join(f"{name} = {value:.4g}" for name, value in w.inputs.items())
+    units = units_of(design)
+    where = ", ".join(f"{name} = {format_quantity(value, units.get(name, ''))}" for name, value in w.inputs.items())
     lines = [
         "",
         "worst encounter",
@@ -128,16 +204,6 @@ def _worst(design: RobustDesign) -> list[str]:
     for name, sign in w.monotone.items():
         lines.append(f"  {'grows' if sign > 0 else 'falls'} with {name} all over the box")
     return lines
-
-
-def _said(known: Any) -> str:
-    if isinstance(known, CorrelatedNormal):
-        deviations = [math.sqrt(known.covariance[i][i]) for i in range(len(known.names))]
-        return ", ".join(f"{n} {m:.4g} +- {d:.2g}" for n, m, d in zip(known.names, known.mean, deviations, strict=True))
-    values = _fields(known)
-    if "samples" in values:
-        return f"{len(values['samples'])} measured values from {known.support[0]:.4g} to {known.support[1]:.4g}"
-    return f"{type(known).__name__.lower()}, " + ", ".join(f"{k} {v:.4g}" for k, v in values.items())
 
 
 def _fields(known: Any) -> dict[str, Any]:

@@ -1,0 +1,247 @@
+"""The pictures of a robust design: the measure over the gain, what encounters come to, and what knowing would gain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import FloatArray
+from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch.design.robust.evidence import Outcomes
+from pretouch.design.robust.result import Price, RobustDesign
+from pretouch.uncertainty.sampling import names_of
+
+from .panels import Curve, Mark, Panel, panel_figure
+from .style import Scale, scale_for
+from .wording import quantity_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["outcome_figure", "price_figure", "robust_figure", "shown_prices"]
+
+_SHARES: Final = np.concatenate([np.linspace(0.0, 0.98, 99), np.linspace(0.982, 1.0, 10)])
+_HEADROOM: Final = 6.0  # times the smallest measure, up to where the measure is shown
+_MOST_PRICES: Final = 4
+_ROBUST, _NOMINAL, _NONE = 0, 1, 2  # places in the palette: the same gain looks the same in every picture
+
+
+def robust_figure(design: RobustDesign) -> Figure:
+    """Draw the measure over the gain, and how the objective is distributed at the gains that matter.
+
+    Args:
+        design: a design of any status.
+
+    Returns:
+        Two panels: the measure of the objective over the gain [N s] on the samples of the design, beside the
+        objective of the nominal encounter, with the robust and the nominal gain; and the share of fresh encounters in
+        which the objective stays below a value, with either gain.
+    """
+    if not any(run.reached.any() for _, _, run in _runs(design)):
+        return panel_figure(_measure_panel(design))
+    return panel_figure(_measure_panel(design), _objective_panel(design))
+
+
+def outcome_figure(design: RobustDesign) -> Figure:
+    """Draw how the quantities of the contact are distributed over fresh encounters.
+
+    Args:
+        design: a design of any status.
+
+    Returns:
+        A panel for each quantity that a constraint limits, the relative speed at contact, the largest excursion and
+        the time of contact, four at most: the share of encounters in which it stays below a value, with the robust
+        gain (the nearest one where no gain is feasible), with the nominal gain and without mitigation, and the limit.
+
+    Raises:
+        ResultUnavailableError: no encounter ends in contact.
+    """
+    runs = list(_runs(design))
+    if not any(run.reached.any() for _, _, run in runs):
+        raise ResultUnavailableError("outcomes: no encounter ends in contact, so there is nothing to draw")
+    return panel_figure(*(_outcome_panel(design, name, runs) for name in _quantities(design)))
+
+
+def price_figure(design: RobustDesign, prices: list[Price] | None = None) -> Figure:
+    """Draw what knowing one input exactly would have gained.
+
+    Args:
+        design: a design with a gain.
+        prices: what `shown_prices` returned; computed where it is not given.
+
+    Returns:
+        Two panels for each input: the gain that is best for each of its values beside the one robust gain, and the
+        loss of the robust and of the nominal gain in percent of the best objective.
+    """
+    shown = shown_prices(design) if prices is None else prices
+    return panel_figure(
+        *(panel for price in shown[:_MOST_PRICES] for panel in _price_panels(design, price)), height=2.6
+    )
+
+
+def shown_prices(design: RobustDesign) -> list[Price]:
+    """Return the price of each uncertain input, the dearest first.
+
+    Args:
+        design: a design with a gain.
+
+    Returns:
+        The prices.
+    """
+    prices = [design.price(name) for name in names_of(design.uncertainty)]
+    known = [price for price in prices if np.isfinite(price.loss).any()]
+    return sorted(known, key=lambda price: -float(np.nanmax(price.loss)))
+
+
+def _runs(design: RobustDesign) -> Iterator[tuple[str, int, Outcomes]]:
+    """Yield the gains that matter, with their names and looks, and what they lead to."""
+    if design.gain is not None:
+        yield "robust gain", _ROBUST, design.outcomes()
+    elif design.nearest_gain is not None:
+        yield "nearest gain", _ROBUST, design.outcomes(design.nearest_gain)
+    if design.nominal_gain is not None:
+        yield "nominal gain", _NOMINAL, design.outcomes(design.nominal_gain)
+    yield "no mitigation", _NONE, design.outcomes(0.0)
+
+
+def _gain_axis(design: RobustDesign) -> tuple[float, str, bool]:
+    """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
+    low, high = design.bounds
+    sign, label = (
+        (-1.0, "virtual force gain \u2212D\u209a [N s]") if high <= 0 else (1.0, "virtual force gain D\u209a [N s]")
+    )
+    return sign, label, high < 0 or low > 0
+
+
+def _measure_panel(design: RobustDesign) -> Panel:
+    """Draw the measure over the gain; where it is far above its minimum it is left out."""
+    sign, label, logarithmic = _gain_axis(design)
+    curve = design.trade_off
+    nominal = _nominal_objective(design, curve.gain)
+    seen = np.concatenate([curve.value, nominal])
+    known = seen[np.isfinite(seen)]
+    top = min(float(known.max()), _HEADROOM * float(known.min())) if len(known) else 1.0
+    parts = [
+        ("", curve.value, True, _ROBUST),
+        (f"{design.measure.label}, sampled", np.where(curve.feasible, curve.value, np.nan), False, _ROBUST),
+        ("objective of the nominal encounter", nominal, False, _NOMINAL),
+    ]
+    curves = []
+    for name, values, quiet, style in parts:
+        shown = np.where(np.isfinite(values) & (values <= 1.02 * top), values, np.nan)
+        if np.isfinite(shown).any():
+            curves.append(Curve(x=sign * curve.gain, y=shown, label=name, quiet=quiet, style=None if quiet else style))
+    if not curves:
+        curves = [Curve(x=sign * np.array(design.bounds), y=[0.0, 0.0], quiet=True)]
+    return Panel(
+        x_label=label,
+        y_label="measure of the objective [1]",
+        title="Measure over the gain",
+        curves=curves,
+        marks=list(_gain_marks(design, sign, curve.gain, nominal)),
+        x_log=logarithmic,
+        y_limits=(0.0, 1.08 * top) if top > 0 else None,
+    )
+
+
+def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
+    """Return the objective of the encounter as it was given, infinite where there is no contact."""
+    from pretouch.motion import find_contact  # noqa: PLC0415 - solved when it is drawn
+
+    ensemble = design.evidence.problem.ensemble
+    found = find_contact(design.scenario, design.sensor, gains, method=ensemble.method, horizon=ensemble.horizon)
+    speed = abs(design.scenario.obstacle.velocity)
+    return np.where(found.reached, design.definition.value(found.end, speed, design.impact), np.inf)
+
+
+def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: FloatArray) -> Iterator[Mark]:
+    if design.gain is not None and design.value is not None:
+        yield Mark(x=sign * design.gain, y=design.value, label=f"robust {design.gain:.4g} N s", style=_ROBUST)
+    if design.nominal_gain is not None:
+        at = float(np.interp(design.nominal_gain, gains, nominal))
+        if np.isfinite(at):
+            text = f"nominal {design.nominal_gain:.4g} N s"
+            yield Mark(x=sign * design.nominal_gain, y=at, label=text, style=_NOMINAL, shape="square")
+
+
+def _objective_panel(design: RobustDesign) -> Panel:
+    runs = [(name, style, run.objective) for name, style, run in _runs(design)]
+    shown = [r for r in runs if r[1] != _NONE] or runs  # what no mitigation costs dwarfs all else
+    return _share_panel(shown, "objective f [1]", Scale(1.0, ""), title="Objective over fresh encounters")
+
+
+def _quantities(design: RobustDesign) -> list[str]:
+    wanted = [limit.constraint.quantity for limit in design.limits]
+    wanted += ["relative_velocity", "largest_excursion", "time"]
+    return list(dict.fromkeys(wanted))[:4]
+
+
+def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, Outcomes]]) -> Panel:
+    """Draw one quantity with its limit; where no mitigation leaves it at nothing, that curve says nothing."""
+    columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
+    finite = [c[np.isfinite(c)] for _, _, c in columns]
+    largest = max((float(c.max()) for c in finite if len(c)), default=1.0)
+    limit = next((r for r in design.limits if r.constraint.quantity == name), None)
+    if limit is not None:
+        largest = max(largest, limit.constraint.limit)
+    scale = scale_for(QUANTITY_UNITS[name], largest)
+    kept = [c for c, values in zip(columns, finite, strict=True) if not len(values) or values.max() > 1e-6 * largest]
+    positions = {} if limit is None else {"limit": limit.constraint.limit / scale.factor}
+    label = "relative speed at contact" if name == "relative_velocity" else quantity_label(name)
+    levels = {} if limit is None or limit.probability == 1 else {"required": 100 * limit.probability}
+    return _share_panel(kept or columns, f"{label} [{scale.unit}]", scale, positions=positions, levels=levels)
+
+
+def _share_panel(
+    columns: list[tuple[str, int, FloatArray]], label: str, scale: Scale, *, title: str = "", **lines: Any
+) -> Panel:
+    """Draw the shares of encounters that stay below a value; without contact in some, a curve ends below 100 %."""
+    curves = [_share_curve(name, style, values / scale.factor) for name, style, values in columns]
+    return Panel(
+        x_label=label,
+        y_label="share of encounters below [%]",
+        title=title,
+        curves=[curve for curve in curves if curve is not None] or [Curve(x=[0.0], y=[0.0], quiet=True)],
+        y_limits=(0.0, 104.0),
+        **lines,
+    )
+
+
+def _share_curve(name: str, style: int, values: FloatArray) -> Curve | None:
+    ordered = np.sort(values)
+    at = np.ceil(_SHARES * len(ordered)).astype(int).clip(1) - 1
+    x = np.where(np.isfinite(ordered[at]), ordered[at], np.nan)
+    return None if np.isnan(x).all() else Curve(x=x, y=100 * _SHARES, label=name, style=style)
+
+
+def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
+    """Yield the best gain and the loss over one input."""
+    scale = scale_for(price.unit, float(np.abs(price.value).max()))
+    x = price.value / scale.factor
+    across = f"{price.name} [{scale.unit or '1'}]"
+    sign, label, _ = _gain_axis(design)
+    robust = 0.0 if design.gain is None else sign * design.gain
+    yield Panel(
+        x_label=across,
+        y_label=label,
+        curves=[
+            Curve(x=x, y=sign * price.best_gain, label="best for each value", style=4),
+            Curve(x=x, y=np.full(len(x), robust), label="robust gain", style=_ROBUST),
+        ],
+    )
+    yield Panel(
+        x_label=across,
+        y_label="loss against the best [%]",
+        curves=list(_loss_curves(design, price, x)),
+    )
+
+
+def _loss_curves(design: RobustDesign, price: Price, x: FloatArray) -> Iterator[Curve]:
+    yield Curve(x=x, y=100 * price.loss, label="robust gain", style=_ROBUST)
+    if design.nominal_gain is not None:
+        nominal = design.price(price.name, count=len(x), gain=design.nominal_gain)
+        if np.isfinite(nominal.loss).any():
+            yield Curve(x=x, y=100 * nominal.loss, label="nominal gain", style=_NOMINAL)

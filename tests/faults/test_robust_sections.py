@@ -1,0 +1,231 @@
+"""[uncertainty] and [robust]: read in SI, or refused with line, key, what was found and what is expected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
+
+from pretouch._core.errors import ScenarioFileError
+from pretouch.config import load_scenario
+from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, WorstCase
+from pretouch.uncertainty import CorrelatedNormal, Empirical, Interval, Normal, TruncatedNormal, Uniform
+
+KNOWN = """\
+[uncertainty]
+obstacle.velocity = { normal = ["-0.3 m/s", "10 cm/s"], between = ["-0.6 m/s", "-0.05 m/s"] }
+obstacle.position = { uniform = ["38 mm", "46 mm"] }
+plant.velocity = { samples = ["2 cm/s", "0 m/s", "1 cm/s"] }
+sensor.exponent = { normal = [3.32, 0.1] }
+admittance.damping = { uniform = ["9 N*s/m", "11 N*s/m"] }
+"""
+ASKED = """\
+[robust]
+measure = "tail-mean"
+probability = 0.9
+required = { excursion = 0.99 }
+seed = 7
+"""
+UNCERTAIN = WHOLE + KNOWN + ASKED
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    return writer(tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def message(write):
+    return lambda text: refusal(write(text))
+
+
+def test_what_is_known_is_read_in_si_and_in_the_order_of_the_file(write):
+    asked = load_scenario(write(UNCERTAIN)).robust
+    assert list(asked.uncertainty.items()) == [
+        ("obstacle.velocity", TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.05)),
+        ("obstacle.position", Uniform(low=0.038, high=0.046)),
+        ("plant.velocity", Empirical(samples=(0.0, 0.01, 0.02))),
+        ("sensor.exponent", Normal(mean=3.32, deviation=0.1)),
+        ("admittance.damping", Uniform(low=9.0, high=11.0)),
+    ]
+    assert asked.measure == ConditionalValueAtRisk(probability=0.9)
+    assert [(r.constraint.name, r.probability) for r in asked.constraints] == [("excursion", 0.99)]
+    assert (asked.samples, asked.validation, asked.seed, asked.sampling, asked.confidence) == (
+        4096,
+        4096,
+        7,
+        "sobol",
+        0.95,
+    )
+
+
+def test_one_side_may_be_open_and_tables_may_be_sections(write):
+    text = '[uncertainty.obstacle.velocity]\nnormal = [-0.3, 0.1]\nbetween = ["-inf", "-0.05 m/s"]\n'
+    known = load_scenario(write(WHOLE + text)).robust.uncertainty
+    assert known == {"obstacle.velocity": TruncatedNormal(location=-0.3, deviation=0.1, high=-0.05)}
+
+
+@pytest.mark.parametrize(
+    ("text", "measure"),
+    [
+        ("", Expected()),
+        ('measure = "expected"', Expected()),
+        ('measure = "quantile"\nprobability = 0.9', Quantile(probability=0.9)),
+        ('measure = "worst-case"', WorstCase()),
+    ],
+)
+def test_every_measure_is_built(write, text, measure):
+    asked = load_scenario(write(WHOLE + KNOWN + "[robust]\n" + text + "\n")).robust
+    assert asked.measure == measure
+    assert [r.probability for r in asked.constraints] == [1.0]
+
+
+def test_an_interval_is_for_the_worst_case(write):
+    text = '[uncertainty]\nobstacle.velocity = { interval = [-0.4, -0.2] }\n[robust]\nmeasure = "worst-case"\n'
+    assert load_scenario(write(WHOLE + text)).robust.uncertainty == {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}
+
+
+def test_a_file_that_says_nothing_of_it_is_designed_and_not_robustly(write):
+    problem = load_scenario(write(WHOLE))
+    assert problem.robust.uncertainty == {}
+    with pytest.raises(ScenarioFileError, match=r"^approach\.toml: found no section \[uncertainty\], expected"):
+        problem.design_robust()
+
+
+def test_the_nominal_design_does_not_see_it(write):
+    assert load_scenario(write(UNCERTAIN)).design().gain == load_scenario(write(WHOLE)).design().gain
+
+
+def test_a_robust_design_is_that_of_the_file(write):
+    problem = load_scenario(write(UNCERTAIN.replace("seed = 7", "seed = 7\nsamples = 64\nvalidation = 32")))
+    found = problem.design_robust()
+    assert (found.samples, found.seed, found.validation.samples) == (64, 7, 32)
+    assert list(found.uncertainty) == list(problem.robust.uncertainty)
+    other = problem.design_robust(samples=16, seed=1)
+    assert (other.samples, other.seed, other.validation.samples) == (16, 1, 16)
+    assert other.gain != found.gain
+
+
+# (what is replaced, by what, the start of the line that is named, key, what the sentence says)
+MISTAKES = [
+    ('"10 cm/s"', '"10 cm"', "obstacle.vel", "uncertainty.obstacle.velocity.normal[1]", 'found "10 cm", expected a q'),
+    ('"10 cm/s"', '"-10 cm/s"', "obstacle.vel", "uncertainty.obstacle.velocity.normal", "deviation of -0.1, expected"),
+    (', "10 cm/s"', "", "obstacle.vel", "uncertainty.obstacle.velocity.normal", "mean and standard deviation, such as"),
+    ('"-0.6 m/s"', '"0 m/s"', "obstacle.vel", "uncertainty.obstacle.velocity.between", "found 0 before -0.05, expect"),
+    ("normal = [3.32", "uniform = [3.32", "sensor.exp", "uncertainty.sensor.exponent.uniform", "3.32 before 0.1"),
+    ("{ normal = [3.32, 0.1] }", "{ norml = [1, 2] }", "sensor.exp", "uncertainty.sensor.exponent.norml", '"normal"?'),
+    ("{ normal = [3.32, 0.1] }", "{}", "sensor.exp", "uncertainty.sensor.exponent", "found nothing, expected"),
+    ("{ normal = [3.32, 0.1] }", "3.3", "sensor.exp", "uncertainty.sensor.exponent", "found 3.3, expected a table"),
+    ("[3.32, 0.1] }", "[3.32, 0.1], uniform = [3, 4] }", "sensor.exp", "uncertainty.sensor.exponent", "exactly one"),
+    ("{ uniform = [\"38", "{ between = [0, 1], uniform = [\"38", "obstacle.p", "uncertainty.obstacle.position.between",
+     "expected it beside normal only"),
+    ('["2 cm/s", "0 m/s", "1 cm/s"]', '["2 cm/s"]', "plant.v", "uncertainty.plant.velocity.samples", "a list of two"),
+    ("sensor.exponent", "sensor.rate", "sensor.rate", "uncertainty.sensor.rate", "expected one of: distance_off"),
+    ("sensor.exponent", "sensor.order", "sensor.order", "uncertainty.sensor.order", "the inverse-power curve has not"),
+    ("sensor.exponent = { normal = [3.32, 0.1] }", 'sensor = "calibration"', "sensor =", "uncertainty.sensor",
+     'expected sensor.parameters = "calibration"'),
+    ("sensor.exponent = { normal = [3.32, 0.1] }", 'sensor.parameters = "fit"', "sensor.par",
+     "uncertainty.sensor.parameters", 'found "fit", expected "calibration"'),
+    ("sensor.exponent = { normal = [3.32, 0.1] }", 'sensor.parameters = "calibration"', "sensor.par",
+     "uncertainty.sensor.parameters", "for a sensor that is given by its parameters"),
+    ("obstacle.position =", "obstacle.positon =", "obstacle.positon", "uncertainty.obstacle.positon", "an unknown"),
+    ("plant.velocity", "plnt.velocity", "plnt", "uncertainty.plnt", 'expected "plant"'),
+    ("admittance.damping = { uniform", "admittance.damping = { interval", "admittance.d",
+     "uncertainty.admittance.damping.interval", 'beside measure = "tail-mean"; expected uniform'),
+    ('["9 N*s/m", "11 N*s/m"]', '["-11 N*s/m", "-9 N*s/m"]', "[uncertainty]", "uncertainty", "found -10 N*s/m"),
+    ("admittance.damping = {", "admittance.natural_frequency = { uniform = [4, 6] }\nadmittance.damping = {",
+     "[uncertainty]", "uncertainty", "either damping and stiffness, or natural frequency"),
+    ('"tail-mean"', '"mean"', "measure", "robust.measure", 'found "mean", expected one of "expected"'),
+    ("probability = 0.9", "", "[robust]", "robust", "missing probability, which tail-mean needs"),
+    ("probability = 0.9", "probability = 1.0", "probability", "robust.probability", "between 0 and 1, such as 0.95"),
+    ('"tail-mean"', '"expected"', "probability", "robust.probability", "found a probability beside expected"),
+    ("seed = 7", "seed = -1", "seed", "robust.seed", "found -1, expected a whole number of at least 0"),
+    ("seed = 7", "seed = true", "seed", "robust.seed", "found true, expected a whole number"),
+    ("seed = 7", "samples = 1", "samples", "robust.samples", "a whole number of at least 2"),
+    ("seed = 7", "samples = 4e3", "samples", "robust.samples", "a whole number of at least 2"),
+    ("seed = 7", 'sampling = "grid"', "sampling", "robust.sampling", 'found "grid", expected one of "sobol"'),
+    ("seed = 7", "confidence = 95", "confidence", "robust.confidence", "found 95, expected a probability"),
+    ("seed = 7", "sed = 7", "sed", "robust.sed", 'expected "seed"'),
+    ("{ excursion = 0.99 }", "{ excursion = 99 }", "required", "robust.required.excursion", "found 99, expected"),
+    ("{ excursion = 0.99 }", "{ excursn = 0.9 }", "required", "robust.required.excursn", 'a constraint "excursn"'),
+    ("{ excursion = 0.99 }", "{ time = 0.9 }", "required", "robust.required.time", "expected time in [constraints]"),
+    ("{ excursion = 0.99 }", "0.9", "required", "robust.required", "expected constraints and probabilities, such as"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "start", "key", "says"), MISTAKES)
+def test_a_mistake_is_named_with_line_and_key(message, old, new, start, key, says):
+    text = replaced(old, new, UNCERTAIN)
+    told = message(text)
+    first = next((line for line in told.splitlines() if f": {key}: " in line), told)
+    place, _, sentence = first.partition(f": {key}: ")
+    assert place == f"approach.toml, line {line_of(start, text)}", told
+    assert says in sentence
+    assert "found" in sentence or "missing" in sentence
+
+
+def test_robust_without_uncertainty_is_refused(message):
+    told = message(WHOLE + "[robust]\nseed = 1\n")
+    assert "line 27: robust: found no [uncertainty] beside it, expected" in told
+    assert "line 27: uncertainty: found no input, expected one or more" in message(WHOLE + "[uncertainty]\n")
+
+
+def test_what_only_sampling_finds_out_is_placed_too(write):
+    wide = replaced("[3.32, 0.1]", "[3.32, 2.0]", UNCERTAIN)
+    with pytest.raises(ScenarioFileError) as refused:
+        load_scenario(write(wide)).design_robust()
+    told = str(refused.value)
+    assert told.startswith(f"approach.toml, line {line_of('[uncertainty]', wide)}: uncertainty: exponent: found -")
+    assert "cut" in told or "truncated" in told
+
+
+# --- the covariance of a calibration
+
+FITTED = '[sensor]\ncalibration = "sensor.csv"\nmodel = "inverse-power"\nminimum_distance = 0\n'
+
+
+def readings(folder: Path, exponent: float = 2.2) -> None:
+    random = np.random.default_rng(2)
+    rows = ["distance [mm],output [V]"]
+    for d in np.repeat(np.arange(0, 62, 2), 4):
+        signal = 1e-3 / (1e-3 * d + 0.02) ** exponent
+        rows.append(
+            f"{d},{0.1 + signal * (1 + 0.005 * random.standard_normal()) + 5e-4 * random.standard_normal():.5f}"
+        )
+    rows += [f"inf,{0.1 + 5e-4 * random.standard_normal():.5f}" for _ in range(30)]
+    (folder / "sensor.csv").write_text("\n".join(rows) + "\n")
+
+
+def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
+    readings(tmp_path)
+    text = WHOLE.replace(SENSOR, FITTED) + '[uncertainty]\nsensor.parameters = "calibration"\n'
+    problem = load_scenario(write(text))
+    known = problem.robust.uncertainty["calibration"]
+    assert isinstance(known, CorrelatedNormal)
+    assert known.names == ("sensor.distance_offset", "sensor.exponent")
+    best = problem.calibration.best
+    np.testing.assert_array_equal(known.covariance, best.covariance[1:, 1:])
+    found = problem.design_robust(samples=128)
+    assert found.gain == pytest.approx(found.nominal_gain, rel=0.05)
+    own = text + 'sensor.recess = { uniform = ["0 mm", "1 mm"] }\n'
+    recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')
+    assert list(load_scenario(write(recessed)).robust.uncertainty) == ["calibration", "sensor.recess"]
+    told = refusal(write(text + "sensor.exponent = { normal = [2.2, 0.1] }\n"))
+    assert "uncertainty.sensor.exponent: found sensor.exponent beside sensor.parameters" in told
+
+
+def test_a_curve_whose_parameters_run_away_has_no_covariance(write, tmp_path):
+    rows = ["distance [mm],output [V]"]
+    random = np.random.default_rng(1)
+    distances = np.repeat(np.arange(0, 60, 4), 3)
+    # an exponential: exponent and offset of a power law have no bound
+    rows += [f"{d},{np.exp(-0.04 * d) * (1 + 0.01 * random.standard_normal()):.5f}" for d in distances]
+    (tmp_path / "sensor.csv").write_text("\n".join(rows) + "\n")
+    text = WHOLE.replace(SENSOR, FITTED.replace("mini", 'offset = "zero"\nmini')) + (
+        '[uncertainty]\nsensor.parameters = "calibration"\n'
+    )
+    told = refusal(write(text))
+    assert f"line {line_of('sensor.par', text)}: uncertainty.sensor.parameters: fit: the readings do not bound" in told
+    assert "Fit a curve with fewer parameters" in told

@@ -21,6 +21,7 @@ from ..objectives import Objective
 from ..result import DesignStatus
 from ..search import GainAxis, Minimum, Scan, refine, scan
 from .evidence import RobustEvidence
+from .importance import rank_uncertain_inputs
 from .measures import Expected, Measure, Required, WorstCase
 from .price import price_of_robustness
 from .problem import RobustProblem
@@ -154,6 +155,7 @@ def design_robust_gain(
         definition=objective,
         limits=limits,
         impact=impact,
+        ranking=partial(rank_uncertain_inputs, problem, make, uncertainty, samples=samples, seed=seed),
         pricing=partial(
             price_of_robustness,
             scenario=scenario,

@@ -19,6 +19,7 @@ from ..impact import ImpactModel
 from ..objectives import Objective
 from ..result import DesignStatus
 from .evidence import Outcomes, RobustEvidence, RobustTradeOff
+from .importance import InputImportance
 from .measures import Measure, Required
 
 __all__ = ["LimitOutcome", "Price", "RobustDesign", "Validation", "WorstEncounter"]
@@ -147,6 +148,7 @@ class RobustDesign:
         definition: the objective.
         limits: the constraints.
         impact: the physical properties, where given.
+        ranking: what `importance` calls.
         pricing: what `price` calls.
         evidence: what the parts below are computed from.
     """
@@ -170,6 +172,7 @@ class RobustDesign:
     definition: Objective
     limits: tuple[Required, ...]
     impact: ImpactModel | None
+    ranking: Callable[[float], tuple[InputImportance, ...]] = field(repr=False)
     pricing: Callable[..., Price] = field(repr=False)
     evidence: RobustEvidence = field(repr=False)
 
@@ -212,6 +215,15 @@ class RobustDesign:
             The curve; the other inputs have their given values, those that were estimated together with it follow.
         """
         return self.pricing(name, count) if gain is None else self.pricing(name, count, gain=gain)
+
+    @cached_property
+    def importance(self) -> tuple[InputImportance, ...]:
+        """Which uncertain input the objective varies with most at the robust gain: what is worth measuring better.
+
+        Sobol indices from as many samples as the design was made with, and the same to first order from gradients, the
+        largest first; empty where there is no robust gain.
+        """
+        return () if self.gain is None else self.ranking(self.gain)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object: numbers in SI, None where there is none."""

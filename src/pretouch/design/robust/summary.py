@@ -67,6 +67,18 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
             "monotone": w.monotone,
             "encounters": [list(row) for row in w.encounters],
         },
+        "importance": [
+            {
+                "name": one.name,
+                "inputs": list(one.inputs),
+                "alone": _number(one.alone),
+                "alone_error": _number(one.alone_error),
+                "total": _number(one.total),
+                "total_error": _number(one.total_error),
+                "by_gradient": one.by_gradient,
+            }
+            for one in design.importance
+        ],
         "local_minima": [list(m) for m in design.local_minima],
         "scanned": design.scanned,
         "strongest_gain_needed": design.strongest,
@@ -148,11 +160,31 @@ def robust_as_text(design: RobustDesign) -> str:
         *(f"  {name.ljust(width)}  {text}" for name, text in said),
         *_validated(design),
         *_worst(design),
+        *_importance(design),
         "",
         f"evidence: {design.scanned} gains over [{low:g}, {high:g}] N s, {design.samples} encounters each, seed "
         f"{design.seed}; {_count(design)}{_proved(design)}",
     ]
     return "\n".join(lines)
+
+
+def _importance(design: RobustDesign) -> list[str]:
+    """Say what is worth measuring better."""
+    found = [one for one in design.importance if math.isfinite(one.total)]
+    if len(found) < 2:
+        return []
+    width = max(len(one.name) for one in found)
+    lines = [
+        "",
+        "what the objective varies with (Sobol indices: alone, with all interactions, each +- its standard error)",
+    ]
+    for one in found:
+        alone, total = (max(0.0, 100 * share) for share in (one.alone, one.total))
+        lines.append(
+            f"  {one.name.ljust(width)}  {alone:5.1f} % +- {100 * one.alone_error:.1f}   "
+            f"{total:5.1f} % +- {100 * one.total_error:.1f}"
+        )
+    return lines
 
 
 def _proved(design: RobustDesign) -> str:

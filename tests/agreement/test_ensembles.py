@@ -7,7 +7,14 @@ import pytest
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.motion import Admittance, ContactState, Obstacle, Plant, Reference, Scenario, find_contact
-from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
+from pretouch.sensors import (
+    ExponentialFirstOrder,
+    ExponentialSecondOrder,
+    InversePower,
+    MittagLeffler,
+    Recessed,
+    SensorModel,
+)
 from pretouch.uncertainty import make_ensemble
 
 SCENARIO = Scenario(
@@ -33,6 +40,18 @@ SENSORS: dict[str, tuple[SensorModel, dict[str, np.ndarray]]] = {
     "second order": (
         ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0),
         {"sensor.rate": RNG.uniform(-80, -70, 12), "sensor.curvature": RNG.uniform(300, 500, 12)},
+    ),
+    "recessed second order": (
+        Recessed(sensor=ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0), recess=0.004),
+        {"sensor.curvature": RNG.uniform(300, 500, 12), "sensor.recess": RNG.uniform(0.0, 0.006, 12)},
+    ),
+    "bent the other way": (
+        ExponentialSecondOrder(scale=0.480, rate=-50.0, curvature=-300.0),
+        {"sensor.rate": RNG.uniform(-55, -45, 12), "sensor.curvature": RNG.uniform(-400, -200, 12)},
+    ),
+    "mittag-leffler": (
+        MittagLeffler(scale=0.5, rate=-60.0, order=0.9),
+        {"sensor.rate": RNG.uniform(-65, -55, 12), "sensor.order": RNG.uniform(0.8, 0.95, 12)},
     ),
     "scale": (POWER, {"sensor.scale": RNG.uniform(1e-6, 1e-5, 12)}),
 }
@@ -62,10 +81,10 @@ def test_an_ensemble_is_what_each_of_its_encounters_gives_alone(name: str) -> No
 
 
 def test_curves_of_one_kind_are_one_call() -> None:
-    for name in ("inverse power", "recessed inverse power", "first order"):
+    for name in ("inverse power", "recessed inverse power", "first order", "second order", "recessed second order"):
         sensor, own = SENSORS[name]
         assert make_ensemble(SCENARIO, sensor, own).likeness is not None, name
-    sensor, own = SENSORS["second order"]
+    sensor, own = SENSORS["mittag-leffler"]
     assert make_ensemble(SCENARIO, sensor, own).likeness is None
 
 

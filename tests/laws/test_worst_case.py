@@ -13,7 +13,7 @@ from pretouch.design.objectives import Objective, Term
 from pretouch.design.robust import Expected, Required, WorstCase, design_robust_gain
 from pretouch.design.robust.certified_maximum import maximize_on_box
 from pretouch.motion import Admittance, Obstacle, Scenario
-from pretouch.sensors import ExponentialFirstOrder, InversePower, SensorModel
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
 from pretouch.uncertainty import Interval, Normal, TruncatedNormal, make_ensemble
 
 SCENARIO = Scenario(
@@ -112,10 +112,17 @@ def test_a_limit_holds_in_the_worst_encounter_too() -> None:
     assert design.validation.limits[0].held == 1.0
 
 
-@pytest.mark.parametrize("sensor", [FIRST, POWER], ids=lambda s: s.name)
+SECOND = Recessed(sensor=ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0), recess=0.004)
+
+
+@pytest.mark.parametrize("sensor", [FIRST, POWER, SECOND], ids=lambda s: s.name)
 def test_slopes_of_an_ensemble_are_differences_of_it(sensor: SensorModel) -> None:
     """Also by the sensor's own parameters, whose encounters are those of one sensor, and by the natural frequency."""
-    own = {"sensor.rate": -61.0} if sensor is FIRST else {"sensor.exponent": 3.32, "sensor.distance_offset": 0.0419}
+    own = {
+        FIRST: {"sensor.rate": -61.0},
+        POWER: {"sensor.exponent": 3.32, "sensor.distance_offset": 0.0419},
+        SECOND: {"sensor.rate": -74.0, "sensor.curvature": 474.0, "sensor.recess": 0.004},
+    }[sensor]
     center = {
         "obstacle.velocity": -0.3,
         "obstacle.position": 0.0422,

@@ -3,7 +3,8 @@
 With X = s x the equation of motion keeps its form if the force does. For g(l) = -n / (l + l_0) and s = L_0 / l_0,
 L + L_0 = s (l + l_0), so the curve (n, l_0) with gain D_p moves as the curve (N, L_0) does with s (n / N) D_p: times
 are the same, lengths and speeds are s times as large, and so are forces. A constant slope g needs no other length: only
-g D_p counts. So encounters of ten thousand sensors with other parameters are ten thousand encounters of one.
+g D_p counts. The same holds for g = c + 2 b l = 2 b (l - l*) with s = L* / l*, and a gain in proportion to c. So
+encounters of ten thousand sensors with other parameters are ten thousand encounters of one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed, SensorModel
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
 
 from .contact import ContactResult
 from .scenario import Scenario
@@ -57,14 +58,13 @@ class Likeness:
         sensor: the one sensor.
         length: s of each encounter, by which its lengths are multiplied; 1 where they stay.
         gain: the factor of its gain.
-        parameters: of the many sensors, what matters of each: a number, and the powers of it with which the factors of
-            length and gain grow.
+        parameters: of the many sensors, those that matter: the derivatives of the logarithms of both factors by each.
     """
 
     sensor: SensorModel
     length: Any
     gain: Any
-    parameters: Mapping[str, tuple[Any, float, float]] = field(default_factory=dict)
+    parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
 
     def scenario(self, scenario: Scenario) -> Scenario:
         """Return the encounters of the one sensor."""
@@ -136,17 +136,16 @@ class _RescaledGradients:
             return own.of(quantity, by) * likeness.length * weight
         if name not in likeness.parameters:
             return np.zeros(np.shape(self.columns.column(quantity)))
-        parameter, length, gain = likeness.parameters[name]
-        by_gain = own.of(quantity, "gain") * self.columns.found.gain * weight
-        total = gain / parameter * by_gain
-        if length:
+        length, gain = likeness.parameters[name]
+        total = gain * own.of(quantity, "gain") * self.columns.found.gain * weight
+        if np.any(length != 0):
             scenario = likeness.scenario(self.columns.scenario)
             moved = sum(
                 np.asarray(getattr(getattr(scenario, part), field)) * own.of(quantity, f"{part}.{field}")
                 for part, field in _SCALED
             )
             level = self.columns.column(quantity) if quantity in _LENGTHS else 0.0
-            total = total + length / parameter * (moved * weight - level)
+            total = total + length * (moved * weight - level)
         return total
 
 
@@ -167,13 +166,48 @@ def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distanc
     if not (np.all(low - recess <= 0) and np.all(np.asarray(distance) <= high - recess)):
         return None
     if type(curve) is ExponentialFirstOrder:
-        rate = np.asarray(values.get("rate", curve.rate))
-        if not np.all(rate < 0):
-            return None
-        powers = {"rate": (rate, 0.0, 1.0)}
-        return Likeness(sensor=_unbounded(curve), length=1.0, gain=rate / curve.rate, parameters=powers)
-    if type(curve) is not InversePower:
+        return _first_order(curve, values)
+    if type(curve) is ExponentialSecondOrder and curve.curvature != 0:
+        return _second_order(curve, values, recess, distance)
+    return _power(curve, values, recess) if type(curve) is InversePower else None
+
+
+def _first_order(curve: ExponentialFirstOrder, values: Mapping[str, FloatArray]) -> Likeness | None:
+    rate = np.asarray(values.get("rate", curve.rate))
+    if not np.all(rate < 0):
         return None
+    return Likeness(
+        sensor=replace(curve, minimum_distance=0.0, maximum_distance=np.inf),
+        length=1.0,
+        gain=rate / curve.rate,
+        parameters={"rate": (0.0, 1 / rate)},
+    )
+
+
+def _second_order(
+    curve: ExponentialSecondOrder, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any
+) -> Likeness | None:
+    """Return the likeness of curves g = c + 2 b (l + recess) = 2 b (l - l*)."""
+    b = np.asarray(values.get("curvature", curve.curvature))
+    c = np.asarray(values.get("rate", curve.rate)) + 2 * b * recess
+    if not (np.all(b * curve.curvature > 0) and np.all(c < 0) and np.all(c + 2 * b * np.asarray(distance) < 0)):
+        return None
+    own = float(np.median(-c / (2 * b)))  # l* of the one
+    length = own * (-2 * b / c)
+    rate = -2 * curve.curvature * own
+    return Likeness(
+        sensor=replace(curve, rate=rate, minimum_distance=0.0, maximum_distance=np.inf),
+        length=length,
+        gain=c / rate,
+        parameters={
+            "rate": (-1 / c, 1 / c),
+            "curvature": (1 / b - 2 * recess / c, 2 * recess / c),
+            "recess": (-2 * b / c, 2 * b / c),
+        },
+    )
+
+
+def _power(curve: InversePower, values: Mapping[str, FloatArray], recess: FloatArray) -> Likeness | None:
     offset = np.asarray(values.get("distance_offset", curve.distance_offset)) + recess
     exponent = np.asarray(values.get("exponent", curve.exponent))
     if not (np.all(offset > 0) and np.all(exponent > 0)):
@@ -181,16 +215,12 @@ def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distanc
     own = float(np.median(offset))
     length = own / offset
     return Likeness(
-        sensor=replace(_unbounded(curve), distance_offset=own),
+        sensor=replace(curve, minimum_distance=0.0, maximum_distance=np.inf, distance_offset=own),
         length=length,
         gain=length * (exponent / curve.exponent),
         parameters={
-            "exponent": (exponent, 0.0, 1.0),
-            "distance_offset": (offset, -1.0, -1.0),
-            "recess": (offset, -1.0, -1.0),
+            "exponent": (0.0, 1 / exponent),
+            "distance_offset": (-1 / offset, -1 / offset),
+            "recess": (-1 / offset, -1 / offset),
         },
     )
-
-
-def _unbounded(curve: Any) -> Any:
-    return replace(curve, minimum_distance=0.0, maximum_distance=np.inf)

@@ -29,12 +29,12 @@ Region: TypeAlias = tuple[slice, ...]
 _CHUNK: Final = {
     (False, False, False): 1 << 20,
     (False, True, False): 1 << 20,
-    (False, False, True): 1 << 17,
-    (False, True, True): 1 << 14,
-    (True, False, False): 1 << 14,
-    (True, True, False): 1 << 11,
-    (True, False, True): 1 << 11,
-    (True, True, True): 1 << 8,
+    (False, False, True): 1 << 20,
+    (False, True, True): 1 << 17,
+    (True, False, False): 1 << 17,
+    (True, True, False): 1 << 15,
+    (True, False, True): 1 << 14,
+    (True, True, True): 1 << 12,
 }
 
 

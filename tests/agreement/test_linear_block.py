@@ -53,7 +53,7 @@ KINDS = ("at rest", "moving plant", "near critical", "any obstacle")
 def solve(inputs, n=None, horizon=HORIZON):
     n = max(x.size for x in inputs) if n is None else n
     time, status = np.full(n, 7.0), np.full(n, 7, np.int8)
-    contact_times(*inputs, SLOPE, horizon, time, status)
+    contact_times(tuple(inputs), SLOPE, horizon, time, status)
     return time, status
 
 
@@ -164,7 +164,7 @@ def test_times_and_states_agree_with_arithmetic_of_many_digits(kind):
     inputs = scattered(400, 5, kind)
     time, status = solve(inputs)
     out = np.empty((5, 400))
-    contact_states(*inputs, SLOPE, time, status, out, 0)
+    contact_states(tuple(inputs), SLOPE, time, status, out, 0)
     for i in np.flatnonzero(status == CONTACT)[:150]:
         q = exact(x[i] for x in inputs)
         t = mpf(float(time[i]))
@@ -216,7 +216,7 @@ def test_gradients_are_the_differences_of_many_digits(kind):
     inputs = [np.array(x) for x in np.broadcast_arrays(*letter(60))] if kind == "letter" else scattered(60, 6, kind)
     time, status = solve(inputs)
     gradients = np.empty((3, 10, 60))
-    contact_gradients(*inputs, SLOPE, time, status, gradients)
+    contact_gradients(tuple(inputs), SLOPE, time, status, gradients)
     chosen = np.flatnonzero(status == CONTACT)[:25]
     for i in chosen:
         q = exact(x[i] for x in inputs)
@@ -282,8 +282,8 @@ def test_one_value_for_all_equals_the_same_value_for_each():
     time, status = solve(one)
     states, gradients = np.empty((2, 5, 1000)), np.empty((2, 3, 10, 1000))
     for k, inputs in enumerate((one, each)):
-        contact_states(*inputs, SLOPE, time, status, states[k], 0)
-        contact_gradients(*inputs, SLOPE, time, status, gradients[k])
+        contact_states(tuple(inputs), SLOPE, time, status, states[k], 0)
+        contact_gradients(tuple(inputs), SLOPE, time, status, gradients[k])
     np.testing.assert_array_equal(states[0], states[1])
     np.testing.assert_array_equal(gradients[0], gradients[1])
 
@@ -293,7 +293,7 @@ def test_what_is_open_has_no_state_and_no_gradient():
     inputs[A] = np.array([0, 1.0] * 5)
     time, status = solve(inputs)
     states, gradients = np.empty((5, 10)), np.empty((3, 10, 10))
-    contact_states(*inputs, SLOPE, time, status, states, 0)
-    contact_gradients(*inputs, SLOPE, time, status, gradients)
+    contact_states(tuple(inputs), SLOPE, time, status, states, 0)
+    contact_gradients(tuple(inputs), SLOPE, time, status, gradients)
     for out in (time, *states, *gradients.reshape(30, 10)):
         np.testing.assert_array_equal(np.isnan(out), status == OPEN)

@@ -56,8 +56,8 @@ def test_the_closed_form_finds_the_largest_demands_of_the_guaranteed_path(kind: 
         inputs = scattered(COUNT, 21, kind)
     drift, pull = references(COUNT, 22)
     time, status, found = np.empty(COUNT), np.empty(COUNT, dtype=np.int8), np.empty((5, COUNT))
-    contact_times(*inputs, SLOPE, HORIZON, time, status)
-    largest_demands(*inputs[:5], inputs[6], inputs[8], drift, pull, SLOPE, time, status, found, 0)
+    contact_times(tuple(inputs), SLOPE, HORIZON, time, status)
+    largest_demands(tuple(inputs), drift, pull, SLOPE, time, status, found, 0)
     proved = status == 0
     assert np.isnan(found[:, ~proved]).all()
     assert PEAK_ROWS == PEAKS
@@ -78,7 +78,7 @@ def test_numpy_finds_the_same_demands(kind: str) -> None:
     columns = (*inputs[:8], drift, pull, inputs[8])
     states, proved = solve_over_damped(columns, SLOPE, HORIZON)
     time, status, found = states["time"], np.where(proved, 0, -1).astype(np.int8), np.empty((5, COUNT))
-    largest_demands(*inputs[:5], inputs[6], inputs[8], drift, pull, SLOPE, time, status, found, 0)
+    largest_demands(tuple(inputs), drift, pull, SLOPE, time, status, found, 0)
     mine = peaks_over_damped(columns, SLOPE, time)
     for row, name in enumerate(PEAKS):
         known = proved & ~np.isnan(mine[name])
@@ -130,7 +130,7 @@ def test_demands_do_not_depend_on_what_the_other_lanes_hold() -> None:
     def solve(which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         c, n = [x[which] for x in columns], len(which)
         out, peaks, status = np.empty((6, n)), np.empty((5, n)), np.empty(n, dtype=np.int8)
-        contact_peaks(*c[:8], batch.gain[which], c[8], c[9], windows, 20.0, out, peaks, status)
+        contact_peaks((*c[:8], batch.gain[which]), c[8], c[9], windows, 20.0, out, peaks, status)
         return peaks, status
 
     whole, status = solve(np.arange(37))

@@ -61,7 +61,7 @@ def letter(count: int, seed: int) -> list[np.ndarray]:
 def solve(inputs: list[np.ndarray], windows: np.ndarray, horizon: float = HORIZON) -> tuple[np.ndarray, np.ndarray]:
     count = max(len(values) for values in inputs)
     out, status = np.empty((6, count)), np.empty(count, dtype=np.int8)
-    contact_times(*inputs, windows, horizon, out, status)
+    contact_times(tuple(inputs), windows, horizon, out, status)
     return out, status
 
 
@@ -238,7 +238,7 @@ def test_gradients_agree_with_differences_of_the_guaranteed_path(name: str) -> N
     out, status = solve(inputs, table(name))
     again, gradients = np.empty((6, 3 * count)), np.empty((3, 9, 3 * count))
     again_status = np.empty(3 * count, dtype=np.int8)
-    contact_gradients(*inputs, table(name), HORIZON, again, gradients, again_status)
+    contact_gradients(tuple(inputs), table(name), HORIZON, again, gradients, again_status)
     settled = again_status == CONTACT
     assert (status[settled] == CONTACT).all()
     assert settled.sum() > 0.95 * (status == CONTACT).sum(), "what is very stiff has a contact but no gradient here"

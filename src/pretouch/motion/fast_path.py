@@ -141,7 +141,7 @@ def _solve_form(request: Request) -> tuple[FloatArray, NDArray[np.int8]]:
 
     def run(start: int, stop: int) -> None:
         c = request.block(start, stop)
-        contact_times(*c[:8], c[10], slope, request.horizon, time[start:stop], status[start:stop])
+        contact_times((*c[:8], c[10]), slope, request.horizon, time[start:stop], status[start:stop])
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
     return time, status
@@ -159,7 +159,7 @@ def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -
 
     def run(start: int, stop: int) -> None:
         c = request.block(start, stop)
-        contact_states(*c[:8], c[10], slope, time[start:stop], status[start:stop], rows, start)
+        contact_states((*c[:8], c[10]), slope, time[start:stop], status[start:stop], rows, start)
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
     return dict(zip(STATES, (time, *rows), strict=True))
@@ -178,7 +178,7 @@ def _form_peaks(request: Request, time: FloatArray, status: NDArray[np.int8]) ->
 
     def run(start: int, stop: int) -> None:
         c = request.block(start, stop)
-        largest_demands(*c[:5], c[6], c[10], c[8], c[9], slope, time[start:stop], status[start:stop], rows, start)
+        largest_demands((*c[:8], c[10]), c[8], c[9], slope, time[start:stop], status[start:stop], rows, start)
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
     return dict(zip(PEAKS, rows, strict=True))

@@ -125,7 +125,7 @@ class GradientRows:
 
         def run(start: int, stop: int) -> None:
             c, out = request.block(start, stop), np.empty((3, 10, stop - start))
-            contact_gradients(*c[:8], c[10], slope, time[start:stop], status[start:stop], out)
+            contact_gradients((*c[:8], c[10]), slope, time[start:stop], status[start:stop], out)
             rows[:, :, start:stop] = out[::2, kept]
 
         for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
@@ -149,7 +149,7 @@ class GradientRows:
             part = where[start:stop]
             c = request.block(start, stop) if whole else [x if len(x) == 1 else x[part] for x in request.columns]
             state, out = np.empty((6, stop - start)), np.empty((3, 9, stop - start))
-            contact_gradients(*c[:8], c[10], windows, request.horizon, state, out, status[start:stop])
+            contact_gradients((*c[:8], c[10]), windows, request.horizon, state, out, status[start:stop])
             rows[:, :, slice(start, stop) if whole else part] = out[::2, kept]
 
         for_stretches(run, len(where), least=_LEAST_SERIES, most=_BLOCK)

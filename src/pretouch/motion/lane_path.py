@@ -43,7 +43,7 @@ def solve_in_lanes(
 
     def run(start: int, stop: int) -> None:
         c, out = _columns(request, which, start, stop), np.empty((len(STATES), stop - start))
-        contact_times(*c[:8], c[10], windows, request.horizon, out, status[start:stop])
+        contact_times((*c[:8], c[10]), windows, request.horizon, out, status[start:stop])
         kept[:, start:stop] = out[: len(kept)]
 
     for_stretches(run, size, least=_LEAST, most=_MOST)
@@ -70,7 +70,7 @@ def peaks_in_lanes(request: Request, which: IntArray | None) -> dict[str, FloatA
     def run(start: int, stop: int) -> None:
         c, count = _columns(request, which, start, stop), stop - start
         out, peaks, status = np.empty((len(STATES), count)), np.empty((len(PEAKS), count)), np.empty(count, np.int8)
-        contact_peaks(*c[:8], c[10], c[8], c[9], windows, request.horizon, out, peaks, status)
+        contact_peaks((*c[:8], c[10]), c[8], c[9], windows, request.horizon, out, peaks, status)
         rows[:, start:stop] = peaks
 
     for_stretches(run, size, least=_LEAST, most=_MOST)

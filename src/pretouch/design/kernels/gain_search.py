@@ -71,7 +71,7 @@ def _solve_series(inputs: Any, k: int, gains: Any, windows: Any, horizon: float,
     """Solve an encounter of any curve for some gains; return how many contacts are proved before one is not."""
     count = gains.size
     out, found = states[:, :count], status[:count]
-    series_block.solve_lanes(
+    one = (
         inputs[_MASS, k : k + 1],
         inputs[_DAMPING, k : k + 1],
         inputs[_STIFFNESS, k : k + 1],
@@ -81,13 +81,8 @@ def _solve_series(inputs: Any, k: int, gains: Any, windows: Any, horizon: float,
         inputs[_V, k : k + 1],
         inputs[_A, k : k + 1],
         gains,
-        windows,
-        horizon,
-        out,
-        None,
-        None,
-        found,
     )
+    series_block.solve_lanes(one, windows, horizon, out, None, None, found)
     for i in range(count):
         if found[i] != series_block.CONTACT:
             return i

@@ -244,15 +244,7 @@ def _refine_block(data: Any, time: Any, status: Any, horizon: float) -> None:
 
 @kernel
 def contact_times(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     slope: float,
     horizon: float,
     time: Any,
@@ -261,15 +253,8 @@ def contact_times(
     """Find first contacts of M x~'' + (D + c) x~' + K x~ = c (v + a t), c = slope gain, l = p + v t + a t^2 / 2 - x~.
 
     Args:
-        mass: M [kg]; like all inputs of shape (n,) or (1,), contiguous.
-        damping: D [N s/m].
-        stiffness: K [N/m].
-        x0: x~(0) [m].
-        u0: x~'(0) [m/s].
-        p: position [m] of the obstacle relative to the reference, at t = 0.
-        v: its velocity [m/s].
-        a: its acceleration [m/s^2].
-        gain: D_p [N s].
+        inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
+            [m/s^2] of the obstacle relative to the reference, and D_p [N s]: nine arrays, (n,) or (1,), contiguous.
         slope: g [1/m], one number.
         horizon: latest time of contact [s].
         time: filled with the times of contact [s], shape (n,); no number where the status is OPEN.
@@ -278,15 +263,15 @@ def contact_times(
     data = np.empty(20 * BLOCK)
     for start in range(0, time.size, BLOCK):
         stop = min(start + BLOCK, time.size)
-        load_row(data, _M, mass, start, stop)
-        load_row(data, _D, damping, start, stop)
-        load_row(data, _K, stiffness, start, stop)
-        load_row(data, _X0, x0, start, stop)
-        load_row(data, _U0, u0, start, stop)
-        load_row(data, _P, p, start, stop)
-        load_row(data, _V, v, start, stop)
-        load_row(data, _A, a, start, stop)
-        load_row(data, _GAIN, gain, start, stop)
+        load_row(data, _M, inputs[0], start, stop)
+        load_row(data, _D, inputs[1], start, stop)
+        load_row(data, _K, inputs[2], start, stop)
+        load_row(data, _X0, inputs[3], start, stop)
+        load_row(data, _U0, inputs[4], start, stop)
+        load_row(data, _P, inputs[5], start, stop)
+        load_row(data, _V, inputs[6], start, stop)
+        load_row(data, _A, inputs[7], start, stop)
+        load_row(data, _GAIN, inputs[8], start, stop)
         waiting = _solve_block(data, slope, horizon, stop - start)
         times, states = time[start:stop], status[start:stop]
         for i in range(times.size):

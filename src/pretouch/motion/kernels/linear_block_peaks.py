@@ -99,13 +99,7 @@ def _peaks_block(data: Any, slope: float, count: int) -> None:
 
 @kernel
 def largest_demands(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    v: Any,
-    gain: Any,
+    inputs: Any,
     drift: Any,
     pull: Any,
     slope: float,
@@ -117,13 +111,7 @@ def largest_demands(
     """Fill columns of out, shape (5, m), with PEAK_ROWS until the times that linear_block.contact_times has found.
 
     Args:
-        mass: M [kg]; like all inputs of shape (n,) or (1,), contiguous.
-        damping: D [N s/m].
-        stiffness: K [N/m].
-        x0: x~(0) [m].
-        u0: x~'(0) [m/s].
-        v: velocity [m/s] of the obstacle relative to the reference, whose acceleration is that of the obstacle.
-        gain: D_p [N s].
+        inputs: those of linear_block.contact_times; the acceleration of the reference is that of the obstacle.
         drift: velocity of the reference at t = 0 [m/s].
         pull: its acceleration [m/s^2].
         slope: g [1/m], one number.
@@ -135,13 +123,13 @@ def largest_demands(
     data = np.empty(15 * BLOCK)
     for start in range(0, time.size, BLOCK):
         stop = min(start + BLOCK, time.size)
-        load_row(data, _M, mass, start, stop)
-        load_row(data, _D, damping, start, stop)
-        load_row(data, _K, stiffness, start, stop)
-        load_row(data, _X0, x0, start, stop)
-        load_row(data, _U0, u0, start, stop)
-        load_row(data, _V, v, start, stop)
-        load_row(data, _GAIN, gain, start, stop)
+        load_row(data, _M, inputs[0], start, stop)
+        load_row(data, _D, inputs[1], start, stop)
+        load_row(data, _K, inputs[2], start, stop)
+        load_row(data, _X0, inputs[3], start, stop)
+        load_row(data, _U0, inputs[4], start, stop)
+        load_row(data, _V, inputs[6], start, stop)
+        load_row(data, _GAIN, inputs[8], start, stop)
         load_row(data, _DRIFT, drift, start, stop)
         load_row(data, _PULL, pull, start, stop)
         load_row(data, _TIME, time, start, stop)

@@ -146,28 +146,20 @@ def _gradients_block(data: Any, slope: float, count: int) -> None:
 @block_part
 def _load(
     data: Any,
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     time: Any,
     start: int,
     stop: int,
 ) -> None:
-    load_row(data, _M, mass, start, stop)
-    load_row(data, _D, damping, start, stop)
-    load_row(data, _K, stiffness, start, stop)
-    load_row(data, _X0, x0, start, stop)
-    load_row(data, _U0, u0, start, stop)
-    load_row(data, _P, p, start, stop)
-    load_row(data, _V, v, start, stop)
-    load_row(data, _A, a, start, stop)
-    load_row(data, _GAIN, gain, start, stop)
+    load_row(data, _M, inputs[0], start, stop)
+    load_row(data, _D, inputs[1], start, stop)
+    load_row(data, _K, inputs[2], start, stop)
+    load_row(data, _X0, inputs[3], start, stop)
+    load_row(data, _U0, inputs[4], start, stop)
+    load_row(data, _P, inputs[5], start, stop)
+    load_row(data, _V, inputs[6], start, stop)
+    load_row(data, _A, inputs[7], start, stop)
+    load_row(data, _GAIN, inputs[8], start, stop)
     load_row(data, _TIME, time, start, stop)
 
 
@@ -180,15 +172,7 @@ def _store(data: Any, row: int, part: Any, status: Any) -> None:
 
 @kernel
 def contact_states(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     slope: float,
     time: Any,
     status: Any,
@@ -198,15 +182,7 @@ def contact_states(
     """Fill columns of out, shape (5, m), with STATE_ROWS at the times that contact_times has found for the same inputs.
 
     Args:
-        mass: M [kg]; like all inputs of shape (n,) or (1,), contiguous.
-        damping: D [N s/m].
-        stiffness: K [N/m].
-        x0: x~(0) [m].
-        u0: x~'(0) [m/s].
-        p: position [m] of the obstacle relative to the reference, at t = 0.
-        v: its velocity [m/s].
-        a: its acceleration [m/s^2].
-        gain: D_p [N s].
+        inputs: those of contact_times.
         slope: g [1/m], one number.
         time: what contact_times has found, shape (n,).
         status: 0 or OPEN, as contact_times has left it, shape (n,).
@@ -216,7 +192,7 @@ def contact_states(
     data = np.empty(15 * BLOCK)
     for start in range(0, time.size, BLOCK):
         stop = min(start + BLOCK, time.size)
-        _load(data, mass, damping, stiffness, x0, u0, p, v, a, gain, time, start, stop)
+        _load(data, inputs, time, start, stop)
         _states_block(data, slope, stop - start)
         states = status[start:stop]
         for k in range(5):
@@ -225,15 +201,7 @@ def contact_states(
 
 @kernel
 def contact_gradients(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     slope: float,
     time: Any,
     status: Any,
@@ -242,15 +210,7 @@ def contact_gradients(
     """Fill out, shape (3, 10, n), with the derivatives of GRADIENT_OUTPUTS at contact to GRADIENT_INPUTS.
 
     Args:
-        mass: M [kg]; like all inputs of shape (n,) or (1,), contiguous.
-        damping: D [N s/m].
-        stiffness: K [N/m].
-        x0: x~(0) [m].
-        u0: x~'(0) [m/s].
-        p: position [m] of the obstacle relative to the reference, at t = 0.
-        v: its velocity [m/s].
-        a: its acceleration [m/s^2].
-        gain: D_p [N s].
+        inputs: those of contact_times.
         slope: g [1/m], one number.
         time: what contact_times has found, shape (n,).
         status: 0 or OPEN, as contact_times has left it, shape (n,).
@@ -259,7 +219,7 @@ def contact_gradients(
     data = np.empty(40 * BLOCK)
     for start in range(0, time.size, BLOCK):
         stop = min(start + BLOCK, time.size)
-        _load(data, mass, damping, stiffness, x0, u0, p, v, a, gain, time, start, stop)
+        _load(data, inputs, time, start, stop)
         _gradients_block(data, slope, stop - start)
         states = status[start:stop]
         for q in range(3):

@@ -89,15 +89,7 @@ def _finish(
 
 @kernel
 def contact_times(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     windows: Any,
     horizon: float,
     out: Any,
@@ -106,34 +98,19 @@ def contact_times(
     """Find the first contact of encounters of one curve, where that can be proved.
 
     Args:
-        mass: M [kg], shape (n,) or (1,), as the other quantities of an encounter.
-        damping: D [N s/m].
-        stiffness: K [N/m].
-        x0: x~ at the start [m].
-        u0: x~' at the start [m/s].
-        p: x_o - x_d at the start [m].
-        v: its velocity [m/s].
-        a: its acceleration [m/s^2].
-        gain: D_p [N s].
+        inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
+            [m/s^2] of the obstacle relative to the reference, and D_p [N s]: nine arrays, (n,) or (1,), contiguous.
         windows: the curve as curve_windows gives it, from l = 0 upward.
         horizon: the latest contact of interest [s].
         out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
         status: filled with CONTACT or OPEN, shape (n,).
     """
-    solve_lanes(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, None, None, status)
+    solve_lanes(inputs, windows, horizon, out, None, None, status)
 
 
 @kernel
 def contact_gradients(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     windows: Any,
     horizon: float,
     out: Any,
@@ -143,15 +120,7 @@ def contact_gradients(
     """Find contacts as contact_times does, and how they depend on the inputs.
 
     Args:
-        mass: the nine inputs, the windows, the horizon, out and status are those of contact_times.
-        damping: see contact_times.
-        stiffness: see contact_times.
-        x0: see contact_times.
-        u0: see contact_times.
-        p: see contact_times.
-        v: see contact_times.
-        a: see contact_times.
-        gain: see contact_times.
+        inputs: see contact_times.
         windows: see contact_times.
         horizon: see contact_times.
         out: see contact_times.
@@ -160,20 +129,12 @@ def contact_gradients(
         status: see contact_times.
     """
     gradients[:] = np.nan
-    solve_lanes(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, gradients, None, status)
+    solve_lanes(inputs, windows, horizon, out, gradients, None, status)
 
 
 @kernel
 def solve_lanes(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     windows: Any,
     horizon: float,
     out: Any,
@@ -185,6 +146,7 @@ def solve_lanes(
 
     Demands are the velocity and the acceleration of the reference, what is to be filled, and room for peaks.
     """
+    mass, damping, stiffness, x0, u0, p, v, a, gain = inputs
     n = status.shape[0]
     out[:] = np.nan
     status[:] = OPEN

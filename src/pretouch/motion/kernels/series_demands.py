@@ -16,15 +16,7 @@ __all__ = ["contact_peaks"]
 
 @kernel
 def contact_peaks(
-    mass: Any,
-    damping: Any,
-    stiffness: Any,
-    x0: Any,
-    u0: Any,
-    p: Any,
-    v: Any,
-    a: Any,
-    gain: Any,
+    inputs: Any,
     drift: Any,
     pull: Any,
     windows: Any,
@@ -36,15 +28,7 @@ def contact_peaks(
     """Find contacts as contact_times does, and the largest demands on the robot until then.
 
     Args:
-        mass: the nine inputs, the windows, the horizon, out and status are those of contact_times.
-        damping: see contact_times.
-        stiffness: see contact_times.
-        x0: see contact_times.
-        u0: see contact_times.
-        p: see contact_times.
-        v: see contact_times.
-        a: see contact_times.
-        gain: see contact_times.
+        inputs: see contact_times.
         drift: velocity of the reference at the start [m/s].
         pull: its acceleration [m/s^2].
         windows: see contact_times.
@@ -56,4 +40,4 @@ def contact_peaks(
     peaks[:] = 0.0
     room = (aligned_rows(WAITING_ROWS), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(1, np.int64))
     demands = (drift, pull, peaks, room)
-    solve_lanes(mass, damping, stiffness, x0, u0, p, v, a, gain, windows, horizon, out, None, demands, status)
+    solve_lanes(inputs, windows, horizon, out, None, demands, status)

@@ -1,4 +1,4 @@
-"""What `make demo` runs: fit a sensor, design two gains, check a part of the letter, write reports to demo-output/."""
+"""What `make demo` runs: a fit, two gains, a robust one, a trade-off, a part of the letter; reports in demo-output/."""
 
 import subprocess
 import sys
@@ -23,6 +23,8 @@ def main() -> None:
     for name in ("approach", "fingertip"):
         report = str(OUTPUT / f"{name}-design.html")
         pretouch("design", str(EXAMPLES / f"{name}.toml"), "--output", report)
+    pretouch("robust", str(EXAMPLES / "robust.toml"), "--output", str(OUTPUT / "robust-robust.html"))
+    pretouch("pareto", str(EXAMPLES / "tradeoff.toml"), "--output", str(OUTPUT / "tradeoff-pareto.html"))
     pretouch("reproduce", "table-2", "figure-4", "figure-5", "--output", str(OUTPUT / "letter-reproduction.html"))
     print(f"\nReports with figures: {', '.join(sorted(p.name for p in OUTPUT.glob('*.html')))} in {OUTPUT.name}/")
 

@@ -108,4 +108,6 @@ def test_the_demonstration_writes_its_reports(tmp_path: Path) -> None:
         "approach-design.html",
         "fingertip-design.html",
         "letter-reproduction.html",
+        "robust-robust.html",
+        "tradeoff-pareto.html",
     }

@@ -305,3 +305,24 @@ def test_the_report_and_the_object_say_the_same(letter_encounter: Scenario, lett
     assert "D_p = -0.7463 N s" in str(design)
     assert "-0.7463" in design._repr_html_()
     assert ContactStatus(design.result.status).label == "contact"
+
+
+@pytest.mark.parametrize("spare", [1e-3, 1e-6, 1e-9])
+def test_limits_may_leave_less_than_lies_between_two_gains_of_the_scan(
+    letter_encounter: Scenario, spare: float
+) -> None:
+    """A stronger gain needs more excursion, a weaker one touches faster: both limits leave a little about -0.9 N s."""
+    sensor = CURVES["inverse-power"]
+    there = find_contact(letter_encounter, sensor, -0.9).contact
+    limits = [
+        Constraint(name="excursion", limit=there.largest_excursion * (1 + spare)),
+        Constraint(name="relative_velocity", limit=abs(there.relative_velocity) * (1 + spare)),
+    ]
+    design = design_gain(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits)
+    assert design.status is DesignStatus.OPTIMAL
+    # both quantities change by about as much as the gain does, in proportion
+    assert design.gain == pytest.approx(-0.9, rel=20 * spare)
+    assert all(outcome.margin >= 0 for outcome in design.constraints)
+    more = [Constraint(name=limit.name, limit=limit.limit * (1 - 3 * spare)) for limit in limits]
+    none = design_gain(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=more)
+    assert none.status is DesignStatus.INFEASIBLE

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult
 
 from .constraints import Constraint
 from .problem import Problem
 from .result import Certificate, ConstraintOutcome, Sensitivity, TradeOff
-from .search import GainAxis, Minimum, Scan, refine, scan
+from .search import HELD, GainAxis, Minimum, Scan, refine, scan
 from .sensitivity import gain_sensitivities
 
 __all__ = ["Evidence"]
@@ -44,7 +45,29 @@ class Evidence:
     def minima(self) -> tuple[Minimum, ...]:
         """All local minima of the objective, refined, best first."""
         found = self.scanned
-        return tuple(refine(lambda u: self.problem.landscape(u).merit, found.coordinate, found.landscape.merit))
+        minima = refine(self._merit, found.coordinate, found.landscape.merit)
+        return tuple(minima or self._between_gains())
+
+    def _merit(self, coordinate: FloatArray) -> FloatArray:
+        return self.problem.landscape(coordinate).merit
+
+    def _between_gains(self) -> list[Minimum]:
+        """Return the minima within feasible gains that lie between those of the scan: limits may leave that little."""
+        near = self._least_excess
+        if near is None or near.value > HELD:
+            return []
+        steps = 0.5 ** np.arange(50)
+        low, high = near.bracket
+        below, above = ((end - near.coordinate) * steps for end in (low, high))
+        u = np.unique(near.coordinate + np.concatenate([[0.0], below, above]))
+        return refine(self._merit, u, self._merit(u))
+
+    @cached_property
+    def _least_excess(self) -> Minimum | None:
+        """The gain at which the worst ratio of quantity and limit is least; None where none makes contact."""
+        found, problem = self.scanned, self.problem
+        near = refine(lambda u: problem.landscape(u).worst_ratio, found.coordinate, found.landscape.worst_ratio)
+        return near[0] if near else None
 
     @property
     def best(self) -> Minimum | None:
@@ -54,11 +77,9 @@ class Evidence:
     @cached_property
     def nearest_gain(self) -> float | None:
         """Where no gain is feasible, the one that exceeds the limits least; None where none makes contact."""
-        if self.minima:
+        if self.minima or self._least_excess is None:
             return None
-        found, problem = self.scanned, self.problem
-        near = refine(lambda u: problem.landscape(u).worst_ratio, found.coordinate, found.landscape.worst_ratio)
-        return float(problem.axis.gain(near[0].coordinate)) if near else None
+        return float(self.problem.axis.gain(self._least_excess.coordinate))
 
     @cached_property
     def gain(self) -> float | None:

@@ -10,9 +10,11 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
-__all__ = ["RESOLVED", "SCANNED", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
+__all__ = ["HELD", "RESOLVED", "SCANNED", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
 
-_HELD = 1 - 1e-11  # of a limit: so that the encounter at the chosen gain, solved again, holds it, too
+HELD = 1 - 1e-11
+"""Of a limit: so that the encounter at the chosen gain, solved again, holds it, too."""
+
 SCANNED = 65
 """How many gains a scan begins with."""
 
@@ -21,6 +23,7 @@ RESOLVED = 1e-3
 """The error of predicting an objective from its neighbors, of itself, from which a scan goes on."""
 
 _ZOOM = 17
+_NARROWEST = 1e-9  # an interval in which a polynomial says more than rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +91,7 @@ class Landscape:
     @property
     def feasible(self) -> BoolArray:
         """Where the encounter ends in contact and every constraint holds."""
-        return self.reached & (self.worst_ratio <= _HELD)
+        return self.reached & (self.worst_ratio <= HELD)
 
     @property
     def merit(self) -> FloatArray:
@@ -217,7 +220,7 @@ def _zoom(function: Callable[[FloatArray], FloatArray], low: float, high: float)
         values = function(u)
         i = int(np.argmin(values))
         at_end = u[i] in {low, high}
-        if np.isfinite(values).all() and right - left < 0.1:
+        if np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < 0.1:
             polished = None if at_end else _polish(function, left, right)
             if polished is not None:
                 return *polished, False

@@ -1,8 +1,9 @@
 """Run every benchmark: `python -m benchmarks`."""
 
-from . import accuracy, solving, starting
+from . import accuracy, controller, solving, starting
 
 if __name__ == "__main__":
     starting.main()
     solving.main()
     accuracy.main()
+    controller.main()

@@ -16,11 +16,9 @@ EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas"}
 HEAVY = {"scipy", "numba", "matplotlib", "pydantic", "typer", "jinja2", *EXTRA}
 
 
-@pytest.mark.parametrize(
-    "module", ["pretouch", "pretouch.sensors", "pretouch.motion", "pretouch.design", "pretouch.sweep"]
-)
-def test_importing_loads_nothing_heavy(module: str) -> None:
-    code = f"import sys, {module}; print(*sys.modules)"
+@pytest.mark.parametrize("folder", ["", ".sensors", ".control", ".motion", ".design", ".sweep"])
+def test_importing_loads_nothing_heavy(folder: str) -> None:
+    code = f"import sys, pretouch{folder}; print(*sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     loaded = {name.partition(".")[0] for name in answer.stdout.split()}
     assert "pretouch" in loaded
@@ -31,6 +29,14 @@ def test_the_check_above_would_see_what_is_loaded() -> None:
     code = "import sys, scipy.interpolate; print(*sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert "scipy" in {name.partition(".")[0] for name in answer.stdout.split()}
+
+
+def test_the_control_law_stands_on_the_core_alone() -> None:
+    """It is what a robot runs, and what is exported: no model of a sensor, no solver, comes with it."""
+    code = "import sys, pretouch.control; print(*sys.modules)"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    ours = {name.split(".")[1] for name in answer.stdout.split() if name.startswith("pretouch.")}
+    assert ours == {"_core", "control"}
 
 
 def test_the_public_names_are_sorted_and_each_once() -> None:

@@ -1,0 +1,151 @@
+"""The controller of the letter's Fig. 1 as a value: what it is made of, its numbers, its first state, its step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import finite, nonnegative, positive
+
+from .admittance import VirtualAdmittance, discretize
+from .conditioning import Conditioning
+from .drive import DriveNumbers, start_drive
+from .limits import NO_LIMIT, Limits, MotionLimits, stopping_distance
+from .log_slope import start_sensing
+from .state import ControllerNumbers, ControllerState
+
+__all__ = ["Controller", "Law"]
+
+
+class Law(Protocol):
+    """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
+
+    A new law is a dataclass with these three, and one function: `step(parameters, state, sample)`, made of `observe`,
+    of what the law itself does, and of `drive`.
+    """
+
+    @property
+    def step(self) -> Callable[..., Any]:
+        """The whole step of the controller with this law: a plain function of numbers and tuples."""
+        ...
+
+    def numbers(self, period: float) -> Any:
+        """Return the law's parameters as a tuple of numbers, for the loop's period [s]."""
+        ...
+
+    def start(self) -> Any:
+        """Return the law's state before the first reading, a tuple of numbers."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controller:
+    """The sampled controller of the letter's Fig. 1: from readings to a reference for the robot's own controller.
+
+    Args:
+        period: T of the loop [s].
+        conditioning: from raw readings to ln xi.
+        law: what makes a force of it, such as `VirtualDamper`.
+        admittance: the virtual dynamics of L(1).
+        limits: of virtual force and motion.
+        contact_gain: share of the measured contact force that acts in the admittance: 0 where an impedance controller
+            follows, which feels it anyway; 1 where a position controller follows, which does not.
+        contact_threshold: contact force [N] from which a contact is reported. Nothing is switched at it.
+
+    Examples:
+        >>> from pretouch.control import Sample, VirtualDamper
+        >>> controller = Controller(
+        ...     period=1e-3,
+        ...     conditioning=Conditioning(floor=0.01),
+        ...     law=VirtualDamper(gain=-0.7),
+        ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ... )
+        >>> parameters, state = controller.parameters(), controller.start()
+        >>> state, _ = controller.step(parameters, state, Sample(reading=0.100))
+        >>> state, output = controller.step(parameters, state, Sample(reading=0.101))
+        >>> round(output.virtual_force, 3)  # -0.7 N s x ln(0.101 / 0.100) in 1 ms
+        -6.965
+    """
+
+    period: float
+    conditioning: Conditioning
+    law: Law
+    admittance: VirtualAdmittance
+    limits: Limits = field(default_factory=Limits)
+    contact_gain: float = 0.0
+    contact_threshold: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("period", positive(self.period, "period", "s")),
+            ("contact_gain", nonnegative(self.contact_gain, "contact_gain")),
+            ("contact_threshold", positive(self.contact_threshold, "contact_threshold", "N")),
+        ):
+            if not isinstance(value, float):
+                raise InvalidInputError(f"{name}: found an array, expected one number: a controller runs one robot")
+            object.__setattr__(self, name, value)
+        if self.contact_gain > 1:
+            raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a share from 0 to 1")
+        self.conditioning.numbers(self.period)  # its checks against the period
+
+    @property
+    def step(self) -> Callable[..., Any]:
+        """The plain function to be called once per period: parameters, state, sample in, next state and output out."""
+        return self.law.step
+
+    def parameters(self) -> ControllerNumbers:
+        """Return all numbers that the step needs.
+
+        Returns:
+            Nested tuples of numbers, the same types for every controller with the same kind of law.
+        """
+        sensing = self.conditioning.numbers(self.period)
+        drive = DriveNumbers(
+            hold=sensing.sensor_period,
+            fade_step=self.conditioning.fade_step(self.period),
+            largest_force=_limit(self.limits.force),
+            contact_gain=self.contact_gain,
+            contact_threshold=self.contact_threshold,
+            admittance=discretize(self.admittance, self.period),
+            limits=self._motion_limits(),
+        )
+        return ControllerNumbers(sensing, self.law.numbers(self.period), drive)
+
+    def start(self, position: float = 0.0, velocity: float = 0.0) -> ControllerState:
+        """Return the state before the first step.
+
+        Args:
+            position: the plant's position relative to its reference [m].
+            velocity: its velocity relative to the reference [m/s].
+
+        Returns:
+            The state: nothing detected, no force.
+
+        Raises:
+            InvalidInputError: from there, the limits can not be held.
+        """
+        x, v = finite(position, "position", "m"), finite(velocity, "velocity", "m/s")
+        limits = self._motion_limits()
+        ahead = x if v >= 0 else -x
+        if (
+            abs(v) > limits.speed
+            or abs(x) > limits.excursion
+            or (ahead + stopping_distance(limits, abs(v)) > limits.excursion)
+        ):
+            raise InvalidInputError(
+                f"start: found {x:g} m and {v:g} m/s relative to the reference, from where the limits "
+                f"({self.limits}) can not be held; start nearer to the reference or slower, or widen them"
+            )
+        return ControllerState(
+            start_sensing(self.conditioning.numbers(self.period)), self.law.start(), start_drive(x, v)
+        )
+
+    def _motion_limits(self) -> MotionLimits:
+        limits = self.limits
+        return MotionLimits(self.period, _limit(limits.speed), _limit(limits.acceleration), _limit(limits.excursion))
+
+
+def _limit(value: float | None) -> float:
+    return NO_LIMIT if value is None else value

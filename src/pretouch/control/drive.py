@@ -1,0 +1,164 @@
+"""From the law's impulse to the motion: delivery, force limit, contact force, admittance, limits of the motion.
+
+An impulse is delivered as a constant force over one sensor period. Where the next reading is late, the force goes on
+and fades; what was given ahead is taken off the impulse that the reading brings, so the sum stays exact.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from .admittance import AdmittanceNumbers, advance_admittance
+from .limits import NO_LIMIT, MotionLimits, limit_motion
+from .log_slope import Observation
+from .signals import Output, Sample, Status
+
+__all__ = ["Delivery", "DriveNumbers", "DriveState", "Motion", "Push", "deliver", "drive", "start_drive"]
+
+FORCE_LIMITED, MOTION_LIMITED = int(Status.FORCE_LIMITED), int(Status.MOTION_LIMITED)
+IN_CONTACT, INPUT_FAULT = int(Status.IN_CONTACT), int(Status.INPUT_FAULT)
+_LARGEST_REFERENCE = 1e6  # beyond it, in SI units, a number is a fault and no reference of a robot
+_ROUNDING = 1e-9
+
+
+class Push(NamedTuple):
+    """What a law gives: an impulse for a new reading [N s], delivered over one sensor period, and a force now [N]."""
+
+    impulse: float
+    force: float
+
+
+class Motion(NamedTuple):
+    """The virtual object's motion relative to the reference: x~ [m] and x~' [m/s]."""
+
+    position: float
+    velocity: float
+
+
+class Delivery(NamedTuple):
+    """An impulse on its way: constant force [N], rest of the impulse [N s], what was given ahead [N s], fading."""
+
+    force: float
+    rest: float
+    ahead: float
+    fading: float
+
+
+class DriveNumbers(NamedTuple):
+    """What `drive` needs to know: see `Controller`."""
+
+    hold: float
+    fade_step: float
+    largest_force: float
+    contact_gain: float
+    contact_threshold: float
+    admittance: AdmittanceNumbers
+    limits: MotionLimits
+
+
+class DriveState(NamedTuple):
+    """What `drive` remembers: the impulse on its way, the motion, the last reference position."""
+
+    delivery: Delivery
+    motion: Motion
+    reference: float
+
+
+def start_drive(position: float, velocity: float) -> DriveState:
+    """Return the state at the start: no force, the plant where it is relative to its reference."""
+    return DriveState(Delivery(0.0, 0.0, 0.0, 0.0), Motion(position, velocity), 0.0)
+
+
+def drive(
+    numbers: DriveNumbers, state: DriveState, seen: Observation, push: Push, sample: Sample
+) -> tuple[DriveState, Output]:
+    """Move the virtual object over one period.
+
+    Args:
+        numbers: parameters.
+        state: what was before.
+        seen: what the sensor said.
+        push: what the law gives.
+        sample: contact force and reference.
+
+    Returns:
+        The next state and the output.
+    """
+    n, s = numbers, state
+    status = seen.status
+    delivery, delivered = deliver(n, s.delivery, seen, push.impulse)
+    virtual_force = max(min(delivered + push.force, n.largest_force), -n.largest_force)
+    if abs(virtual_force) >= n.largest_force:
+        status += FORCE_LIMITED
+    contact_force, faulty = _checked(sample.contact_force, NO_LIMIT)
+    if abs(contact_force) >= n.contact_threshold:
+        status += IN_CONTACT
+    total = virtual_force + n.contact_gain * contact_force
+    wanted_position, wanted_velocity = advance_admittance(n.admittance, s.motion.position, s.motion.velocity, total)
+    position, velocity, limited = limit_motion(
+        n.limits, s.motion.position, s.motion.velocity, wanted_position, wanted_velocity
+    )
+    if limited:
+        status += MOTION_LIMITED
+    x, fault_x = _checked(sample.reference_position, _LARGEST_REFERENCE)
+    v, fault_v = _checked(sample.reference_velocity, _LARGEST_REFERENCE)
+    a, fault_a = _checked(sample.reference_acceleration, _LARGEST_REFERENCE)
+    if fault_x or fault_v or fault_a:
+        x, v, a = s.reference, 0.0, 0.0
+        faulty = True
+    if faulty:
+        status += INPUT_FAULT
+    period = n.limits.period
+    output = Output(
+        position=x + period * (v + period / 2 * a) + position,
+        velocity=v + period * a + velocity,
+        acceleration=a + (velocity - s.motion.velocity) / period,
+        virtual_force=virtual_force,
+        log_level=seen.log_level,
+        status=status,
+    )
+    return DriveState(delivery, Motion(position, velocity), x), output
+
+
+def deliver(numbers: DriveNumbers, delivery: Delivery, seen: Observation, impulse: float) -> tuple[Delivery, float]:
+    """Turn impulses into the force of this period.
+
+    What the force limit does not let through is dropped: it would act when it is no longer called for.
+
+    Args:
+        numbers: parameters.
+        delivery: what is on its way.
+        seen: what the sensor said.
+        impulse: what the law gives for a new reading [N s].
+
+    Returns:
+        What is on its way then, and the force [N].
+    """
+    n, period = numbers, numbers.limits.period
+    steady, rest, ahead, fading = delivery
+    if seen.usable:
+        owed = impulse + rest
+        due = owed - ahead
+        # what was given ahead is taken off, but makes no force of its own: it waits for what it can be taken off
+        covers = owed > 0.0 < due or owed < 0.0 > due
+        steady = max(min(due / n.hold, n.largest_force), -n.largest_force) if covers else 0.0
+        rest, ahead, fading = steady * n.hold, 0.0 if covers else -due, 1.0
+    if rest != 0.0:
+        given = steady * period
+        if abs(rest) <= abs(given) * (1 + _ROUNDING):
+            return Delivery(steady, 0.0, ahead, fading), rest / period
+        return Delivery(steady, rest - given, ahead, fading), steady
+    if not seen.stale:
+        return Delivery(steady, 0.0, ahead, fading), 0.0
+    fading = max(fading - n.fade_step, 0.0)
+    force = steady * fading
+    ahead = 0.0 if seen.lost else ahead + force * period
+    return Delivery(steady, 0.0, ahead, fading), force
+
+
+def _checked(value: float, largest: float) -> tuple[float, bool]:
+    """Return a number and False, or 0 and True for what is no number or beyond all that can be."""
+    if math.isfinite(value) and abs(value) <= largest:
+        return value, False
+    return 0.0, True

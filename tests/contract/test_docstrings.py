@@ -29,6 +29,9 @@ VERBS = (
     "fit_sensor",
     "read_calibration",
     "sweep",
+    "simulate",
+    "gain_limit",
+    "lowest_rate",
 )
 # "safe" and "compliant" are verdicts of standards on whole machines, which no program about a gain can give
 FORBIDDEN = re.compile(r"\b(safe|compliant)\b", re.IGNORECASE)

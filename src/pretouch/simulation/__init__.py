@@ -1,0 +1,35 @@
+"""The loop as it will really run: sensor chain, controller at its own rate, plant, contact; and when it is stable."""
+
+from .chain import SensorChain, chain_of_fit
+from .contact import ContactModel, HuntCrossley, SpringDamper
+from .loop import simulate
+from .parts import PARTS, SensorPart, sensor_part
+from .plant import IdealPlant, ImpedancePlant, PlantModel, PositionPlant
+from .result import LoopTrace, SimulationResult
+from .stability import DampingLimit, GainLimit, gain_limit, largest_damping, lowest_rate
+from .timing import LoopTiming, timing_of
+
+__all__ = [
+    "PARTS",
+    "ContactModel",
+    "DampingLimit",
+    "GainLimit",
+    "HuntCrossley",
+    "IdealPlant",
+    "ImpedancePlant",
+    "LoopTiming",
+    "LoopTrace",
+    "PlantModel",
+    "PositionPlant",
+    "SensorChain",
+    "SensorPart",
+    "SimulationResult",
+    "SpringDamper",
+    "chain_of_fit",
+    "gain_limit",
+    "largest_damping",
+    "lowest_rate",
+    "sensor_part",
+    "simulate",
+    "timing_of",
+]

@@ -1,0 +1,168 @@
+"""The sensor chain: what lies between the distance and the number that the controller is handed, and when it comes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import finite
+from pretouch.calibration import SensorFit
+
+__all__ = ["SensorChain", "chain_of_fit"]
+
+_POSITIVE: Final = ("rate",)
+_UNITS: Final = {
+    "rate": "Hz",
+    "phase": "s",
+    "exposure": "s",
+    "delay": "s",
+    "jitter": "s",
+    "drift": "unit of xi per s",
+    "distance_noise": "m",
+    "distance_resolution": "m",
+    "relative_noise": "",
+    "dropout": "",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorChain:
+    """From distance to reading: exposure, pedestal, noise, clipping, quantization, dropouts, delay, in this order.
+
+    The k-th exposure starts at phase + k / rate, shifted by its jitter, and xi is averaged over it. A reading is
+
+        y = quantize(clip(mean xi + offset + crosstalk + drift t + noise)),
+
+    handed over `delay` after the end of the exposure. Outputs are in the unit of the sensor curve's xi.
+
+    Args:
+        rate: readings per second [Hz], > 0.
+        phase: start of the first exposure [s].
+        exposure: over which time a reading averages [s], at most one period.
+        delay: from the end of an exposure until the controller can have the reading [s]: conversion and transfer.
+        jitter: standard deviation of the start of an exposure [s], at most a quarter of the period.
+        noise: standard deviation of a reading where there is no signal [unit of xi].
+        relative_noise: standard deviation relative to xi, on top.
+        offset: ambient pedestal [unit of xi].
+        crosstalk: light from emitter to receiver without an object, such as from a cover [unit of xi].
+        drift: change of the pedestal [unit of xi per s].
+        lowest: where readings clip below [unit of xi].
+        highest: where readings saturate [unit of xi].
+        resolution: step of the readings [unit of xi]; 0 for none.
+        dropout: chance that a reading is missing, below 1.
+        reports_distance: whether the part measures a distance, as one by time of flight does; its driver turns that
+            into xi by the sensor curve. Exposure, noise and resolution of the distance then come before xi.
+        distance_noise: standard deviation of such a distance [m].
+        distance_resolution: step of such distances [m]; 0 for none.
+
+    Examples:
+        >>> SensorChain(rate=100.0, exposure=0.002, delay=0.001).latency
+        0.002
+    """
+
+    rate: float
+    phase: float = 0.0
+    exposure: float = 0.0
+    delay: float = 0.0
+    jitter: float = 0.0
+    noise: float = 0.0
+    relative_noise: float = 0.0
+    offset: float = 0.0
+    crosstalk: float = 0.0
+    drift: float = 0.0
+    lowest: float = -math.inf
+    highest: float = math.inf
+    resolution: float = 0.0
+    dropout: float = 0.0
+    reports_distance: bool = False
+    distance_noise: float = 0.0
+    distance_resolution: float = 0.0
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            if f.name == "reports_distance" or (f.name in {"lowest", "highest"} and not math.isnan(self._of(f.name))):
+                continue
+            unit = _UNITS.get(f.name, "unit of xi")
+            value = finite(self._of(f.name), f.name, unit)
+            if not isinstance(value, float):
+                raise InvalidInputError(f"{f.name}: found an array, expected one number")
+            object.__setattr__(self, f.name, value)
+            signed = f.name in {"offset", "crosstalk", "drift"}
+            if not signed and (value < 0 or (f.name in _POSITIVE and value == 0)):
+                rule = "be positive" if f.name in _POSITIVE else "not be negative"
+                raise InvalidInputError(f"{f.name}: found {value:g} {unit}, which must {rule}")
+        self._check_together()
+
+    def _of(self, name: str) -> Any:
+        return getattr(self, name)
+
+    def _check_together(self) -> None:
+        if self.exposure > self.period * (1 + 1e-9):
+            raise InvalidInputError(
+                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
+            )
+        if self.jitter > self.period / 4:
+            raise InvalidInputError(
+                f"jitter: found {self.jitter:g} s, more than a quarter of the period of {self.period:g} s"
+            )
+        if not self.lowest < self.highest:
+            raise InvalidInputError(
+                f"highest: found {self.highest:g}, which must exceed the lowest reading ({self.lowest:g})"
+            )
+        if not self.dropout < 1:
+            raise InvalidInputError(f"dropout: found {self.dropout:g}, which must be below 1: no reading would come")
+        if (self.distance_noise or self.distance_resolution) and not self.reports_distance:
+            raise InvalidInputError("distance_noise, distance_resolution: only for a part that reports_distance")
+
+    @property
+    def period(self) -> float:
+        """The time between two readings [s]."""
+        return 1.0 / self.rate
+
+    @property
+    def latency(self) -> float:
+        """The time from the middle of an exposure until its reading can be had [s]."""
+        return self.exposure / 2 + self.delay
+
+    def numbers(self, farthest: float) -> tuple[Any, ...]:
+        """Return the chain as the compiled loop takes it.
+
+        Args:
+            farthest: the distance up to which the curve says anything [m].
+
+        Returns:
+            Floats and one truth value.
+        """
+        return (
+            *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
+            *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
+            *(bool(self.reports_distance), self.distance_noise, self.distance_resolution, farthest),
+        )
+
+
+def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
+    """Make a chain whose noise, offset, resolution and saturation are those of a fitted calibration.
+
+    Args:
+        fit: what `fit_sensor` or `rank_models` gave; its noise is that of a single reading.
+        rate: readings per second [Hz], which a static calibration does not tell.
+        exposure: over which time a reading averages [s].
+        delay: from the end of an exposure until the reading can be had [s].
+
+    Returns:
+        The chain. The relative part of the noise holds jitter of positions and misfit of the curve as well, so the
+        chain is rather too noisy than too quiet.
+    """
+    saturation = fit.window.saturation
+    return SensorChain(
+        rate=rate,
+        exposure=exposure,
+        delay=delay,
+        noise=fit.noise.output,
+        relative_noise=fit.noise.relative,
+        offset=fit.offset.value,
+        resolution=fit.noise.resolution,
+        highest=math.inf if saturation is None else saturation,
+    )

@@ -1,0 +1,105 @@
+"""What two bodies do to each other where they touch: Hunt and Crossley's law, and a spring with a damper."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import finite, nonnegative, positive
+
+__all__ = ["ContactModel", "HuntCrossley", "SpringDamper"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactModel(ABC):
+    """A normal contact force F(d, d') >= 0 of the depth d = -l.
+
+    Args:
+        obstacle_mass: mass of the obstacle [kg]; infinite where it is driven and does not yield. A finite mass keeps
+            the acceleration of the scenario, and the contact force comes on top.
+    """
+
+    obstacle_mass: float = math.inf
+
+    def __post_init__(self) -> None:
+        if self.obstacle_mass != math.inf:
+            object.__setattr__(self, "obstacle_mass", _single(positive, self.obstacle_mass, "obstacle_mass", "kg"))
+
+    @abstractmethod
+    def numbers(self) -> tuple[float, float, float, bool, float]:
+        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HuntCrossley(ContactModel):
+    """F = k d^n (1 + a d'): damping grows with depth, so that the force starts and ends at 0.
+
+    After K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
+    Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any speed
+    a v - ln(1 + a v) = -a e v - ln(1 - a e v), for a given a whatever k, n and the masses.
+
+    Args:
+        obstacle_mass: mass of the obstacle [kg]; infinite where it is driven.
+        stiffness: k > 0 [N/m^n].
+        dissipation: a >= 0 [s/m]; 0 for an elastic contact.
+        exponent: n >= 1; 3/2 for a sphere, after Hertz.
+
+    Examples:
+        >>> HuntCrossley(stiffness=1e6, dissipation=1.5).exponent
+        1.5
+    """
+
+    stiffness: float
+    dissipation: float = 0.0
+    exponent: float = 1.5
+
+    def __post_init__(self) -> None:
+        ContactModel.__post_init__(self)
+        object.__setattr__(self, "stiffness", _single(positive, self.stiffness, "stiffness", "N/m^n"))
+        object.__setattr__(self, "dissipation", _single(nonnegative, self.dissipation, "dissipation", "s/m"))
+        object.__setattr__(self, "exponent", _single(finite, self.exponent, "exponent", ""))
+        if not self.exponent >= 1:
+            raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
+
+    def numbers(self) -> tuple[float, float, float, bool, float]:
+        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpringDamper(ContactModel):
+    """F = max(0, k d + c d'), Kelvin and Voigt's contact; it jumps at the touch where c > 0.
+
+    The force never pulls; its restitution without pull is that of T. Schwager, T. Poeschel, "Coefficient of
+    restitution and linear-dashpot model revisited", Granular Matter 9 (2007) 465-469.
+
+    Args:
+        obstacle_mass: mass of the obstacle [kg]; infinite where it is driven.
+        stiffness: k > 0 [N/m].
+        damping: c >= 0 [N s/m].
+
+    Examples:
+        >>> SpringDamper(stiffness=1e4).damping
+        0.0
+    """
+
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        ContactModel.__post_init__(self)
+        object.__setattr__(self, "stiffness", _single(positive, self.stiffness, "stiffness", "N/m"))
+        object.__setattr__(self, "damping", _single(nonnegative, self.damping, "damping", "N*s/m"))
+
+    def numbers(self) -> tuple[float, float, float, bool, float]:
+        """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+        return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
+
+
+def _single(rule: object, value: object, name: str, unit: str) -> float:
+    number = rule(value, name, unit)  # type: ignore[operator]
+    if not isinstance(number, float):
+        raise InvalidInputError(f"{name}: found an array, expected one number")
+    return number

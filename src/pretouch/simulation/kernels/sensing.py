@@ -1,0 +1,70 @@
+"""The sensor chain: from the distance at an instant to the number that the controller is handed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .noise import normal, uniform
+
+__all__ = ["DRAWS", "instant_of", "log_output", "node_of", "raw_reading", "start_of"]
+
+DRAWS = 8  # numbers that a reading may draw
+_INNER = 0.1127016653792583  # first node of Gauss's rule with three on [0, 1]
+
+
+def log_output(table: Any, low: float, step: float, distance: float) -> float:
+    """Return ln xi from its values and slopes at equal distances; beyond the ends that of the end."""
+    place = (distance - low) / step
+    if place <= 0.0:
+        return float(table[0, 0])
+    if place >= table.shape[0] - 1:
+        return float(table[table.shape[0] - 1, 0])
+    i = min(int(place), table.shape[0] - 2)
+    s = place - i
+    rise = table[i + 1, 0] - table[i, 0]
+    first, last = table[i, 1], table[i + 1, 1]
+    return float(table[i, 0] + s * (first + s * (3.0 * rise - 2.0 * first - last + s * (first + last - 2.0 * rise))))
+
+
+def start_of(chain: Any, key: Any, k: int) -> float:
+    """Return when the k-th exposure starts [s]."""
+    rate, phase, jitter = chain[0], chain[1], chain[4]
+    shift = jitter * normal(key, DRAWS * k + 2) if jitter > 0.0 else 0.0
+    return max(phase + k / rate + shift, 0.0)
+
+
+def node_of(chain: Any, node: int) -> float:
+    """Return how long after its start an exposure is looked at for the node-th time [s], and with which weight."""
+    exposure = chain[2]
+    if node == 0:
+        return exposure * _INNER
+    return exposure * 0.5 if node == 1 else exposure * (1.0 - _INNER)
+
+
+def instant_of(chain: Any, start: float, node: int) -> float:
+    """Return the instant [s] at which an exposure that began at `start` is looked at."""
+    return start + node_of(chain, node)
+
+
+def raw_reading(chain: Any, key: Any, k: int, mean: float, time: float, table: Any, low: float, step: float) -> float:
+    """Return the k-th reading from its mean over the exposure; NaN where it drops out."""
+    noise, relative, offset, drift = chain[5], chain[6], chain[7], chain[8]
+    lowest, highest, resolution, dropout = chain[9], chain[10], chain[11], chain[12]
+    ranging, distance_noise, distance_step, high = chain[13], chain[14], chain[15], chain[16]
+    if dropout > 0.0 and uniform(key, DRAWS * k + 4) < dropout:
+        return math.nan
+    if ranging:
+        distance = mean + distance_noise * normal(key, DRAWS * k + 5)
+        if distance_step > 0.0:
+            distance = distance_step * np.floor(distance / distance_step + 0.5)
+        mean = math.exp(log_output(table, low, step, distance)) if distance <= high else 0.0
+    value = mean + offset + drift * time
+    if noise > 0.0 or relative > 0.0:
+        value += math.sqrt(noise * noise + relative * relative * mean * mean) * normal(key, DRAWS * k)
+    value = min(max(value, lowest), highest)
+    if resolution > 0.0:
+        value = resolution * np.floor(value / resolution + 0.5)
+    return float(value)

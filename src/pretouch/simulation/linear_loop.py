@@ -1,0 +1,129 @@
+"""The loop at one distance, linear and exactly discretized: what a reading makes of all forces before it.
+
+Near a distance l, ln xi changes by g dx, and the force of two readings is -(d / h) (y_k - y_k-1) with d = D_p g the
+damping that the virtual force amounts to and h the time for which it acts. All else is linear and time-invariant, so
+that what one force does to all later readings follows from matrix exponentials: no step is approximated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+
+from .timing import LoopTiming
+
+__all__ = ["LinearLoop", "linear_loop"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearLoop:
+    """The linear loop, opened at the damping d, from the start of one exposure to that of the next.
+
+    Args:
+        timing: when it samples and acts.
+        transition: what a period makes of the state of the plant, shape (n, n).
+        reading: what an exposure reads of the state at its start [m], shape (n,).
+        pushes: what the unit force of the reading i periods ago adds to the state within a period, shape (m, n).
+        feedthrough: what it adds to the reading itself [m/N], shape (m,).
+    """
+
+    timing: LoopTiming
+    transition: FloatArray
+    reading: FloatArray
+    pushes: FloatArray
+    feedthrough: FloatArray
+
+    def response(self, angle: FloatArray) -> FloatArray:
+        """Return P(z), from the damping's force to what it reads, on the unit circle.
+
+        Args:
+            angle: omega T in (0, pi], shape (k,).
+
+        Returns:
+            P(exp(i omega T)) [m/(N s)], complex, shape (k,): the loop has the eigenvalue z where 1 + d P(z) = 0.
+        """
+        z = np.exp(1j * np.asarray(angle))
+        delays = z[:, None] ** -np.arange(len(self.feedthrough))
+        system = z[:, None, None] * np.eye(len(self.reading)) - self.transition
+        state = np.linalg.solve(system, (delays @ self.pushes)[:, :, None])[:, :, 0]
+        out = state @ self.reading + delays @ self.feedthrough
+        for b0, b1, b2, _, a1, a2 in self.timing.sections:
+            out = out * (b0 + b1 / z + b2 / z**2) / (1 + a1 / z + a2 / z**2)
+        # 1 - 1/z loses digits near z = 1: 1 - exp(-ia) = 2i sin(a/2) exp(-ia/2)
+        difference = 2j * np.sin(np.asarray(angle) / 2) * np.exp(-0.5j * np.asarray(angle))
+        return np.asarray(difference * out / self.timing.holding)
+
+    def closed(self, damping: float) -> FloatArray:
+        """Return what one period makes of the closed loop's state, for its eigenvalues.
+
+        Args:
+            damping: d = D_p g [N s/m].
+
+        Returns:
+            The matrix; its state is that of the plant, the forces that still act, the last filtered reading and the
+            states of the filter.
+        """
+        size = len(self.reading) + len(self.feedthrough) + 2 * len(self.timing.sections)
+        return np.stack([self._advance(unit, damping) for unit in np.eye(size)], axis=1)
+
+    def _advance(self, state: FloatArray, damping: float) -> FloatArray:
+        n, m = len(self.reading), len(self.feedthrough)
+        plant, past, previous, filters = state[:n], state[n : n + m - 1], state[n + m - 1], state[n + m :].copy()
+        value = float(self.reading @ plant + self.feedthrough[1:] @ past)
+        for i, (b0, b1, b2, _, a1, a2) in enumerate(self.timing.sections):
+            out = b0 * value + filters[2 * i]
+            filters[2 * i] = b1 * value - a1 * out + filters[2 * i + 1]
+            filters[2 * i + 1] = b2 * value - a2 * out
+            value = out
+        forces = np.array([-damping * (value - previous) / self.timing.holding, *past])
+        plant = self.transition @ plant + forces @ self.pushes
+        return np.concatenate([plant, forces[: m - 1], [value], filters])
+
+
+def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
+    """Discretize a plant exactly: x' = A x + B F, read as C x.
+
+    Args:
+        system: A, shape (n, n).
+        push: B, shape (n,).
+        output: C, shape (n,).
+        timing: when the loop samples and acts.
+
+    Returns:
+        The loop, open at the damping.
+    """
+    from scipy.linalg import expm  # noqa: PLC0415 - heavy
+
+    n, exposure, period = len(push), timing.exposure, timing.period
+    block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
+    block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push
+    start = exposure / 2 + timing.delay  # of the force, after the start of the exposure
+    count = max(int(np.ceil((start + timing.holding) / period - 1e-12)), 1)
+    steps: dict[float, FloatArray] = {}
+
+    def since(time: float) -> FloatArray:
+        """State and integral that a unit force makes in some time, from rest."""
+        if time <= 0:
+            return np.zeros(n + 1)
+        if time not in steps:
+            steps[time] = expm(block * time)[: n + 1, n + 1]
+        return steps[time]
+
+    def pulse(time: float) -> FloatArray:
+        return since(time - start) - since(time - start - timing.holding)
+
+    states = np.array([pulse(j * period)[:n] for j in range(count + 1)])
+    transition = expm(system * period)
+    if exposure > 0:
+        reading = expm(block[: n + 1, : n + 1] * exposure)[n, :n] / exposure
+        # the integral of a pulse that has ended still grows with the state: it is taken over the exposure alone
+        ends = [(pulse(j * period + exposure)[n] - pulse(j * period)[n]) / exposure for j in range(count + 1)]
+        feedthrough = np.array(ends) - states @ reading
+    else:
+        reading, feedthrough = output.copy(), np.zeros(count + 1)
+    pushes = np.zeros((count + 1, n))
+    pushes[:-1] = states[1:] - states[:-1] @ transition.T
+    return LinearLoop(timing=timing, transition=transition, reading=reading, pushes=pushes, feedthrough=feedthrough)

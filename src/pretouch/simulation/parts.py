@@ -1,0 +1,161 @@
+"""Sensor chains of parts that people use: what their makers say with its source, and what is assumed beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from pretouch._core.errors import InvalidInputError
+
+from .chain import SensorChain
+
+__all__ = ["PARTS", "SensorPart", "sensor_part"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorPart:
+    """A sensor part as a chain, to start from: your own calibration says more about its noise.
+
+    Args:
+        name: what it is called.
+        chain: its chain at its highest rate; outputs in the unit that `unit` names.
+        unit: unit of its output xi: V, counts, or none where it reports a distance.
+        range: distances at which it is used [m].
+        source: where the facts are from.
+        facts: what the source says.
+        assumptions: what it does not say and is assumed here.
+    """
+
+    name: str
+    chain: SensorChain
+    unit: str
+    range: tuple[float, float]
+    source: str
+    facts: tuple[str, ...]
+    assumptions: tuple[str, ...]
+
+
+def sensor_part(name: str) -> SensorPart:
+    """Look up a sensor part.
+
+    Args:
+        name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "VL53L5CX-4x4" or "VL53L5CX-8x8".
+
+    Returns:
+        The part: its chain, its range, the source of both and what is assumed.
+
+    Raises:
+        InvalidInputError: there is no such part.
+
+    Examples:
+        >>> sensor_part("VCNL4010").chain.rate
+        250.0
+    """
+    if name not in PARTS:
+        raise InvalidInputError(f"name: found {name!r}, expected one of {', '.join(PARTS)}")
+    return PARTS[name]
+
+
+def _bus(octets: int, frequency: float) -> float:
+    """Time of a transfer on a bus with nine clocks per octet [s]."""
+    return 9 * octets / frequency
+
+
+_READ = _bus(5, 400e3)  # address, register, address again, two octets
+_TIME_OF_FLIGHT: Final = (
+    "a reading averages over its whole period, as in continuous ranging",
+    "4 ms from the end of a frame until its data are read: some 300 octets at 1 MHz and the driver",
+    "distance noise of 5 mm: the data sheet bounds the error, not its spread; measure it on your target",
+)
+
+PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
+    {
+        part.name: part
+        for part in (
+            SensorPart(
+                name="RPR-220",
+                chain=SensorChain(
+                    rate=10_000.0, delay=1e-5, noise=2e-3, lowest=-10.0, highest=10.0, resolution=20.0 / 2**16
+                ),
+                unit="V",
+                range=(0.0, 0.0422),
+                source="the letter, Section IV-B: three ROHM RPR-220 on a dSPACE MicroLabBox",
+                facts=(
+                    "read at 10 kHz",
+                    "recessed behind an acrylic plate, used from contact to 42.2 mm",
+                    "offset removed, then a median over 10 readings and a Butterworth low-pass of order 5 at 500 Hz: "
+                    "these belong to the controller's conditioning",
+                ),
+                assumptions=(
+                    "noise of 2 mV before the filters: the letter does not state it",
+                    "an analog input of 16 bits over +-10 V",
+                    "10 us of response, typical of such phototransistors with a small load",
+                ),
+            ),
+            SensorPart(
+                name="VCNL4010",
+                chain=SensorChain(
+                    rate=250.0,
+                    exposure=170e-6,
+                    delay=_READ,
+                    noise=10.0,
+                    lowest=0.0,
+                    highest=65535.0,
+                    resolution=1.0,
+                ),
+                unit="counts",
+                range=(0.001, 0.2),
+                source="Vishay data sheet of the VCNL4010, register 2 (proximity rate)",
+                facts=("1.95 to 250 readings per second", "16 bits", "up to 200 mm"),
+                assumptions=(
+                    "170 us for a reading",
+                    "two octets read at 400 kHz as soon as they are ready, without waiting for a poll",
+                    "noise of 10 counts without an object; no share that grows with xi",
+                ),
+            ),
+            SensorPart(
+                name="VCNL4040",
+                chain=SensorChain(
+                    rate=200.0,
+                    exposure=125e-6,
+                    delay=_READ,
+                    noise=2.0,
+                    lowest=0.0,
+                    highest=65535.0,
+                    resolution=1.0,
+                ),
+                unit="counts",
+                range=(0.0, 0.2),
+                source="Vishay data sheet 84274 (Rev. 1.4) of the VCNL4040",
+                facts=("emitter duty 1/40 to 1/320", "12 or 16 bits", "0 to 200 mm on a white card"),
+                assumptions=(
+                    "a pulse of 125 us at the duty 1/40: a reading every 5 ms",
+                    "two octets read at 400 kHz as soon as they are ready",
+                    "noise of 2 counts without an object; no share that grows with xi",
+                ),
+            ),
+            *(
+                SensorPart(
+                    name=f"VL53L5CX-{zones}",
+                    chain=SensorChain(
+                        rate=rate,
+                        exposure=1 / rate,
+                        delay=0.004,
+                        reports_distance=True,
+                        distance_noise=0.005,
+                        distance_resolution=0.001,
+                    ),
+                    unit="",
+                    range=(0.02, 4.0),
+                    source="ST driver documentation of the VL53L5CX: highest ranging frequency of each resolution",
+                    facts=(f"{zones} zones at up to {rate:g} Hz", "distances in mm", "20 mm to 4 m"),
+                    assumptions=_TIME_OF_FLIGHT,
+                )
+                for zones, rate in (("4x4", 60.0), ("8x8", 15.0))
+            ),
+        )
+    }
+)
+"""The parts by name. All else than `facts` is a place to start from."""

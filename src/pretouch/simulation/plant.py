@@ -1,0 +1,174 @@
+"""The robot that is to follow the virtual object: perfectly, as an impedance-controlled mass, or with a lag."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite, nonnegative, positive
+from pretouch.motion import Admittance
+
+__all__ = ["COEFFICIENTS", "IdealPlant", "ImpedancePlant", "PlantModel", "PositionPlant", "linear_plant"]
+
+COEFFICIENTS: Final = (
+    "mass",
+    "stiffness",
+    "reference_damping",
+    "own_damping",
+    "feedforward_mass",
+    "servo_rate",
+    "coulomb_friction",
+    "friction_speed",
+)
+"""What a plant is to the compiled loop; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
+
+
+class PlantModel(ABC):
+    """How the robot's contact surface follows the virtual object, and how a contact force moves it.
+
+    Each is m x'' = f - friction(x') - F_contact with f following
+    k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def coefficients(self) -> tuple[float, ...]:
+        """Return the numbers named by COEFFICIENTS, in SI."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdealPlant(PlantModel):
+    """The plant coincides with the virtual object, x = x_v, as the letter assumes (Section II).
+
+    It has no physical mass, so that a run ends at contact: no force follows from it.
+    """
+
+    def coefficients(self) -> tuple[float, ...]:
+        """Return the numbers named by COEFFICIENTS, in SI."""
+        return (0.0,) * len(COEFFICIENTS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImpedancePlant(PlantModel):
+    """A mass that an impedance controller pulls after the virtual object, with friction and a servo of finite speed.
+
+    Args:
+        mass: the *physical* reflected mass at the contact point m > 0 [kg], apart from the virtual mass M_a.
+        stiffness: K_c > 0 of the impedance controller [N/m].
+        damping: D_c >= 0 of the impedance controller [N s/m], on the velocity error.
+        bandwidth: of the force servo, a first-order lag [Hz]; infinite for none.
+        viscous_friction: friction per speed [N s/m].
+        coulomb_friction: friction that only changes its sign with the motion [N].
+        friction_speed: speed at which three quarters of it act [m/s]: it grows as tanh(x' / friction_speed).
+        feedforward: whether the controller adds m x_v''.
+
+    Examples:
+        >>> ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0).mass
+        2.0
+    """
+
+    mass: float
+    stiffness: float
+    damping: float
+    bandwidth: float = math.inf
+    viscous_friction: float = 0.0
+    coulomb_friction: float = 0.0
+    friction_speed: float = 1e-3
+    feedforward: bool = True
+
+    def __post_init__(self) -> None:
+        _check(self, {"mass": "kg", "stiffness": "N/m", "friction_speed": "m/s"}, positive)
+        _check(self, {"damping": "N*s/m", "viscous_friction": "N*s/m", "coulomb_friction": "N"}, nonnegative)
+        if not math.isinf(self.bandwidth):
+            _check(self, {"bandwidth": "Hz"}, positive)
+        elif self.bandwidth < 0:
+            raise InvalidInputError("bandwidth: found -inf Hz, which must be positive")
+
+    def coefficients(self) -> tuple[float, ...]:
+        """Return the numbers named by COEFFICIENTS, in SI."""
+        rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
+        own = self.damping + (self.viscous_friction if rate == 0 else 0.0)
+        ahead = self.mass if self.feedforward else 0.0
+        friction = self.coulomb_friction, self.friction_speed
+        if rate and self.viscous_friction:
+            raise InvalidInputError("viscous_friction: only without a servo bandwidth; name a coulomb_friction instead")
+        return (self.mass, self.stiffness, self.damping, own, ahead, rate, *friction)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionPlant(PlantModel):
+    """A position-controlled robot: a second-order lag behind the virtual object, x'' = w^2 (x_v - x) - 2 zeta w x'.
+
+    Behind a steady motion it lags by 2 zeta / w. A contact force meets its mass and the stiffness m w^2.
+
+    Args:
+        mass: the physical reflected mass at the contact point m > 0 [kg].
+        bandwidth: w / (2 pi) > 0 of the position loop [Hz].
+        damping_ratio: zeta > 0.
+
+    Examples:
+        >>> PositionPlant(mass=2.0, bandwidth=20.0).damping_ratio
+        1.0
+    """
+
+    mass: float
+    bandwidth: float
+    damping_ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check(self, {"mass": "kg", "bandwidth": "Hz", "damping_ratio": ""}, positive)
+
+    def coefficients(self) -> tuple[float, ...]:
+        """Return the numbers named by COEFFICIENTS, in SI."""
+        omega = 2 * math.pi * self.bandwidth
+        return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
+
+
+def _check(value: object, units: dict[str, str], rule: object) -> None:
+    for name, unit in units.items():
+        number = rule(getattr(value, name), name, unit)  # type: ignore[operator]
+        if not isinstance(number, float):
+            raise InvalidInputError(f"{name}: found an array, expected one number")
+        object.__setattr__(value, name, number)
+
+
+def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Make the linear system from virtual force to position, L(1) and the plant behind it, without Coulomb friction.
+
+    Args:
+        admittance: one virtual admittance.
+        plant: the plant.
+
+    Returns:
+        A, B and C of s' = A s + B F_p, x = C s, with s of the virtual position and velocity, then position, velocity
+        and servo force of the plant where it has them.
+
+    Raises:
+        InvalidInputError: the admittance is an array.
+    """
+    m_a, d_a, k_a = (finite(v, "admittance") for v in (admittance.mass, admittance.damping, admittance.stiffness))
+    if not all(isinstance(v, float) for v in (m_a, d_a, k_a)):
+        raise InvalidInputError("admittance: found an array, expected one admittance")
+    mass, k, d_v, d_x, ahead, rate = plant.coefficients()[:6]
+    size = 2 if mass == 0 else 4 if rate == 0 else 5
+    a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    a[0, 1] = 1.0
+    a[1, :2], b[1] = (-k_a / m_a, -d_a / m_a), 1 / m_a
+    if mass == 0:
+        c[0] = 1.0
+        return a, b, c
+    c[2] = 1.0
+    a[2, 3] = 1.0
+    command = np.array([k - ahead * k_a / m_a, d_v - ahead * d_a / m_a, -k, -d_x])
+    if rate == 0:
+        a[3, :4], b[3] = command / mass, ahead / m_a / mass
+    else:
+        a[3, 4] = 1 / mass
+        a[4, :4], a[4, 4], b[4] = rate * command, -rate, rate * ahead / m_a
+    return a, b, c

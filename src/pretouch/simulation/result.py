@@ -1,0 +1,152 @@
+"""What the loop came to: how each run ended, its contacts, and the course of one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import ContactStatus
+
+__all__ = ["LoopTrace", "SimulationResult"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
+class LoopTrace:
+    """The course of one run, a row per step of the law; each array has the shape (n,).
+
+    Args:
+        time: t_k [s].
+        distance: l [m]; below 0 where the bodies press into each other.
+        position: x of the plant [m].
+        velocity: x' of the plant [m/s].
+        obstacle_position: x_o [m].
+        virtual_position: x_v [m], which the plant is to follow.
+        virtual_velocity: x_v' [m/s].
+        virtual_force: F_p [N] from this step to the next.
+        contact_force: between the bodies [N], 0 without contact.
+        reading: the newest reading that the law was handed, in the unit of xi.
+        log_level: ln xi above the law's floor, as the law reports it.
+        flags: what the law reports as its status.
+        contacts: a row per contact: time [s], l' [m/s], peak force [N], impulse [N s], l' at its end [m/s],
+            duration [s]; NaN where the run ended before.
+    """
+
+    time: FloatArray
+    distance: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    obstacle_position: FloatArray
+    virtual_position: FloatArray
+    virtual_velocity: FloatArray
+    virtual_force: FloatArray
+    contact_force: FloatArray
+    reading: FloatArray
+    log_level: FloatArray
+    flags: FloatArray
+    contacts: FloatArray
+
+    def __repr__(self) -> str:
+        return f"<LoopTrace: {len(self.time)} steps to {self.time[-1]:.4g} s, {len(self.contacts)} contacts>"
+
+
+class SimulationResult:
+    """What `simulate` returns, for one run or an array of them: floats for one, arrays of one shape otherwise.
+
+    Args:
+        columns: the quantities by name, each of the shape of the runs.
+        contacts: the contacts of each run, as in LoopTrace, with rows of NaN after the last.
+        trace_of: runs the i-th encounter again and records it.
+
+    Attributes:
+        status: how each run ended: a ContactStatus, or an array of their numbers (contact, horizon, unresolved).
+        time: of the first contact [s]; NaN without one, as all that speaks of it.
+        position: x there [m].
+        velocity: x' there [m/s].
+        displacement: x - x_d there [m].
+        relative_velocity: l' there [m/s].
+        closest_distance: smallest distance [m]; negative by the depth of the contact.
+        largest_excursion: max |x - x_d| until the first contact [m].
+        largest_travel: max |x - x(0)| until then [m].
+        largest_speed: max |x'| until then [m/s].
+        largest_virtual_force: max |F_p| until then [N].
+        peak_force: largest contact force [N]; 0 for an ideal plant, which has no mass.
+        impact_force: largest contact force of the first contact until the bodies stop approaching each other [N]; a
+            push that follows, as by an obstacle that is driven on, can be stronger and is in `peak_force`.
+        impulse: of all contact forces [N s].
+        rebound_velocity: l' at the end of the first contact [m/s]; NaN where it lasts.
+        contacts: how many contacts there were.
+        detection_time: when the law first reported an object (status flag 1) [s]; NaN where it did not.
+        flags: all flags that the law reported in a run, joined.
+        end_time: when the run ended [s].
+        shape: of the runs.
+    """
+
+    __slots__ = ("_columns", "_contacts", "_trace_of", "shape")
+
+    _columns: Mapping[str, FloatArray]
+    _contacts: FloatArray
+    _trace_of: Callable[[int], LoopTrace]
+    shape: tuple[int, ...]
+
+    def __init__(
+        self, columns: Mapping[str, FloatArray], contacts: FloatArray, trace_of: Callable[[int], LoopTrace]
+    ) -> None:
+        for name, value in (("_columns", columns), ("_contacts", contacts), ("_trace_of", trace_of)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "shape", columns["status"].shape)
+        for column in (*columns.values(), contacts):
+            column.setflags(write=False)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{name}: a result cannot be changed")
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self._columns:
+            raise AttributeError(f"a simulation result has no {name!r}")
+        column = self._columns[name]
+        if name in {"status", "contacts", "flags"}:
+            whole = column.astype(np.int64)
+            return whole if self.shape else (ContactStatus(int(whole)) if name == "status" else int(whole))
+        return column if self.shape else float(column)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._columns]
+
+    @property
+    def touched(self) -> BoolArray:
+        """Which runs came to a contact, of the shape of the runs."""
+        return np.asarray(self._columns["status"] == ContactStatus.CONTACT)
+
+    @property
+    def contact_list(self) -> FloatArray:
+        """The contacts of each run, of the shape (..., 32, 6), with rows of NaN after the last; see LoopTrace."""
+        return self._contacts
+
+    def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
+        """Run one encounter again, with the same noise, and record its course.
+
+        Args:
+            index: which one of an array.
+
+        Returns:
+            Its course.
+
+        Raises:
+            InvalidInputError: there is no such run.
+        """
+        try:
+            flat = np.arange(int(np.prod(self.shape))).reshape(self.shape)[index]
+        except IndexError:
+            raise InvalidInputError(f"index: found {index}, where the runs have the shape {self.shape}") from None
+        if np.ndim(flat):
+            raise InvalidInputError(f"index: found {index}, which is more than one of the runs of shape {self.shape}")
+        return self._trace_of(int(flat))
+
+    def __repr__(self) -> str:
+        count = int(np.prod(self.shape))
+        return f"<SimulationResult: {int(self.touched.sum())} of {count} runs came to a contact>"

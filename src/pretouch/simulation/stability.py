@@ -1,0 +1,271 @@
+"""Is my sensor fast enough? The largest gain that is stable for a rate and a delay, and the lowest rate for a gain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch.motion import Admittance
+from pretouch.sensors import SensorModel
+
+from .linear_loop import LinearLoop, linear_loop
+from .plant import IdealPlant, PlantModel, linear_plant
+from .timing import LoopTiming
+
+__all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate"]
+
+_LOWEST: Final = 1e-6  # of omega T: a crossover below has no meaning in an encounter of less than 10^6 periods
+_TURN: Final = 0.2  # rad between two neighbors: a phase that turns less cannot cross unseen
+_POINTS: Final = 20_000
+_PER_DECADE: Final = 12  # rates of the scan for the lowest one
+_PLENTY: Final = 100.0  # times the rate of an undelayed mass: the period then adds a hundredth to what a delay does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DampingLimit:
+    """The largest damping d = D_p g with which the sampled loop is stable, at any distance.
+
+    Args:
+        damping: the limit [N s/m]; infinite where no damping makes the loop unstable.
+        frequency: at which the loop oscillates there [Hz]; NaN where there is no limit.
+        radius_below: spectral radius of the closed loop at 0.999 of the limit, by its eigenvalues.
+        radius_above: the same at 1.001 of the limit: the limit lies between.
+    """
+
+    damping: float
+    frequency: float
+    radius_below: float
+    radius_above: float
+
+    @property
+    def is_certified(self) -> bool:
+        """Whether the eigenvalues confirm that the loop is stable below the limit and not above it."""
+        return self.radius_below < 1 < self.radius_above or math.isinf(self.damping)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainLimit:
+    """The largest |D_p| with which the loop is stable, at each distance.
+
+    Args:
+        distance: l [m], shape (n,).
+        gain: the strongest stable gain D_p < 0 at each [N s], shape (n,); -inf where g is 0.
+        damping: the largest damping D_p g, the same at all distances.
+    """
+
+    distance: FloatArray
+    gain: FloatArray
+    damping: DampingLimit
+
+    @property
+    def strongest(self) -> float:
+        """The strongest gain [N s] that is stable at every distance."""
+        return float(self.gain.max())
+
+    @property
+    def critical_distance(self) -> float:
+        """The distance [m] that allows the least."""
+        return float(self.distance[np.argmax(self.gain)])
+
+    def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
+        """Make the bounds of `design_gain` that keep a margin to instability.
+
+        Args:
+            margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
+            weakest: the other bound [N s] < 0.
+
+        Returns:
+            The strongest and the weakest gain [N s].
+
+        Raises:
+            InvalidInputError: nothing is left between the two.
+        """
+        if not finite(margin, "margin") > 1:
+            raise InvalidInputError(f"margin: found {margin:g}, which must exceed 1")
+        strongest = self.strongest / margin
+        if not strongest < finite(weakest, "weakest", "N*s") < 0:
+            raise InvalidInputError(
+                f"weakest: found {weakest:g} N s, which must lie between the strongest gain with this margin, "
+                f"{strongest:g} N s, and 0; a faster sensor allows stronger gains"
+            )
+        return strongest, weakest
+
+
+def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
+    """Find the largest damping D_p g for which the sampled loop is stable: L(1) behind a sampler, a delay and a hold.
+
+    The linear loop is discretized exactly; its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
+    negative. Every crossover of the phase of P is found, the one of the smallest d is the limit, and the eigenvalues
+    of the closed loop below and above it are its proof.
+
+    Args:
+        admittance: one virtual admittance.
+        timing: when the loop samples and acts.
+        plant: the robot behind the virtual object; ideal by default. Its Coulomb friction is left out.
+
+    Returns:
+        The limit, with the frequency of the oscillation and its certificate.
+
+    Valid for:
+        One force per reading, held; jitter, noise and saturation are left out; a median counts as its delay.
+
+    Examples:
+        A virtual mass alone, read without delay, is stable up to exactly 2 M / T:
+
+        >>> limit = largest_damping(Admittance(mass=1.0, damping=0.0, stiffness=0.0), LoopTiming(rate=100.0))
+        >>> round(limit.damping, 6)
+        200.0
+    """
+    loop = linear_loop(*linear_plant(admittance, plant or IdealPlant()), timing)
+    crossings = _crossovers(loop)
+    free = admittance.stiffness == 0  # the position is then a free integrator, that no force reads
+    radius = _radius_of(loop, free)
+    for angle, damping in crossings:
+        below, above = radius(0.999 * damping), radius(1.001 * damping)
+        if above > 1:
+            frequency = angle * timing.rate / (2 * math.pi)
+            return DampingLimit(damping=damping, frequency=frequency, radius_below=below, radius_above=above)
+    return DampingLimit(damping=math.inf, frequency=math.nan, radius_below=radius(0.0), radius_above=math.nan)
+
+
+def gain_limit(
+    sensor: SensorModel,
+    admittance: Admittance,
+    timing: LoopTiming,
+    *,
+    distance: ArrayLike,
+    plant: PlantModel | None = None,
+) -> GainLimit:
+    """Find the largest |D_p| with which the sampled loop is stable at each distance, linearized there: L(1), L(2).
+
+    Args:
+        sensor: the sensor curve.
+        admittance: one virtual admittance.
+        timing: when the loop samples and acts.
+        distance: l [m], at which the loop is linearized: those that the encounter passes, contact included.
+        plant: the robot behind the virtual object; ideal by default.
+
+    Returns:
+        The limits; their `bounds` constrain `design_gain`.
+
+    Examples:
+        >>> from pretouch.sensors import InversePower
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> limit = gain_limit(sensor, admittance, LoopTiming(rate=15.0), distance=[0.0, 0.02, 0.0422])
+        >>> round(limit.strongest, 2), limit.critical_distance
+        (-0.57, 0.0)
+    """
+    where = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
+    slope = np.abs(np.asarray(sensor.log_slope(where)))
+    limit = largest_damping(admittance, timing, plant=plant)
+    with np.errstate(divide="ignore"):
+        gain = -limit.damping / slope
+    return GainLimit(distance=where, gain=gain, damping=limit)
+
+
+def lowest_rate(
+    sensor: SensorModel,
+    admittance: Admittance,
+    gain: float,
+    *,
+    distance: ArrayLike,
+    timing_at: Callable[[float], LoopTiming] | None = None,
+    plant: PlantModel | None = None,
+    margin: float = 1.0,
+) -> float:
+    """Find the lowest rate of the sensor above which a gain is stable at every distance.
+
+    Args:
+        sensor: the sensor curve.
+        admittance: one virtual admittance.
+        gain: D_p < 0 [N s].
+        distance: l [m], those that the encounter passes.
+        timing_at: the timing for a rate [Hz]; without any delay by default. What follows the rate, such as a transfer
+            that waits for the next period, belongs in it.
+        plant: the robot behind the virtual object; ideal by default.
+        margin: how many times the gain must be able to grow until the loop is unstable.
+
+    Returns:
+        The rate [Hz]; infinite where even a rate of a hundred times D_p g / (2 M) is too low: then it is the delay or
+        the plant that forbids the gain.
+
+    Raises:
+        InvalidInputError: the gain does not mitigate.
+
+    Examples:
+        >>> from pretouch.sensors import ExponentialFirstOrder
+        >>> sensor = ExponentialFirstOrder(scale=0.458, rate=-61.0)
+        >>> mass = Admittance(mass=1.0, damping=0.0, stiffness=0.0)
+        >>> round(lowest_rate(sensor, mass, -1.0, distance=0.0), 3)  # |D_p g| / (2 M)
+        30.5
+    """
+    if not finite(gain, "gain", "N*s") < 0:
+        raise InvalidInputError(f"gain: found {gain:g} N s, which must be negative: only such gains mitigate")
+    slope = float(np.abs(np.asarray(sensor.log_slope(np.atleast_1d(np.asarray(distance, dtype=np.float64))))).max())
+    wanted = positive(margin, "margin") * -gain * slope
+    make = timing_at or (lambda rate: LoopTiming(rate=rate))
+
+    def spare(logarithm: float) -> float:
+        found = largest_damping(admittance, make(math.exp(logarithm)), plant=plant).damping
+        return math.log(min(found, 1e300) / wanted)
+
+    step = math.log(10) / _PER_DECADE
+    above = math.log(_PLENTY * wanted / (2 * admittance.mass))
+    if spare(above) <= 0:
+        return math.inf
+    while spare(above - step) > 0:
+        above -= step
+        if above < math.log(1e-6):
+            return 0.0
+    from scipy.optimize import brentq  # noqa: PLC0415 - heavy
+
+    return math.exp(float(brentq(spare, above - step, above, xtol=1e-9)))
+
+
+def _crossovers(loop: LinearLoop) -> list[tuple[float, float]]:
+    """Return angle and damping wherever 1 + d P(z) = 0 has a solution d > 0 on the unit circle, smallest d first."""
+    from scipy.optimize import brentq  # noqa: PLC0415 - heavy
+
+    angle = _resolved(loop)
+    imaginary = loop.response(angle).imag
+    found = [math.pi]
+    for i in np.flatnonzero(np.signbit(imaginary[1:]) != np.signbit(imaginary[:-1])):
+        low, high = float(angle[i]), float(angle[i + 1])
+        if high < math.pi:
+            found.append(float(brentq(lambda w: float(loop.response(np.array([w])).imag[0]), low, high, xtol=1e-14)))
+    values = loop.response(np.array(found)).real
+    pairs = [(w, -1 / float(v)) for w, v in zip(found, values, strict=True) if v < 0]
+    return sorted(pairs, key=lambda pair: pair[1])
+
+
+def _resolved(loop: LinearLoop) -> FloatArray:
+    """Return angles from nearly 0 to pi between which the phase turns little."""
+    angle = np.unique([*np.geomspace(_LOWEST, math.pi, 400), *np.linspace(0, math.pi, 400)[1:]])
+    while len(angle) < _POINTS:
+        phase = np.angle(loop.response(angle))
+        turn = np.abs(np.angle(np.exp(1j * np.diff(phase))))
+        wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:])
+        if not wide.any():
+            break
+        angle = np.sort(np.concatenate([angle, (angle[:-1] + angle[1:])[wide] / 2]))
+    return angle
+
+
+def _radius_of(loop: LinearLoop, free: bool) -> Callable[[float], float]:
+    """Return the spectral radius of the closed loop as a function of the damping, without a free position."""
+
+    def radius(damping: float) -> float:
+        values = np.linalg.eigvals(loop.closed(damping))
+        if free:
+            values = np.delete(values, np.argmin(np.abs(values - 1)))
+        return float(np.abs(values).max())
+
+    return radius

@@ -1,0 +1,94 @@
+"""Requests to the loop that make no sense: what was found, what must hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import pretouch as pt
+from loop_samples import BareLaw
+
+ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+SCENARIO = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-0.3))
+
+
+def simulate(**changed: Any) -> pt.SimulationResult:
+    return pt.simulate(SCENARIO, SENSOR, BareLaw(-0.7, 1e-3), **changed)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: pt.SensorChain(rate=0.0), "rate: found 0 Hz, which must be positive"),
+        (lambda: pt.SensorChain(rate=100.0, exposure=0.02), "longer than the period of 0.01 s"),
+        (lambda: pt.SensorChain(rate=100.0, delay=-1e-3), "delay: found -0.001 s, which must not be negative"),
+        (lambda: pt.SensorChain(rate=100.0, jitter=0.003), "more than a quarter of the period"),
+        (lambda: pt.SensorChain(rate=100.0, dropout=1.0), "below 1"),
+        (lambda: pt.SensorChain(rate=100.0, lowest=1.0, highest=1.0), "must exceed the lowest reading"),
+        (lambda: pt.SensorChain(rate=100.0, noise=math.nan), "noise: found nan"),
+        (lambda: pt.SensorChain(rate=100.0, highest=math.nan), "highest: found nan"),
+        (lambda: pt.SensorChain(rate=[100.0, 200.0]), "rate: found an array"),
+        (lambda: pt.SensorChain(rate=100.0, distance_noise=0.001), "reports_distance"),
+        (lambda: pt.sensor_part("VCNL9999"), "expected one of RPR-220, VCNL4010"),
+        (lambda: pt.ImpedancePlant(mass=0.0, stiffness=1.0, damping=1.0), "mass: found 0 kg"),
+        (lambda: pt.ImpedancePlant(mass=1.0, stiffness=1.0, damping=1.0, bandwidth=-1.0), "bandwidth: found -1 Hz"),
+        (lambda: pt.PositionPlant(mass=1.0, bandwidth=math.inf), "bandwidth: found inf"),
+        (lambda: pt.HuntCrossley(stiffness=1e5, exponent=0.5), "exponent: found 0.5, which must be at least 1"),
+        (lambda: pt.HuntCrossley(stiffness=1e5, obstacle_mass=0.0), "obstacle_mass: found 0 kg"),
+        (lambda: pt.SpringDamper(stiffness=1e5, damping=-1.0), "damping: found -1"),
+        (lambda: pt.LoopTiming(rate=100.0, exposure=0.004, delay=0.001), "less than half of the exposure"),
+        (lambda: pt.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "longer than the period"),
+        (lambda: pt.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]), "sections: found the row"),
+        (lambda: simulate(runs=0), "runs: found 0, expected a whole number from 1"),
+        (lambda: simulate(seed=-1), "seed: found -1"),
+        (lambda: simulate(horizon=0.0), "horizon: found 0 s"),
+        (lambda: simulate(contact=pt.SpringDamper(stiffness=1e5)), "an ideal plant has no mass"),
+        (lambda: simulate().trace(3), "index: found 3"),
+        (lambda: simulate(runs=4).trace(), "more than one of the runs"),
+        (lambda: pt.lowest_rate(SENSOR, ADMITTANCE, 0.5, distance=0.0), "gain: found 0.5 N s, which must be negative"),
+        (
+            lambda: pt.gain_limit(SENSOR, ADMITTANCE, pt.LoopTiming(rate=15.0), distance=-1.0),
+            "distance: found -1 m",
+        ),
+        (
+            lambda: pt.gain_limit(SENSOR, ADMITTANCE, pt.LoopTiming(rate=15.0), distance=0.0).bounds(margin=1.0),
+            "margin: found 1, which must exceed 1",
+        ),
+        (
+            lambda: pt.gain_limit(SENSOR, ADMITTANCE, pt.LoopTiming(rate=15.0), distance=0.0).bounds(weakest=-1.0),
+            "a faster sensor allows stronger gains",
+        ),
+        (
+            lambda: pt.largest_damping(
+                pt.Admittance(mass=[1.0, 2.0], damping=10.0, stiffness=25.0), pt.LoopTiming(rate=15.0)
+            ),
+            "admittance: found an array",
+        ),
+    ],
+)
+def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(pt.InvalidInputError, match=message.replace(".", r"\.").replace("^", r"\^")):
+        make()
+
+
+def test_a_run_without_contact_is_a_result() -> None:
+    run = simulate(horizon=0.05)
+    assert run.status is pt.ContactStatus.HORIZON
+    assert not run.touched
+    assert math.isnan(run.time)
+    assert 0 < run.closest_distance < 0.0422
+    assert run.end_time == pytest.approx(0.05)
+
+
+def test_results_cannot_be_changed() -> None:
+    run = simulate(runs=3)
+    with pytest.raises(ValueError, match="read-only"):
+        run.time[0] = 1.0
+    with pytest.raises(AttributeError, match="cannot be changed"):
+        run.time = 1.0
+    with pytest.raises(AttributeError, match="no 'nonsense'"):
+        run.nonsense  # noqa: B018

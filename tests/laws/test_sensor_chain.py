@@ -1,0 +1,142 @@
+"""What the sensor chain does to a reading, one thing at a time: seen where the distance stands still."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from loop_samples import BareLaw
+from pretouch.simulation import PARTS
+
+SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+STILL = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.02))
+PASSING = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.04, velocity=-0.3))
+XI = SENSOR.output(0.02)
+
+
+def readings(horizon: float = 2.0, scenario: pt.Scenario = STILL, seed: int = 0, **chain: Any) -> np.ndarray:
+    law = BareLaw(-1e-12, 1e-3)
+    run = pt.simulate(
+        scenario, SENSOR, law, chain=pt.SensorChain(**{"rate": 1000.0} | chain), horizon=horizon, seed=seed
+    )
+    return run.trace().reading
+
+
+def test_without_anything_a_reading_is_xi() -> None:
+    assert readings() == pytest.approx(np.full(2000, XI), rel=1e-11)
+
+
+def test_noise_has_both_of_its_parts() -> None:
+    """A standard deviation from 8000 draws is known to 0.8 %: four of these."""
+    found = readings(8.0, noise=1e-3, relative_noise=0.01) - XI
+    assert found.std() == pytest.approx(np.hypot(1e-3, 0.01 * XI), rel=0.032)
+    assert abs(found.mean()) < 4 * found.std() / np.sqrt(8000)
+    assert abs(np.mean((found / found.std()) ** 4) - 3) < 4 * np.sqrt(24 / 8000)  # as a normal distribution has it
+    assert abs(np.corrcoef(found[1:], found[:-1])[0, 1]) < 4 / np.sqrt(8000)
+
+
+def test_readings_are_whole_steps_between_their_ends() -> None:
+    found = readings(noise=0.05, resolution=0.01, lowest=0.1, highest=0.2)
+    assert np.allclose(found / 0.01, np.round(found / 0.01), atol=1e-9)
+    assert found.min() == pytest.approx(0.1)
+    assert found.max() == pytest.approx(0.2)
+
+
+def test_a_pedestal_adds_and_drifts() -> None:
+    found = readings(offset=0.1, crosstalk=0.02, drift=0.05)
+    assert found[[0, -1]] == pytest.approx([XI + 0.12, XI + 0.12 + 0.05 * 1.999])
+
+
+def test_dropouts_leave_the_reading_before() -> None:
+    found = readings(8.0, noise=1e-3, dropout=0.3)
+    kept = np.mean(np.diff(found) == 0)
+    assert kept == pytest.approx(0.3, abs=4 * np.sqrt(0.3 * 0.7 / 8000))
+
+
+def test_a_delayed_reading_is_that_of_before() -> None:
+    """Where the plant stands still, the distance is known at any time."""
+    prompt, late = readings(0.1, PASSING), readings(0.1, PASSING, delay=0.0072)
+    assert late[8:] == pytest.approx(prompt[:-8])  # 7.2 ms wait for the step at 8 ms
+    shifted = readings(0.1, PASSING, phase=0.0004)
+    time = np.arange(100) * 1e-3
+    assert shifted[1:] == pytest.approx(SENSOR.output(0.04 - 0.3 * (time[1:] - 0.0006)))
+
+
+def test_an_exposure_averages() -> None:
+    found = readings(0.1, PASSING, exposure=0.001)
+    time = np.linspace(0, 0.001, 20_001) + 0.049
+    exact = SENSOR.output(0.04 - 0.3 * time).mean()  # the exposure from 49 ms to 50 ms is had at 50 ms
+    assert found[50] == pytest.approx(exact, rel=1e-8)
+    assert found[50] > SENSOR.output(0.04 - 0.3 * 0.0495)  # xi is convex
+
+
+def test_jitter_shifts_the_instants() -> None:
+    found = readings(0.1, PASSING, jitter=5e-5, delay=0.0005)
+    distance = (SENSOR.scale / found[5:]) ** (1 / SENSOR.exponent) - SENSOR.distance_offset
+    instants = (0.04 - distance) / 0.3
+    shift = instants - 1e-3 * np.round(instants / 1e-3)
+    assert shift.std() == pytest.approx(5e-5, rel=4 / np.sqrt(2 * 95))
+
+
+def test_a_part_that_reports_distances_steps_and_scatters_in_them() -> None:
+    stepped = readings(reports_distance=True, distance_resolution=0.003)
+    assert stepped == pytest.approx(np.full(2000, SENSOR.output(0.021)))
+    noisy = readings(8.0, reports_distance=True, distance_noise=0.001)
+    distance = (SENSOR.scale / noisy) ** (1 / SENSOR.exponent) - SENSOR.distance_offset
+    assert distance.std() == pytest.approx(0.001, rel=0.032)
+    assert distance.mean() == pytest.approx(0.02, abs=4 * 0.001 / np.sqrt(8000))
+
+
+def test_a_slower_sensor_keeps_its_reading_between() -> None:
+    found = readings(0.1, PASSING, rate=250.0)
+    assert (np.diff(found) != 0).mean() == pytest.approx(0.25, abs=0.02)
+
+
+def test_nothing_is_seen_beyond_the_range() -> None:
+    near = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32, maximum_distance=0.03)
+    law = BareLaw(-1e-12, 1e-3)
+    trace = pt.simulate(PASSING, near, law, chain=pt.SensorChain(rate=1000.0, offset=0.01)).trace()
+    seen = trace.distance <= 0.03
+    assert seen.any()
+    assert not seen.all()
+    assert trace.reading[~seen] == pytest.approx(np.full((~seen).sum(), 0.01))
+
+
+def test_runs_of_one_seed_meet_the_same_noise_whatever_else_is_changed() -> None:
+    one, two = readings(noise=1e-3, seed=5), readings(4.0, noise=2e-3, seed=5)
+    assert 2 * (one - XI) == pytest.approx((two - XI)[:2000], abs=1e-9)
+    other = readings(noise=1e-3, seed=6)
+    assert abs(np.corrcoef(one, other)[0, 1]) < 4 / np.sqrt(2000)
+    law = BareLaw(-1e-12, 1e-3)
+    chain = pt.SensorChain(rate=1000.0, noise=1e-3)
+    many = pt.simulate(STILL, SENSOR, law, chain=chain, runs=3, horizon=0.1, seed=5)
+    first, second = many.trace(0).reading, many.trace(1).reading
+    assert np.array_equal(first, one[:100])
+    assert not np.array_equal(first, second)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_names_its_source_and_what_is_assumed(name: str) -> None:
+    part = pt.sensor_part(name)
+    assert part.name == name
+    assert part.source
+    assert part.facts
+    assert any("noise" in a for a in part.assumptions)
+    assert part.range[0] < part.range[1]
+
+
+def test_the_chain_of_a_calibration_has_its_noise_offset_and_steps() -> None:
+    rng = np.random.default_rng(3)
+    distance = np.repeat(np.linspace(0.002, 0.04, 20), 10)
+    outputs = SENSOR.output(distance) + 0.05 + 1e-3 * rng.standard_normal(200)
+    fit = pt.fit_sensor(pt.Calibration(distances=distance, outputs=outputs), "inverse-power")
+    chain = pt.chain_of_fit(fit, rate=100.0, delay=0.002)
+    assert chain.noise == fit.noise.output
+    assert chain.relative_noise == fit.noise.relative
+    assert chain.offset == fit.offset.value
+    assert chain.latency == 0.002
+    assert chain.noise == pytest.approx(1e-3, rel=0.5)

@@ -14,7 +14,7 @@ from pretouch.sensors import SensorModel
 
 from .objectives import Objective
 
-__all__ = ["least_objective", "touches_later"]
+__all__ = ["falls", "least_objective", "touches_later"]
 
 _PROBES: Final = 257
 
@@ -34,9 +34,7 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
     sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
     holds = (room >= 0) & (v < 0) & (np.asarray(a) <= 0) & (np.asarray(u0) > v) & (-d * v - k * x0 >= sigma * (u0 - v))
     low = sensor.valid_range[0]
-    return np.asarray(
-        np.broadcast_to(holds, scenario.shape) & (low <= 0 and _falls(sensor, farthest(scenario, sensor)))
-    )
+    return np.asarray(np.broadcast_to(holds, scenario.shape) & (low <= 0 and falls(sensor, farthest(scenario, sensor))))
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
@@ -63,5 +61,6 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
 
 
 @lru_cache(maxsize=256)
-def _falls(sensor: SensorModel, reach: float) -> bool:
+def falls(sensor: SensorModel, reach: float) -> bool:
+    """Tell whether ln xi falls with the distance, from contact to a distance [m]."""
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

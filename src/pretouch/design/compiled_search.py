@@ -16,6 +16,7 @@ from pretouch.motion.request import checked_method
 from pretouch.motion.windows import curve_windows, farthest
 from pretouch.sensors import SensorModel
 
+from .bound import falls
 from .impact import HertzImpact, ImpactModel, SpringImpact
 from .objectives import Objective
 from .problem import Problem
@@ -133,5 +134,4 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 @lru_cache(maxsize=256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, bool, FloatArray | None]:
     """Return g [1/m] at contact, whether g < 0 up to a distance, and the windows of the curve."""
-    falls = bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, 257))) < 0).all())
-    return float(sensor.log_slope(0.0)), falls, None if linear else curve_windows(sensor, 0.0, reach)
+    return float(sensor.log_slope(0.0)), falls(sensor, reach), None if linear else curve_windows(sensor, 0.0, reach)

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.motion.contact import ContactResult
+from pretouch.motion.contact import ContactResult, ContactState
 from pretouch.motion.scenario import Scenario
 
 from .constraints import Constraint
@@ -24,7 +24,17 @@ from .objectives import OBSTACLE_SPEED, Objective
 from .quantities import quantity_of
 from .search import GainAxis
 
-__all__ = ["Shift", "follow_optimum", "has_gradients"]
+__all__ = [
+    "Shift",
+    "constraint_slope",
+    "follow_optimum",
+    "has_gradients",
+    "objective_slope",
+    "quantity_slope",
+]
+
+Slope: TypeAlias = Callable[[str], Any]
+"""From a quantity at contact to its derivative by some input."""
 
 _NODES: Final = np.cos((np.arange(9) + 0.5) * np.pi / 9)
 _HALF: Final = 0.08  # of u, from the optimum to the outermost samples: its eighth power is below the rounding of those
@@ -126,34 +136,73 @@ def follow_optimum(
     return found
 
 
-def _derivative(result: ContactResult, quantity: str, impact: ImpactModel | None, by: str) -> FloatArray:
-    """Differentiate a quantity at contact, an impact force among them."""
+def quantity_slope(quantity: str, state: ContactState, impact: ImpactModel | None, of: Slope) -> FloatArray:
+    """Differentiate a quantity at contact by an input, an impact force among them.
+
+    Args:
+        quantity: the quantity.
+        state: the state at contact.
+        impact: the physical properties, where given.
+        of: from a quantity of `ContactGradients` to its derivative by the input.
+
+    Returns:
+        The derivative in SI, of the shape of the state.
+
+    Raises:
+        ResultUnavailableError: an impact force without physical properties.
+    """
     if quantity != "impact_force":
-        return np.asarray(result.gradients.of(quantity, by))
+        return np.asarray(of(quantity))
     if impact is None:
         raise ResultUnavailableError("impact_force: needs the physical properties of robot and obstacle")
-    slope = impact.peak_force_slope(result.end.relative_velocity)
-    return np.asarray(slope * result.gradients.of("relative_velocity", by))
+    return np.asarray(impact.peak_force_slope(state.relative_velocity) * of("relative_velocity"))
 
 
-def _objective_slope(
-    result: ContactResult, scenario: Scenario, objective: Objective, impact: ImpactModel | None, by: str
+def objective_slope(
+    objective: Objective, state: ContactState, *, velocity: Any, impact: ImpactModel | None, by: str, of: Slope
 ) -> FloatArray:
-    """Differentiate sum of weight (q / s)^2; s may be the speed of the obstacle."""
-    velocity = scenario.obstacle.velocity
-    total = np.zeros(np.shape(result.end.time))
+    """Differentiate sum of weight (q / s)^2 by an input; s may be the speed of the obstacle.
+
+    Args:
+        objective: the objective.
+        state: the state at contact.
+        velocity: that of the obstacle at the start [m/s].
+        impact: the physical properties, where given.
+        by: the input.
+        of: from a quantity of `ContactGradients` to its derivative by the input.
+
+    Returns:
+        The derivative in SI, of the shape of the state.
+    """
+    total = np.zeros(np.shape(state.time))
     for term in objective.terms:
-        value, scale = quantity_of(term.quantity, result.end, impact), term.scale_for(np.abs(velocity))
-        change = _derivative(result, term.quantity, impact, by)
+        value, scale = quantity_of(term.quantity, state, impact), term.scale_for(np.abs(velocity))
+        change = quantity_slope(term.quantity, state, impact, of)
         if term.scale == OBSTACLE_SPEED and by == "obstacle.velocity":
             change = change - value * np.sign(velocity) / scale
         total = total + 2 * term.weight * value * change / np.square(scale)
     return total
 
 
+def constraint_slope(constraint: Constraint, state: ContactState, impact: ImpactModel | None, of: Slope) -> FloatArray:
+    """Differentiate the magnitude that a constraint limits by an input; arguments as in `objective_slope`."""
+    sign = np.sign(quantity_of(constraint.quantity, state, impact))
+    return np.asarray(sign * quantity_slope(constraint.quantity, state, impact, of))
+
+
+def _along(result: ContactResult, by: str) -> Slope:
+    return lambda quantity: np.asarray(result.gradients.of(quantity, by))
+
+
+def _objective_slope(
+    result: ContactResult, scenario: Scenario, objective: Objective, impact: ImpactModel | None, by: str
+) -> FloatArray:
+    velocity = scenario.obstacle.velocity
+    return objective_slope(objective, result.end, velocity=velocity, impact=impact, by=by, of=_along(result, by))
+
+
 def _constraint_slope(result: ContactResult, constraint: Constraint, impact: ImpactModel | None, by: str) -> FloatArray:
-    sign = np.sign(quantity_of(constraint.quantity, result.end, impact))
-    return np.asarray(sign * _derivative(result, constraint.quantity, impact, by))
+    return constraint_slope(constraint, result.end, impact, _along(result, by))
 
 
 def _value(samples: FloatArray, place: FloatArray) -> FloatArray:

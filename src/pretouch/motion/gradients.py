@@ -26,6 +26,7 @@ from .contact import ContactStatus
 from .contact_algebra import DERIVATIVES, Change
 from .curve_changes import bend_at_contact
 from .gradient_rows import RELATIVE_INPUTS, GradientRows
+from .inputs import SCENARIO_INPUTS
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -41,20 +42,6 @@ _QUANTITIES: Final = {
     "relative_velocity": "m/s",
     "virtual_force": "N",
 }
-_INPUTS: Final = {
-    "gain": "N*s",
-    "admittance.mass": "kg",
-    "admittance.damping": "N*s/m",
-    "admittance.stiffness": "N/m",
-    "obstacle.position": "m",
-    "obstacle.velocity": "m/s",
-    "obstacle.acceleration": "m/s^2",
-    "plant.position": "m",
-    "plant.velocity": "m/s",
-    "reference.position": "m",
-    "reference.velocity": "m/s",
-    "reference.acceleration": "m/s^2",
-}
 _RELATIVE: Final[dict[str, dict[str, float]]] = {
     "gain": {"gain": 1.0},
     "admittance.mass": {"mass": 1.0},
@@ -69,6 +56,7 @@ _RELATIVE: Final[dict[str, dict[str, float]]] = {
     "reference.velocity": {"u0": -1.0, "v": -1.0},
     "reference.acceleration": {"a": -1.0},
 }
+_INPUTS: Final = {name: {"gain": "N*s", **SCENARIO_INPUTS}[name] for name in _RELATIVE}
 _LENGTHS: Final = ("x0", "u0", "p", "v", "a", "gain")  # what grows with the unit of length, D_p among it
 _COLUMNS: Final = {name: i if i < 8 else 10 for i, name in enumerate(RELATIVE_INPUTS)}  # in Request.columns
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.sensors import Recessed, SensorModel
+from pretouch.sensors.change import parameter_units
 
 from .admittance import Admittance
 from .scenario import Scenario
@@ -46,9 +47,7 @@ def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
     Returns:
         The units by name.
     """
-    curve = sensor.sensor if isinstance(sensor, Recessed) else sensor
-    found = {f"sensor.{f.name}": f.metadata["unit"] for f in fields(curve) if "unit" in f.metadata}
-    return {**found, "sensor.recess": "m"} if isinstance(sensor, Recessed) else found
+    return {f"sensor.{name}": unit for name, unit in parameter_units(sensor).items()}
 
 
 def input_value(scenario: Scenario, sensor: SensorModel, name: str) -> Any:

@@ -7,7 +7,7 @@ bracket. An encounter that this does not settle for certain, by the measures of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import Scenario
+from pretouch.motion.inputs import map_fields
 
 from .compiled_search import search_compiled
 from .family import find_family
@@ -140,7 +141,7 @@ def scenario_at(scenario: Scenario, index: tuple[int, ...]) -> Scenario:
         The encounter.
     """
     shape = scenario.shape
-    return _mapped(scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
+    return map_fields(scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
 
 
 def _column(problem: Problem, which: Any) -> Problem:
@@ -150,15 +151,7 @@ def _column(problem: Problem, which: Any) -> Problem:
     def taken(value: Any) -> Any:
         return value if np.ndim(value) == 0 else np.broadcast_to(value, shape).reshape(-1)[which][:, None]
 
-    return replace(problem, scenario=_mapped(problem.scenario, taken))
-
-
-def _mapped(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
-    parts = {}
-    for part in ("admittance", "obstacle", "plant", "reference"):
-        body: Any = getattr(scenario, part)
-        parts[part] = replace(body, **{f.name: change(getattr(body, f.name)) for f in fields(body)})
-    return replace(scenario, **parts)
+    return replace(problem, scenario=map_fields(problem.scenario, taken))
 
 
 def _design_block(problem: Problem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,6 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.motion import Scenario
 from pretouch.motion.gradients import input_names
+from pretouch.motion.inputs import map_fields
 
 from .constraints import Constraint
 from .gradient import follow_optimum, has_gradients
@@ -116,10 +117,4 @@ def _followed(
 def _column(scenario: Scenario, which: IntArray) -> Scenario:
     """Return some encounters as a column, shape (m, 1), so that a row of gains broadcasts with them."""
     shape = scenario.shape
-    parts = {}
-    for part in ("admittance", "obstacle", "plant", "reference"):
-        body: Any = getattr(scenario, part)
-        values = {f.name: getattr(body, f.name) for f in fields(body)}
-        changed = {n: np.broadcast_to(v, shape).reshape(-1)[which][:, None] for n, v in values.items()}
-        parts[part] = replace(body, **changed)
-    return replace(scenario, **parts)
+    return map_fields(scenario, lambda value: np.broadcast_to(value, shape).reshape(-1)[which][:, None])

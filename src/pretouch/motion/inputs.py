@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from pretouch.sensors.change import parameter_units
 from .admittance import Admittance
 from .scenario import Scenario
 
-__all__ = ["SCENARIO_INPUTS", "input_value", "scenario_with", "sensor_inputs", "sensor_with"]
+__all__ = ["SCENARIO_INPUTS", "map_fields", "scenario_with", "sensor_inputs", "sensor_with"]
 
 SCENARIO_INPUTS: Final[dict[str, str]] = {
     "admittance.mass": "kg",
@@ -50,25 +50,6 @@ def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
     return {f"sensor.{name}": unit for name, unit in parameter_units(sensor).items()}
 
 
-def input_value(scenario: Scenario, sensor: SensorModel, name: str) -> Any:
-    """Return the value of an input in SI.
-
-    Args:
-        scenario: the encounter.
-        sensor: its sensor.
-        name: the input, such as `obstacle.velocity` or `sensor.exponent`.
-
-    Returns:
-        The value.
-    """
-    part, _, rest = name.partition(".")
-    if part != "sensor":
-        return getattr(getattr(scenario, part), rest)
-    if isinstance(sensor, Recessed) and rest != "recess":
-        return getattr(sensor.sensor, rest)
-    return getattr(sensor, rest)
-
-
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
     """Change parameters of a curve.
 
@@ -84,6 +65,23 @@ def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel
     curve = {name: value for name, value in values.items() if name != "recess"}
     inner = replace(sensor.sensor, **curve) if curve else sensor.sensor
     return Recessed(sensor=inner, recess=values.get("recess", sensor.recess))
+
+
+def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
+    """Change every number or array of a scenario in the same way.
+
+    Args:
+        scenario: the encounters.
+        change: from a field's value to the new one.
+
+    Returns:
+        The changed copy.
+    """
+    parts = {}
+    for part in ("admittance", "obstacle", "plant", "reference"):
+        body: Any = getattr(scenario, part)
+        parts[part] = replace(body, **{f.name: change(getattr(body, f.name)) for f in fields(body)})
+    return replace(scenario, **parts)
 
 
 def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:

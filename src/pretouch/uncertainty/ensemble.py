@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario, find_contact
-from pretouch.motion.inputs import SCENARIO_INPUTS, scenario_with, sensor_inputs, sensor_with
+from pretouch.motion.inputs import SCENARIO_INPUTS, map_fields, scenario_with, sensor_inputs, sensor_with
 from pretouch.motion.similar import Likeness, find_likeness
 from pretouch.sensors import SensorModel
 
@@ -107,7 +107,8 @@ class Ensemble:
             Both.
         """
         own = {name.removeprefix("sensor."): float(v[index]) for name, v in self.values.items() if _of_sensor(name)}
-        return _one(self.scenario, index), sensor_with(self.sensor, own) if own else self.sensor
+        one = map_fields(self.scenario, lambda v: float(v[index]) if np.ndim(v) else v)
+        return one, sensor_with(self.sensor, own) if own else self.sensor
 
 
 class _Stacked:
@@ -213,13 +214,3 @@ def _likeness(sensor: SensorModel, own: Mapping[str, FloatArray], several: Scena
 
 def _of_sensor(name: str) -> bool:
     return name.startswith("sensor.")
-
-
-def _one(scenario: Scenario, index: int) -> Scenario:
-    """Return one of several encounters; what they share stays."""
-    parts = {}
-    for part in ("admittance", "obstacle", "plant", "reference"):
-        body: Any = getattr(scenario, part)
-        own = {f.name: getattr(body, f.name) for f in fields(body)}
-        parts[part] = replace(body, **{k: float(v[index]) if np.ndim(v) else v for k, v in own.items()})
-    return replace(scenario, **parts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from pretouch._core.errors import InvalidInputError
@@ -22,7 +22,7 @@ __all__ = ["Controller", "Law"]
 class Law(Protocol):
     """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
 
-    A new law is a dataclass with these three, and one function: `step(parameters, state, sample)`, made of `observe`,
+    A new law is a dataclass with these four, and one function: `step(parameters, state, sample)`, made of `observe`,
     of what the law itself does, and of `drive`.
     """
 
@@ -37,6 +37,10 @@ class Law(Protocol):
 
     def start(self) -> Any:
         """Return the law's state before the first reading, a tuple of numbers."""
+        ...
+
+    def with_gain(self, gain: float) -> Law:
+        """Return the same law with another gain [N s]."""
         ...
 
 
@@ -141,6 +145,17 @@ class Controller:
         return ControllerState(
             start_sensing(self.conditioning.numbers(self.period)), self.law.start(), start_drive(x, v)
         )
+
+    def with_gain(self, gain: float) -> Controller:
+        """Return the same controller with another gain.
+
+        Args:
+            gain: D_p [N s].
+
+        Returns:
+            The controller.
+        """
+        return replace(self, law=self.law.with_gain(gain))
 
     def _motion_limits(self) -> MotionLimits:
         limits = self.limits

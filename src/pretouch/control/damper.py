@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from pretouch._core.errors import InvalidInputError
@@ -75,6 +75,10 @@ class VirtualDamper:
         """Return the parameters as plain numbers, for the loop's period [s]."""
         ramp_step = min(period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
         return DamperNumbers(self.gain, bool(self.approach_only), self.release, ramp_step)
+
+    def with_gain(self, gain: float) -> VirtualDamper:
+        """Return the same law with another gain [N s]."""
+        return replace(self, gain=gain)
 
     def start(self) -> DamperState:
         """Return the law's state before the first reading."""

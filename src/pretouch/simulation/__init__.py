@@ -1,6 +1,7 @@
 """The loop as it will really run: sensor chain, controller at its own rate, plant, contact; and when it is stable."""
 
 from .chain import SensorChain, chain_of_fit
+from .closed_loop import ClosedLoop
 from .contact import ContactModel, HuntCrossley, SpringDamper
 from .loop import simulate
 from .parts import PARTS, SensorPart, sensor_part
@@ -11,6 +12,7 @@ from .timing import LoopTiming, timing_of
 
 __all__ = [
     "PARTS",
+    "ClosedLoop",
     "ContactModel",
     "DampingLimit",
     "GainLimit",

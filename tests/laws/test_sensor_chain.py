@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import pretouch as pt
 from loop_samples import BareLaw
@@ -140,3 +141,20 @@ def test_the_chain_of_a_calibration_has_its_noise_offset_and_steps() -> None:
     assert chain.offset == fit.offset.value
     assert chain.latency == 0.002
     assert chain.noise == pytest.approx(1e-3, rel=0.5)
+
+
+def test_a_random_phase_is_another_in_each_run_and_uniform() -> None:
+    """The law sees the object at its first step after the first reading, so phases come out rounded up to 1 ms."""
+    chain = pt.SensorChain(rate=20.0, random_phase=True)
+    law = BareLaw(-1e-12, 1e-3, hold=0.05)
+    start = [pt.simulate(STILL, SENSOR, law, chain=chain, horizon=0.06, seed=seed).trace().reading for seed in range(3)]
+    assert len({int(np.argmax(reading > 0)) for reading in start}) == 3  # another with each seed
+    several = pt.simulate(STILL, SENSOR, law, chain=chain, horizon=0.06, runs=400)
+    first = np.array([np.argmax(several.trace(i).reading > 0) for i in range(400)]) * 1e-3
+    assert first.max() <= 0.051
+    assert stats.kstest(first, "uniform", args=(0.0005, 0.05)).pvalue > 1e-3
+
+
+def test_a_phase_is_given_or_random() -> None:
+    with pytest.raises(pt.InvalidInputError, match=r"phase: found 0\.01 s beside a random phase"):
+        pt.SensorChain(rate=20.0, phase=0.01, random_phase=True)

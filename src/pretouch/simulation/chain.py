@@ -40,6 +40,8 @@ class SensorChain:
     Args:
         rate: readings per second [Hz], > 0.
         phase: start of the first exposure [s].
+        random_phase: whether it is another one in each run, equally likely over a period: nobody tells an object when
+            to come.
         exposure: over which time a reading averages [s], at most one period.
         delay: from the end of an exposure until the controller can have the reading [s]: conversion and transfer.
         jitter: standard deviation of the start of an exposure [s], at most a quarter of the period.
@@ -64,6 +66,7 @@ class SensorChain:
 
     rate: float
     phase: float = 0.0
+    random_phase: bool = False
     exposure: float = 0.0
     delay: float = 0.0
     jitter: float = 0.0
@@ -82,7 +85,9 @@ class SensorChain:
 
     def __post_init__(self) -> None:
         for f in fields(self):
-            if f.name == "reports_distance" or (f.name in {"lowest", "highest"} and not math.isnan(self._of(f.name))):
+            if f.name in {"reports_distance", "random_phase"} or (
+                f.name in {"lowest", "highest"} and not math.isnan(self._of(f.name))
+            ):
                 continue
             unit = _UNITS.get(f.name, "unit of xi")
             value = finite(self._of(f.name), f.name, unit)
@@ -103,6 +108,8 @@ class SensorChain:
             raise InvalidInputError(
                 f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
             )
+        if self.random_phase and self.phase:
+            raise InvalidInputError(f"phase: found {self.phase:g} s beside a random phase, expected one of the two")
         if self.jitter > self.period / 4:
             raise InvalidInputError(
                 f"jitter: found {self.jitter:g} s, more than a quarter of the period of {self.period:g} s"
@@ -133,12 +140,13 @@ class SensorChain:
             farthest: the distance up to which the curve says anything [m].
 
         Returns:
-            Floats and one truth value.
+            Floats and two truth values.
         """
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
             *(bool(self.reports_distance), self.distance_noise, self.distance_resolution, farthest),
+            bool(self.random_phase),
         )
 
 

@@ -98,7 +98,7 @@ def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
     conditioning, period = controller.conditioning, controller.period
     ready = chain.phase + chain.exposure + chain.delay
     ratio = chain.period / period
-    together = ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6
+    together = ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6 and not chain.random_phase
     # where the two clocks have no common beat, a reading waits for half a step on average
     waiting = math.ceil(ready / period - 1e-9) * period - ready if together else period / 2
     median = (conditioning.median_window - 1) / 2 * chain.period

@@ -12,6 +12,7 @@ from .noise import normal, uniform
 __all__ = ["DRAWS", "instant_of", "log_output", "node_of", "raw_reading", "start_of"]
 
 DRAWS = 8  # numbers that a reading may draw
+_PHASE = 7  # the draw of the first reading that is for the phase of the run
 _INNER = 0.1127016653792583  # first node of Gauss's rule with three on [0, 1]
 
 
@@ -31,7 +32,8 @@ def log_output(table: Any, low: float, step: float, distance: float) -> float:
 
 def start_of(chain: Any, key: Any, k: int) -> float:
     """Return when the k-th exposure starts [s]."""
-    rate, phase, jitter = chain[0], chain[1], chain[4]
+    rate, jitter = chain[0], chain[4]
+    phase = uniform(key, _PHASE) / rate if chain[17] else chain[1]
     shift = jitter * normal(key, DRAWS * k + 2) if jitter > 0.0 else 0.0
     return max(phase + k / rate + shift, 0.0)
 

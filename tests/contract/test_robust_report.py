@@ -140,6 +140,15 @@ def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign) -> None:
     assert "256 fresh, independent encounters" in words
 
 
+def test_a_report_tells_what_the_objective_varies_with(one: RobustDesign) -> None:
+    words = parse(robust_report_html(one)).words
+    assert "What the objective varies with" in words
+    for share in one.importance:
+        assert f"{share.name} {100 * share.alone:.1f} % ± {100 * share.alone_error:.1f}" in words
+    alone = design()  # a single input has all of the variance
+    assert "What the objective varies with" not in parse(robust_report_html(alone)).words
+
+
 def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign) -> None:
     from dataclasses import replace
 

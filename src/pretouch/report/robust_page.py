@@ -56,6 +56,7 @@ def robust_page(design: RobustDesign, prices: list[Price]) -> dict[str, Any]:
         "constraint_rows": [] if v is None else [_constraint_row(o, v) for o in v.limits],
         "worst_rows": list(_worst_rows(design)),
         "price_rows": [_price_row(price) for price in prices],
+        "importance_rows": list(_importance_rows(design)),
         "certificate_rows": list(_certificate_rows(design)),
         "objective_rows": list(_objective_rows(design)),
         "scenario_rows": list(scenario_rows(design.scenario)),
@@ -174,6 +175,18 @@ def _price_row(price: Price) -> Row:
         f"{100 * float(price.loss[at]):.3g} % at {quantity(float(price.value[at]), price.unit)}",
         f"{100 * float(np.nanmedian(price.loss)):.2g} %",
     )
+
+
+def _importance_rows(design: RobustDesign) -> Iterator[Row]:
+    """Yield the share of the variance that each input has; one input alone has all of it."""
+    found = [one for one in design.importance if math.isfinite(one.total)]
+    for one in found if len(found) > 1 else ():
+        shares = ((one.alone, one.alone_error), (one.total, one.total_error))
+        yield (
+            one.name,
+            *(f"{max(0.0, 100 * share):.1f} % \u00b1 {100 * error:.1f}" for share, error in shares),
+            "\u2013" if one.by_gradient is None else f"{100 * one.by_gradient:.1f} %",
+        )
 
 
 def _certificate_rows(design: RobustDesign) -> Iterator[Row]:

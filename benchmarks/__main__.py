@@ -1,9 +1,11 @@
 """Run every benchmark: `python -m benchmarks`."""
 
-from . import accuracy, controller, solving, starting
+from . import accuracy, controller, gradients, loops, solving, starting
 
 if __name__ == "__main__":
     starting.main()
     solving.main()
     accuracy.main()
     controller.main()
+    loops.main()
+    gradients.main()

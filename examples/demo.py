@@ -1,4 +1,4 @@
-"""What `make demo` runs: a fit, two gains, a robust one, a trade-off, a part of the letter; reports in demo-output/."""
+"""What `make demo` runs: from a fit to a gain, the loop it is to run on, and the letter; into demo-output/."""
 
 import subprocess
 import sys
@@ -8,11 +8,13 @@ EXAMPLES = Path(__file__).resolve().parent
 OUTPUT = EXAMPLES.parent / "demo-output"
 
 
-def pretouch(*arguments: str) -> None:
-    """Run one command as a user would, and show it."""
+def pretouch(*arguments: str, expected: int = 0) -> None:
+    """Run one command as a user would, show it, and end here if it ends in another way than it should."""
     shown = " ".join(a.replace(f"{EXAMPLES.parent}/", "") for a in arguments)
     print(f"\n$ pretouch {shown}\n", flush=True)
-    subprocess.run([sys.executable, "-m", "pretouch", *arguments], check=True)  # noqa: S603
+    ended = subprocess.run([sys.executable, "-m", "pretouch", *arguments], check=False).returncode  # noqa: S603
+    if ended != expected:
+        sys.exit(ended or 1)
 
 
 def main() -> None:
@@ -25,6 +27,11 @@ def main() -> None:
         pretouch("design", str(EXAMPLES / f"{name}.toml"), "--output", report)
     pretouch("robust", str(EXAMPLES / "robust.toml"), "--output", str(OUTPUT / "robust-robust.html"))
     pretouch("pareto", str(EXAMPLES / "tradeoff.toml"), "--output", str(OUTPUT / "tradeoff-pareto.html"))
+    loop = str(EXAMPLES / "loop.toml")
+    pretouch("simulate", loop, "--output", str(OUTPUT / "loop-simulate.html"))
+    pretouch("verify", loop, "--output", str(OUTPUT / "loop-verify.html"), expected=1)  # it says what to change ...
+    better = str(OUTPUT / "loop-verify-stronger.html")
+    pretouch("verify", loop, "--gain", "-0.86 N*s", "--output", better)  # ... and that it holds
     pretouch("reproduce", "table-2", "figure-4", "figure-5", "--output", str(OUTPUT / "letter-reproduction.html"))
     print(f"\nReports with figures: {', '.join(sorted(p.name for p in OUTPUT.glob('*.html')))} in {OUTPUT.name}/")
 

@@ -9,6 +9,11 @@ import pytest
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
 
+EXAMPLES = (
+    ("xarray", "sweep", "pretouch.sweep.run.sweep"),
+    ("mujoco", "mujoco", "pretouch.simulation.witness.witness_encounter"),
+)
+
 
 @pytest.fixture(scope="session")
 def letter_power() -> InversePower:
@@ -35,8 +40,9 @@ def letter_encounter() -> Scenario:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the example of the verb whose libraries are an extra, where they are not installed."""
-    if find_spec("xarray") is None:
-        for item in items:
-            if item.name == "pretouch.sweep.run.sweep":
-                item.add_marker(pytest.mark.skip(reason="needs the extra 'sweep'"))
+    """Skip the examples of verbs whose libraries are an extra, where they are not installed."""
+    for library, extra, example in EXAMPLES:
+        if find_spec(library) is None:
+            for item in items:
+                if item.name == example:
+                    item.add_marker(pytest.mark.skip(reason=f"needs the extra '{extra}'"))

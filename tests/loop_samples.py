@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,15 @@ def bare_step(parameters: Any, state: Any, sample: Any) -> Any:
     return (x_next, v_next, last, force, left, seen), answer
 
 
+@lru_cache(maxsize=64)
+def exact_step(mass: float, damping: float, stiffness: float, period: float) -> Any:
+    """The motion over one period from position, velocity and a constant force."""
+    block = np.zeros((3, 3))
+    block[0, 1] = 1.0
+    block[1] = -stiffness / mass, -damping / mass, 1 / mass
+    return expm(block * period)
+
+
 @dataclass(frozen=True)
 class BareLaw:
     """The letter's law and nothing else; `hold` is the period of the sensor."""
@@ -55,10 +65,7 @@ class BareLaw:
         return bare_step
 
     def parameters(self) -> tuple[float, ...]:
-        block = np.zeros((3, 3))
-        block[0, 1] = 1.0
-        block[1] = -self.stiffness / self.mass, -self.damping / self.mass, 1 / self.mass
-        m = expm(block * self.period)
+        m = exact_step(self.mass, self.damping, self.stiffness, self.period)
         numbers = (self.gain, self.period, self.hold or self.period, *m[:2, :2].ravel(), m[0, 2], m[1, 2])
         return tuple(map(float, numbers))
 

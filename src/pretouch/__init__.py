@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         read_calibrations,
     )
     from .config import load_scenario
+    from .control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
     from .design import (
         AdmittanceDesign,
         Constraint,
@@ -102,12 +103,19 @@ if TYPE_CHECKING:
         price_figure,
         robust_figure,
         sensitivity_figure,
+        simulation_figure,
         sweep_figure,
         trade_off_figure,
+        verdict_figure,
+        verdict_gain_figure,
+        verdict_run_figure,
+        verdict_stability_figure,
         write_design_report,
         write_fit_report,
         write_pareto_report,
         write_robust_report,
+        write_simulation_report,
+        write_verdict_report,
     )
     from .sensors import (
         CustomSensor,
@@ -121,6 +129,7 @@ if TYPE_CHECKING:
         check_sensor,
     )
     from .simulation import (
+        ClosedLoop,
         DampingLimit,
         GainLimit,
         HuntCrossley,
@@ -152,6 +161,7 @@ if TYPE_CHECKING:
         parameter_distribution,
         sample_inputs,
     )
+    from .verification import SimulatedEncounter, Verdict, VerdictStatus, simulate_encounter, verify_gain
 
     __version__: str
 
@@ -161,12 +171,15 @@ __all__ = [
     "Calibration",
     "CalibrationDataError",
     "CalibrationReport",
+    "ClosedLoop",
     "ConditionalValueAtRisk",
+    "Conditioning",
     "Constraint",
     "ContactGradients",
     "ContactResult",
     "ContactState",
     "ContactStatus",
+    "Controller",
     "CorrelatedNormal",
     "Curve",
     "CustomSensor",
@@ -216,6 +229,7 @@ __all__ = [
     "SensorFit",
     "SensorModel",
     "SensorPart",
+    "SimulatedEncounter",
     "SimulationResult",
     "SpringDamper",
     "SpringImpact",
@@ -224,6 +238,10 @@ __all__ = [
     "TruncatedNormal",
     "Uniform",
     "UnitError",
+    "Verdict",
+    "VerdictStatus",
+    "VirtualAdmittance",
+    "VirtualDamper",
     "WorstCase",
     "admittance_figure",
     "calibration_figure",
@@ -255,17 +273,26 @@ __all__ = [
     "sensitivity_figure",
     "sensor_part",
     "simulate",
+    "simulate_encounter",
+    "simulation_figure",
     "solve_motion",
     "sweep",
     "sweep_figure",
     "time_objective",
     "timing_of",
     "trade_off_figure",
+    "verdict_figure",
+    "verdict_gain_figure",
+    "verdict_run_figure",
+    "verdict_stability_figure",
+    "verify_gain",
     "write_design_report",
     "write_fit_report",
     "write_letter_report",
     "write_pareto_report",
     "write_robust_report",
+    "write_simulation_report",
+    "write_verdict_report",
 ]
 
 

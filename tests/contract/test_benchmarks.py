@@ -120,3 +120,34 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
         assert f"{row['error']:.0e}" in run.stdout
     assert {growth["peer"] for growth in record["growth"]} == {"pretouch", "NumPy"}
     assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "printed"),
+    [
+        ("loops", ["--quick"], [r"[\d,]+ runs/s", r"200 contacts", r"largest difference 0\.\d\d%"]),
+        (
+            "gradients",
+            ["--count", "300", "--seconds", "0.01"],
+            [r"exponential-1 .*ns", r"table .*ns", r"0\.\d\d ms each"],
+        ),
+    ],
+)
+def test_a_program_prints_what_it_measures(name: str, options: list[str], printed: list[str]) -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", f"benchmarks.{name}", *options],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8", "PYTHONPATH": os.pathsep.join([str(ROOT / "src")])},
+    )
+    assert run.returncode == 0, run.stderr
+    for pattern in printed:
+        assert re.search(pattern, run.stdout), (pattern, run.stdout)
+
+
+def test_the_page_names_every_program() -> None:
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    programs = {file.stem for file in (ROOT / "benchmarks").glob("*.py") if not file.stem.startswith("_")} | {"peers"}
+    assert {name for name in programs if f"python -m benchmarks.{name}`" not in page} == set()

@@ -56,6 +56,8 @@ def test_help_names_every_verb_and_option(run):
         "design": ["FILE", "1 no"],
         "pareto": ["FILE", "1 no"],
         "robust": ["FILE", "--samples", "--seed", "1 no"],
+        "simulate": ["FILE", "--gain", "--seed", "1 it did not"],
+        "verify": ["FILE", "--gain", "--runs", "--seed", "--no-changes", "1 it does not"],
         "reproduce": ["[ID]...", "table-2", "impact-force", "1 not"],
     }
     assert all(verb in out for verb in own)

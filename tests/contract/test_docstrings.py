@@ -30,8 +30,10 @@ VERBS = (
     "read_calibration",
     "sweep",
     "simulate",
+    "simulate_encounter",
     "gain_limit",
     "lowest_rate",
+    "verify_gain",
 )
 # "safe" and "compliant" are verdicts of standards on whole machines, which no program about a gain can give
 FORBIDDEN = re.compile(r"\b(safe|compliant)\b", re.IGNORECASE)

@@ -12,11 +12,13 @@ import pytest
 
 import pretouch
 
-EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas"}
+EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas", "mujoco"}
 HEAVY = {"scipy", "numba", "matplotlib", "pydantic", "typer", "jinja2", *EXTRA}
 
 
-@pytest.mark.parametrize("folder", ["", ".sensors", ".control", ".motion", ".design", ".simulation", ".sweep"])
+@pytest.mark.parametrize(
+    "folder", ["", ".sensors", ".control", ".motion", ".design", ".simulation", ".sweep", ".verification"]
+)
 def test_importing_loads_nothing_heavy(folder: str) -> None:
     code = f"import sys, pretouch{folder}; print(*sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
@@ -59,7 +61,17 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
 
 
 def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
-    for folder in ("sensors", "motion", "design", "calibration", "config", "report", "simulation", "sweep"):
+    for folder in (
+        "sensors",
+        "motion",
+        "design",
+        "calibration",
+        "config",
+        "report",
+        "simulation",
+        "sweep",
+        "verification",
+    ):
         module = importlib.import_module(f"pretouch.{folder}")
         for name in set(module.__all__) & set(pretouch.__all__):
             assert getattr(pretouch, name) is getattr(module, name)

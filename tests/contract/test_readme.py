@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ROBUST = (ROOT / "docs" / "robust.md").read_text(encoding="utf-8")
-SESSIONS = [s for page in (README, ROBUST) for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
+VERIFICATION = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+SESSIONS = [s for page in (README, ROBUST, VERIFICATION) for s in re.findall(r"```console\n(.*?)```", page, re.DOTALL)]
 
 
 @pytest.mark.parametrize("session", SESSIONS, ids=[s.splitlines()[0] for s in SESSIONS])
@@ -22,16 +24,20 @@ def test_a_session_prints_what_the_readme_shows(session: str) -> None:
     command, _, expected = session.partition("\n")
     assert command.startswith("$ pretouch ")
     run = subprocess.run(
-        [sys.executable, "-m", "pretouch", *command.split()[2:]], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "pretouch", *shlex.split(command)[2:]],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    assert run.returncode == 0, run.stderr
+    assert run.returncode == (1 if "does not hold" in expected else 0), run.stderr
     checker = doctest.OutputChecker()
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     assert checker.check_output(expected, run.stdout, flags), run.stdout
 
 
 def test_there_are_sessions_to_check() -> None:
-    assert len(SESSIONS) == 4
+    assert len(SESSIONS) == 6
 
 
 @pytest.mark.parametrize("page", [README, ROBUST], ids=["README", "robust"])
@@ -43,9 +49,10 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, page: str) -> 
     assert runner.summarize().failed == 0
 
 
-@pytest.mark.parametrize("page", ["gradients.md"])
+@pytest.mark.parametrize("page", ["gradients.md", "verification.md"])
 def test_the_examples_of_a_page_run(page: str) -> None:
-    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=flags)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
     assert blocks
     for block in blocks:
@@ -108,6 +115,9 @@ def test_the_demonstration_writes_its_reports(tmp_path: Path) -> None:
         "approach-design.html",
         "fingertip-design.html",
         "letter-reproduction.html",
+        "loop-simulate.html",
+        "loop-verify-stronger.html",
+        "loop-verify.html",
         "robust-robust.html",
         "tradeoff-pareto.html",
     }

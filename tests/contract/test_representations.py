@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pretouch as pt
+from verification_samples import NOISY, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -29,3 +30,22 @@ def test_results_show_one_line_and_print_a_report() -> None:
     assert str(report).count("\n") > 10
     assert "<table" in report._repr_html_()
     assert "<table" in design._repr_html_()
+
+
+def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
+    found = verdict(NOISY, constraints=[velocity_limit(0.1)])
+    assert repr(found).startswith("<Verdict: holds, D_p = -0.7463 N s, 60 runs, margin ")
+    assert found.loss is not None
+    assert repr(found.loss.curve).startswith("<LoopCurve: ")
+    assert all("\n" not in repr(v) for v in (found, found.loss.curve))
+    text = str(found)
+    assert text.startswith(found.headline)
+    for part in (
+        "speed at contact",
+        "relative_velocity <= 0.1 m/s always",
+        "what would help most",
+        "what this rests on",
+    ):
+        assert part in text
+    assert text.count("\n") > 25
+    assert "<table" in found._repr_html_()

@@ -178,11 +178,13 @@ def test_the_reference_gives_every_unit_and_default(section):
         if quantity is not None:
             assert unit == (quantity.unit or "number"), key
         elif key != "no_object":
-            assert unit in {"text", "list", "table", "whole number", "number"}, key
+            assert unit in {"text", "list", "table", "whole number", "number", "true or false"}, key
         if field.is_required():
             assert default == "required", key
         elif field.default_factory or field.default is None:
             assert default == "none", key
+        elif isinstance(field.default, bool):
+            assert default == str(field.default).lower(), key
         elif isinstance(field.default, str):
             assert default == f'`"{field.default}"`', key
         else:

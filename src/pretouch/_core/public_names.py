@@ -38,6 +38,7 @@ PUBLIC_NAMES: Final[dict[str, tuple[str, ...]]] = {
         "read_calibration",
         "read_calibrations",
     ),
+    "control": ("Conditioning", "Controller", "VirtualAdmittance", "VirtualDamper"),
     "uncertainty": (
         "CorrelatedNormal",
         "Empirical",
@@ -89,6 +90,7 @@ PUBLIC_NAMES: Final[dict[str, tuple[str, ...]]] = {
         "time_objective",
     ),
     "simulation": (
+        "ClosedLoop",
         "DampingLimit",
         "GainLimit",
         "HuntCrossley",
@@ -110,6 +112,7 @@ PUBLIC_NAMES: Final[dict[str, tuple[str, ...]]] = {
         "timing_of",
     ),
     "sweep": ("sweep",),
+    "verification": ("SimulatedEncounter", "Verdict", "VerdictStatus", "simulate_encounter", "verify_gain"),
     "config": ("load_scenario",),
     "letter": ("LetterReport", "Reproduction", "reproduce", "write_letter_report"),
     "report": (
@@ -125,12 +128,19 @@ PUBLIC_NAMES: Final[dict[str, tuple[str, ...]]] = {
         "price_figure",
         "robust_figure",
         "sensitivity_figure",
+        "simulation_figure",
         "sweep_figure",
         "trade_off_figure",
+        "verdict_figure",
+        "verdict_gain_figure",
+        "verdict_run_figure",
+        "verdict_stability_figure",
         "write_design_report",
         "write_fit_report",
         "write_pareto_report",
         "write_robust_report",
+        "write_simulation_report",
+        "write_verdict_report",
     ),
 }
 """Names by folder: a program pays only for the folders that it needs."""

@@ -13,7 +13,9 @@ from .fit import fit
 from .pareto import pareto
 from .reproduce import reproduce
 from .robust import robust
+from .simulate import simulate
 from .sweep import sweep
+from .verify import verify
 
 __all__ = ["app", "main"]
 
@@ -30,6 +32,8 @@ app.command()(design)
 app.command()(sweep)
 app.command()(pareto)
 app.command()(robust)
+app.command()(simulate)
+app.command()(verify)
 app.command()(reproduce)
 
 

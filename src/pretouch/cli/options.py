@@ -16,6 +16,8 @@ __all__ = [
     "FloorSigmas",
     "Force",
     "Json",
+    "LoopGain",
+    "LoopSeed",
     "Model",
     "NearFieldPeak",
     "NoObject",
@@ -99,6 +101,21 @@ ResultNames: TypeAlias = Annotated[
 FixedGain: TypeAlias = Annotated[
     str | None,
     typer.Option("--gain", metavar="GAIN", help='The gain of all encounters, such as "-0.7 N*s".', show_default=False),
+]
+LoopGain: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--gain",
+        metavar="GAIN",
+        help='The gain to run, such as "-0.7 N*s"; else that of the file, or the designed one.',
+        show_default=False,
+    ),
+]
+LoopSeed: TypeAlias = Annotated[
+    int | None,
+    typer.Option(
+        "--seed", metavar="NUMBER", min=0, help="Seed of the noise, in the place of the file's.", show_default=False
+    ),
 ]
 DataOutput: TypeAlias = Annotated[
     Path | None,

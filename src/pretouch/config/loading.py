@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import os
+from typing import TYPE_CHECKING
 
 from pretouch._core.errors import ScenarioFileError
 
 from .building import Builder
 from .document import Document, listed
-from .problem import DesignProblem, ScenarioSource
+from .loop_sections import LOOP_SECTIONS
+from .problem import DesignProblem
 from .reading import read_sections
 from .robust import robust_request
 from .sensor_sections import CalibratedSensor
+from .source import ScenarioSource
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
+    from pretouch.motion.scenario import Scenario
+    from pretouch.sensors import SensorModel
+
+    from .loop import LoopRequest
 
 __all__ = ["load_scenario"]
 
@@ -27,7 +37,7 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
 
     Returns:
         Everything that `design_gain` takes, `.design()` calls it; and where the file has [uncertainty], what
-        `design_robust_gain` takes, `.design_robust()` calls that.
+        `design_robust_gain` takes, `.design_robust()` calls that; with [chain] and [controller] also the sampled loop.
 
     Raises:
         ScenarioFileError: the file has mistakes. The message has one sentence for each: line, key, what was found,
@@ -74,6 +84,7 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
     if sensor is not None and scenario is not None:
         builder.check_range(sensor, scenario)
     robust = robust_request(builder, scenario=scenario, sensor=sensor, calibration=calibration, constraints=constraints)
+    loop = _loop(builder, scenario, sensor, calibration)
     mistakes += builder.mistakes
     if mistakes or scenario is None or sensor is None or objective is None or bounds is None:
         raise ScenarioFileError(listed(document.path, mistakes))
@@ -91,8 +102,20 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         quantities=quantities,
         choice=choice,
         robust=robust,
+        loop=loop,
         calibration=calibration,
         source=ScenarioSource(
             path=document.path, text=document.text, sha256=hashlib.sha256(document.content).hexdigest()
         ),
     )
+
+
+def _loop(
+    builder: Builder, scenario: Scenario | None, sensor: SensorModel | None, calibration: CalibrationReport | None
+) -> LoopRequest | None:
+    """Build the sampled loop, where the file says anything of one."""
+    if not any(name in builder.document.data for name in LOOP_SECTIONS):
+        return None
+    from .loop import loop_request  # noqa: PLC0415 - the simulation, only for a file with a loop
+
+    return loop_request(builder, scenario=scenario, sensor=sensor, calibration=calibration)

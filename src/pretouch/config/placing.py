@@ -29,6 +29,7 @@ _HOME: Final[dict[str, KeyPath]] = {
     "samples": ("robust", "samples"),
     "seed": ("robust", "seed"),
     "confidence": ("robust", "confidence"),
+    "stability_margin": ("loop", "stability_margin"),
 }
 
 
@@ -51,9 +52,9 @@ def place(message: str, section: str) -> tuple[KeyPath, str]:
     name, colon, sentence = message.partition(": ")
     if not colon:
         return ((section,) if section else ()), message
-    words = name.split(" ", 1)
-    if section and name in keys_of(section):
-        return (section, name), sentence
+    words, key = name.split(" ", 1), name.replace(" ", "_")
+    if section and key in keys_of(section):
+        return (section, key), sentence
     if len(words) == 2 and words[0] in SECTIONS and words[1].replace(" ", "_") in keys_of(words[0]):
         return (words[0], words[1].replace(" ", "_")), sentence
     if len(words) == 2 and words[0] == "constraint" and words[1] in keys_of("constraints"):

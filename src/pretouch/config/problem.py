@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError
@@ -13,10 +13,8 @@ from pretouch.design.objectives import Objective
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 
-from .document import Mistake, listed
-from .placing import place
-from .positions import key_lines
 from .robust import RobustRequest
+from .source import ScenarioSource
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,9 +24,13 @@ if TYPE_CHECKING:
     from pretouch.design.front import ParetoFront
     from pretouch.design.result import GainDesign
     from pretouch.design.robust.result import RobustDesign
+    from pretouch.simulation import GainLimit
     from pretouch.sweep import Axes
+    from pretouch.verification import SimulatedEncounter, Verdict
 
-__all__ = ["DEFAULT_QUANTITIES", "DesignProblem", "ScenarioSource"]
+    from .loop import LoopRequest
+
+__all__ = ["DEFAULT_QUANTITIES", "DesignProblem"]
 
 DEFAULT_QUANTITIES: Final = ("displacement", "relative_velocity")
 """What is traded where a file names nothing: L(20)'s two."""
@@ -38,20 +40,11 @@ NOTHING_UNCERTAIN: Final = (
     'obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }'
 )
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScenarioSource:
-    """The file that a problem was read from.
-
-    Args:
-        path: where it stood.
-        text: its text, so that a report can show it.
-        sha256: the hash of its bytes, in hexadecimal.
-    """
-
-    path: Path
-    text: str = field(repr=False)
-    sha256: str
+NO_LOOP: Final = (
+    'found no sections [chain] and [controller], expected the sampled loop, such as [chain] with part = "VCNL4010" and '
+    '[controller] with rate = "1 kHz"'
+)
+_MOVE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +65,7 @@ class DesignProblem:
         quantities: what `trade_off` trades.
         choice: the gain that it marks [N s]; None for the one that is designed.
         robust: what is known of inputs that are uncertain, and what is asked of a robust gain.
+        loop: the sampled loop on which the gain is to run, where the file describes one.
         calibration: the report of the fit, where the sensor was fitted on the fly.
         source: the file.
     """
@@ -89,6 +83,7 @@ class DesignProblem:
     quantities: tuple[str, ...]
     choice: float | None
     robust: RobustRequest
+    loop: LoopRequest | None
     calibration: CalibrationReport | None
     source: ScenarioSource
 
@@ -108,10 +103,8 @@ class DesignProblem:
         """
         from pretouch.design import design_gain  # noqa: PLC0415 - the compiled kernels, only when needed
 
-        try:
+        with self.source.placing():
             return design_gain(self.scenario, self.sensor, self.objective, **self._shared())
-        except InvalidInputError as error:
-            raise ScenarioFileError(self._placed(str(error))) from error
 
     def design_admittance(self) -> AdmittanceDesign:
         """Choose the gain together with what the file leaves open of the admittance.
@@ -124,10 +117,8 @@ class DesignProblem:
         """
         from pretouch.design import design_admittance  # noqa: PLC0415 - the compiled kernels, only when needed
 
-        try:
+        with self.source.placing():
             return design_admittance(self.scenario, self.sensor, self.objective, **self._free(), **self._shared())
-        except InvalidInputError as error:
-            raise ScenarioFileError(self._placed(str(error))) from error
 
     def trade_off(self) -> ParetoFront:
         """Find the Pareto front of the quantities that the file names.
@@ -141,12 +132,10 @@ class DesignProblem:
         from pretouch.design import pareto_front  # noqa: PLC0415 - the compiled kernels, only when needed
 
         choice = self.design() if self.choice is None else self.choice
-        try:
+        with self.source.placing():
             return pareto_front(
                 self.scenario, self.sensor, self.quantities, choice=choice, **self._free(), **self._shared()
             )
-        except InvalidInputError as error:
-            raise ScenarioFileError(self._placed(str(error))) from error
 
     def sweep(self, axes: Axes, *, gain: float | None = None, **options: Any) -> xr.Dataset:
         """Compute this problem over a grid of inputs, as `pretouch.sweep` does.
@@ -158,12 +147,20 @@ class DesignProblem:
 
         Returns:
             The dataset.
+
+        Raises:
+            ScenarioFileError: the file asks for a margin to instability, and an axis moves the limit.
         """
         from pretouch.sweep import sweep  # noqa: PLC0415
 
         asked: dict[str, Any] = {"gain": gain}
         if gain is None and "gain" not in axes:
-            asked = {"objective": self.objective, "bounds": self.bounds, "constraints": self.constraints}
+            with self.source.placing():
+                asked = {
+                    "objective": self.objective,
+                    "bounds": self._bounds_over(axes),
+                    "constraints": self.constraints,
+                }
         held: dict[str, Any] = {"impact": self.impact, "method": self.method, "horizon": self.horizon}
         return sweep(self.scenario, self.sensor, axes, **asked, **held, **options)
 
@@ -185,12 +182,12 @@ class DesignProblem:
         asked = self.robust
         if not asked.uncertainty:
             raise ScenarioFileError(f"{self.source.path}: {NOTHING_UNCERTAIN}")
-        try:
+        with self.source.placing():
             return design_robust_gain(
                 self.scenario,
                 self.sensor,
                 self.objective,
-                bounds=self.bounds,
+                bounds=self.stable_bounds(),
                 uncertainty=asked.uncertainty,
                 measure=asked.measure,
                 constraints=asked.constraints,
@@ -203,25 +200,121 @@ class DesignProblem:
                 method=self.method,
                 horizon=self.horizon,
             )
-        except InvalidInputError as error:
-            raise ScenarioFileError(self._placed(str(error))) from error
+
+    def simulate_encounter(self, *, gain: float | None = None, seed: int | None = None) -> SimulatedEncounter:
+        """Run the encounter once on the loop of the file.
+
+        Args:
+            gain: D_p [N s]; None for that of the file, and where it has none, for the designed one.
+            seed: of the noise; None as in the file.
+
+        Returns:
+            The run, beside its prediction and beside the same run without mitigation.
+
+        Raises:
+            ScenarioFileError: the file describes no loop, or there is no gain to run it with.
+        """
+        from pretouch.verification import simulate_encounter  # noqa: PLC0415 - the compiled loop, only when needed
+
+        asked = self._asked_loop()
+        options: dict[str, Any] = {"impact": self.impact, "method": self.method, "horizon": self.horizon}
+        with self.source.placing():
+            chosen = self._gain_of(asked, gain)
+            return simulate_encounter(self.scenario, self.sensor, asked.seeded(seed), chosen, **options)
+
+    def verify(
+        self, *, gain: float | None = None, runs: int | None = None, seed: int | None = None, changes: bool = True
+    ) -> Verdict:
+        """Find out whether the gain holds on the loop of the file, and what would help.
+
+        Args:
+            gain: D_p [N s]; None for that of the file, and where it has none, for the designed one.
+            runs: how many encounters; None as in the file.
+            seed: of encounters and noise; None as in the file.
+            changes: whether to look for the best gain on the loop and for the change that helps most.
+
+        Returns:
+            The verdict.
+
+        Raises:
+            ScenarioFileError: the file describes no loop, or asks for something that makes no sense.
+        """
+        from pretouch.verification import verify_gain  # noqa: PLC0415 - the compiled loop, only when needed
+
+        asked = self._asked_loop()
+        with self.source.placing():
+            return verify_gain(
+                self.scenario,
+                self.sensor,
+                self.objective,
+                asked.seeded(seed),
+                bounds=self.stable_bounds(),
+                gain=asked.gain if gain is None else gain,
+                constraints=self.robust.constraints,
+                impact=self.impact,
+                uncertainty=self.robust.uncertainty,
+                runs=asked.runs if runs is None else runs,
+                confidence=self.robust.confidence,
+                method=self.method,
+                horizon=self.horizon,
+                changes=changes,
+            )
+
+    def _asked_loop(self) -> LoopRequest:
+        if self.loop is None:
+            raise ScenarioFileError(f"{self.source.path}: {NO_LOOP}")
+        return self.loop
+
+    def _gain_of(self, asked: LoopRequest, gain: float | None) -> float:
+        """Return the gain to be run: the one that is named, that of the file, or the designed one."""
+        named = asked.gain if gain is None else gain
+        if named is not None:
+            return named
+        design = self.design()
+        if design.gain is None:
+            raise InvalidInputError(
+                f"gain: the design is {design.status.value}, so there is none to simulate; name one, such as "
+                'gain = "-0.7 N*s" in [controller] or --gain'
+            )
+        return float(design.gain)
+
+    def stability_limit(self) -> GainLimit:
+        """Find the strongest gain with which the sampled loop is stable at every distance of the encounter.
+
+        Returns:
+            The limit.
+
+        Raises:
+            ScenarioFileError: the file describes no loop.
+        """
+        return self._asked_loop().stability_limit(self.scenario, self.sensor)
+
+    def stable_bounds(self) -> tuple[float, float]:
+        """Return the bounds of the gain, cut where the file asks for a margin to instability.
+
+        Returns:
+            The gains D_p between which the optimum is sought [N s]: those of the file, where it asks for no margin.
+        """
+        return self.bounds if self.loop is None else self.loop.stable_bounds(self.bounds, self.scenario, self.sensor)
+
+    def _bounds_over(self, axes: Axes) -> tuple[float, float]:
+        """Return the bounds for a sweep; refuse axes for which one limit of stability does not hold."""
+        names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
+        moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
+        if moving and self.loop is not None and self.loop.stability_margin is not None:
+            raise InvalidInputError(
+                f"stability_margin: found a margin beside a sweep over {moving[0]}, with which the limit of stability "
+                "moves, expected none; leave it out, or sweep with a given gain"
+            )
+        return self.stable_bounds()
 
     def _shared(self) -> dict[str, Any]:
         """Return what every verb takes."""
-        names = ("bounds", "constraints", "impact", "method", "horizon")
-        return {name: getattr(self, name) for name in names}
+        names = ("constraints", "impact", "method", "horizon")
+        return {"bounds": self.stable_bounds()} | {name: getattr(self, name) for name in names}
 
     def _free(self) -> dict[str, Any]:
         return {
             "natural_frequency": self.natural_frequency_bounds,
             "damping_ratio": self.damping_ratio_bounds,
         }
-
-    def _placed(self, message: str) -> str:
-        """Put the line and the key before a message, as near as they are known."""
-        lines = key_lines(self.source.text)
-        path, sentence = place(message, "")
-        known = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in lines), None)
-        if known is None:
-            return f"{self.source.path}: {message}"
-        return listed(self.source.path, [Mistake(line=lines[known], key=".".join(map(str, path)), sentence=sentence)])

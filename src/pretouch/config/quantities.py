@@ -27,7 +27,7 @@ _HOLDS: Final[Mapping[str, Callable[[float, float], bool]]] = {
     "negative": operator.lt,
 }
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_OUTPUT_UNITS: Final = ("V", "counts", "")
+_OUTPUT_UNITS: Final = {"output": ("V", "counts", ""), "output/s": ("V/s", "counts/s", "1/s")}
 _LONGEST: Final = 60
 
 
@@ -95,7 +95,7 @@ class Quantity:
 
     Args:
         unit: the SI unit that is expected; the empty text for a pure number; "output" for a sensor output, which
-            may be in V, in counts or bare.
+            may be in V, in counts or bare; "output/s" for a change of one.
         example: the value that messages show where the key is missing, as TOML.
         sign: what must hold.
         infinite: whether it may be infinite.
@@ -121,8 +121,9 @@ class Quantity:
         return self._described("")
 
     def _described(self, adjective: str) -> str:
-        if self.unit == "output":
-            text = f"a {adjective}sensor output, a number or text in V or counts"
+        if self.unit in _OUTPUT_UNITS:
+            what, (volts, counts, _) = self.unit.replace("output", "sensor output"), _OUTPUT_UNITS[self.unit]
+            text = f"a {adjective}{what.replace('/s', ' per second')}, a number or text in {volts} or {counts}"
         else:
             text = f"a {adjective}quantity in {self.unit}" if self.unit else f"a {adjective}number"
         return text + "".join(f' or "{word}"' for word in self.words)
@@ -153,7 +154,7 @@ class Quantity:
             raise UnfitValueError(f"expected {self.expected}")
         if isinstance(value, str):
             value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" is what people write for "-61 1/m"
-        units = _OUTPUT_UNITS if self.unit == "output" else (self.unit,)
+        units = _OUTPUT_UNITS.get(self.unit, (self.unit,))
         for unit in units[:-1]:
             try:
                 return to_si(value, unit, name="")

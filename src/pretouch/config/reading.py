@@ -8,7 +8,6 @@ from typing import Any, Final, get_args
 from pydantic import ValidationError
 
 from .document import Document, Mistake
-from .objective_sections import OBJECTIVE_SECTIONS
 from .positions import KeyPath
 from .quantities import shown
 from .robust_sections import uncertainty_section
@@ -22,6 +21,7 @@ _BY_KEYS: Final = {
     "admittance": ({"natural_frequency", "damping_ratio"}, "natural_frequency", "damping"),
     "impact": ({"radius", "effective_modulus"}, "radius", "stiffness"),
 }
+_BY_KIND: Final = ("objective", "robot", "contact")
 _TABLES: Final = {
     "objective": '{ quantity = "time", scale = "1 s" }',
     "uncertainty": "{ uniform = [smallest, largest] } or { normal = [mean, standard deviation] }",
@@ -86,8 +86,8 @@ def _variant(name: str, found: Mapping[str, Any]) -> type[Section] | tuple[KeyPa
         if "calibration" in found:
             return variants["calibration"]
         return _named(name, "model", found, SENSOR_SECTIONS, ', or calibration = "sensor.csv"')
-    if name == "objective":
-        return _named(name, "kind", found, OBJECTIVE_SECTIONS, "")
+    if name in _BY_KIND:
+        return _named(name, "kind", found, variants, "")
     if name == "uncertainty":
         return uncertainty_section()
     if name in _BY_KEYS:
@@ -208,7 +208,7 @@ def _of_another_variant(document: Document, name: str, takes: str, key: str) -> 
         )
     if name == "sensor" and owners == ["calibration"]:
         return "found a key that belongs to a calibration, expected it only beside calibration = ..."
-    if name in {"sensor", "objective"}:
+    if name == "sensor" or name in _BY_KIND:
         chosen = found["model" if name == "sensor" else "kind"]
         return f'found a key of {_quoted(owners)}, which "{chosen}" does not take; expected only {takes}'
     return f"found beside {', '.join(k for k in found if k != key)}, expected only {takes}"

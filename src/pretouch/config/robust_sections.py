@@ -17,7 +17,7 @@ from pretouch.motion.inputs import SCENARIO_INPUTS
 from pretouch.uncertainty.sampling import SAMPLINGS
 
 from .quantities import Quantity, UnfitValueError, shown
-from .section import Section, list_of, name_of
+from .section import Section, list_of, name_of, whole
 
 __all__ = [
     "FROM_CALIBRATION",
@@ -159,17 +159,6 @@ def uncertainty_section() -> type[UncertaintySection]:
     """Make the model of [uncertainty] with every input in its unit."""
     fields: dict[str, Any] = {name: (Annotated[_part(name) | None, _table_of(name)], None) for name in _PARTS}
     return create_model("UncertaintySection", __base__=UncertaintySection, **fields)
-
-
-def whole(least: int, example: str) -> BeforeValidator:
-    """Make the check that a value is a whole number from some number on."""
-
-    def check(value: Any) -> int:
-        if type(value) is not int or not least <= value < 2**31:
-            raise UnfitValueError(f"expected a whole number of at least {least}, such as {example}")
-        return value
-
-    return BeforeValidator(check)
 
 
 def _share(value: Any) -> float:

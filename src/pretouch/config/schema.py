@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, create_model, model_validator
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.design.quantities import QUANTITY_UNITS
 
+from .loop_sections import CONTACT_SECTIONS, ROBOT_SECTIONS, ChainSection, ControllerSection, LoopSection
 from .objective_sections import OBJECTIVE_SECTIONS
 from .quantities import Quantity, UnfitValueError
 from .robust_sections import RobustSection, UncertaintySection
@@ -196,6 +197,11 @@ SECTIONS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
     "pareto": {"": ParetoSection},
     "uncertainty": {"": UncertaintySection},
     "robust": {"": RobustSection},
+    "chain": {"": ChainSection},
+    "controller": {"": ControllerSection},
+    "robot": ROBOT_SECTIONS,
+    "contact": CONTACT_SECTIONS,
+    "loop": {"": LoopSection},
 }
 """Every section in its variants, each variant by what distinguishes it."""
 

@@ -19,6 +19,8 @@ __all__ = [
     "nearest",
     "one_of",
     "text",
+    "truth",
+    "whole",
 ]
 
 
@@ -40,6 +42,34 @@ def text(example: str) -> BeforeValidator:
     def check(value: Any) -> str:
         if not isinstance(value, str) or not value.strip() or "\0" in value:
             raise UnfitValueError(f"expected text, for example {example}")
+        return value
+
+    return BeforeValidator(check)
+
+
+def truth(value: Any) -> bool:
+    """Check that a value is true or false.
+
+    Args:
+        value: what was found.
+
+    Returns:
+        The value.
+
+    Raises:
+        UnfitValueError: it is neither.
+    """
+    if not isinstance(value, bool):
+        raise UnfitValueError("expected true or false")
+    return value
+
+
+def whole(least: int, example: str) -> BeforeValidator:
+    """Make the check that a value is a whole number from some number on."""
+
+    def check(value: Any) -> int:
+        if type(value) is not int or not least <= value < 2**31:
+            raise UnfitValueError(f"expected a whole number of at least {least}, such as {example}")
         return value
 
     return BeforeValidator(check)
@@ -91,7 +121,7 @@ def nearest(found: str, valid: tuple[str, ...]) -> str | None:
     """
     from difflib import get_close_matches  # noqa: PLC0415 - only for mistakes
 
-    plain = {name.replace("_", "-"): name for name in valid}
+    plain = {name.replace("_", "-").lower(): name for name in valid}
     key = found[:80].strip().lower().replace("_", "-").replace(" ", "-")
     match = get_close_matches(key, list(plain), n=1, cutoff=0.6)
     return plain[match[0]] if match else None

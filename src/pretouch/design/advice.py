@@ -9,6 +9,7 @@ import numpy as np
 
 from pretouch._core.units import format_quantity
 from pretouch.motion import ContactResult, ContactStatus
+from pretouch.motion.evaluator import NoisyEvaluator
 
 if TYPE_CHECKING:
     from .result import GainDesign
@@ -41,12 +42,26 @@ def design_warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]
             "the uniform motion L(16)-(19) is one particular motion that does not start from the given state; it "
             "shifts the optimal gain by about 10 %: compare with method 'integration'"
         )
+    if _is_luck(design):
+        yield (
+            "the gain is optimal for one run and its noise: another run has another optimum; design_robust_gain with "
+            "the same evaluate averages over runs"
+        )
     if design.gain is not None and design.gain > 0:
         yield "the optimal gain is positive: it drives the plant toward the object"
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
             yield f"the impulse balance of the motion is met to {residual:.0e} only: its numbers are less certain"
+
+
+def _is_luck(design: GainDesign) -> bool:
+    """Tell whether the encounter at the optimum comes out otherwise with the noise of another run."""
+    evaluator = design.evidence.problem.evaluator
+    if design.result is None or not isinstance(evaluator, NoisyEvaluator):
+        return False
+    again = evaluator.after(1)(design.scenario, design.sensor, design.gain)
+    return bool(again.end.time != design.result.end.time)
 
 
 def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:

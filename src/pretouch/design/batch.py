@@ -14,7 +14,6 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch.motion import Scenario
 from pretouch.motion.inputs import map_fields
 
 from .compiled_search import search_compiled
@@ -23,7 +22,7 @@ from .problem import Problem
 from .result import DesignStatus, GainDesign
 from .search import RESOLVED, SCANNED
 
-__all__ = ["ArrayEvidence", "design_many", "scenario_at", "settle_one"]
+__all__ = ["ArrayEvidence", "design_many", "settle_one"]
 
 _BLOCK: Final = 8192  # designs that are scanned side by side: 65 encounters each
 _COUNTS: Final = (
@@ -86,7 +85,8 @@ def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -
         Status, gain [N s] and objective of the scenario's shape; NaN unless optimal.
     """
     shape = problem.scenario.shape
-    found = find_family(problem)
+    free = problem.within_gain_limit()
+    found = find_family(free)
     if found is not None and found[2].all():
         optimal = np.broadcast_to(np.array(DesignStatus.OPTIMAL.value, dtype="<U10"), shape)
         return optimal, found[0].reshape(shape), found[1].reshape(shape)
@@ -95,22 +95,22 @@ def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -
     gain, objective = np.full(size, np.nan), np.full(size, np.nan)
     waiting = np.arange(size)
     for again in (False, True):
-        tried = search_compiled(_column(problem, waiting)) if again else found
+        tried = search_compiled(_column(free, waiting)) if again else found
         if tried is not None:
             settled = tried[2]
             gain[waiting[settled]], objective[waiting[settled]] = tried[0][settled], tried[1][settled]
             waiting = waiting[~settled]
     for start in range(0, len(waiting), _BLOCK):
         which = waiting[start : start + _BLOCK]
-        for count in _COUNTS:
-            best, value, settled = _design_block(_column(problem, which), count)
+        for count in () if problem.is_noisy else _COUNTS:  # noise belongs to an encounter, not to its place in a block
+            best, value, settled = _design_block(_column(free, which), count)
             gain[which[settled]], objective[which[settled]] = best[settled], value[settled]
             which = which[~settled]
             if not len(which):
                 break
         for i in which:
             index = tuple(int(k) for k in np.unravel_index(i, shape))
-            one = search_one(replace(problem, scenario=scenario_at(problem.scenario, index)))
+            one = search_one(problem.at(index))
             status[i] = one.status.value
             if one.gain is not None and one.objective is not None:
                 gain[i], objective[i] = one.gain, one.objective
@@ -128,20 +128,6 @@ def settle_one(problem: Problem) -> tuple[float, float] | None:
     """
     gain, objective, settled = _design_block(problem, SCANNED)
     return (float(gain[0]), float(objective[0])) if settled[0] else None
-
-
-def scenario_at(scenario: Scenario, index: tuple[int, ...]) -> Scenario:
-    """Return one encounter of an array.
-
-    Args:
-        scenario: an array of encounters.
-        index: one integer per axis.
-
-    Returns:
-        The encounter.
-    """
-    shape = scenario.shape
-    return map_fields(scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
 
 
 def _column(problem: Problem, which: Any) -> Problem:

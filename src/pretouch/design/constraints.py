@@ -1,4 +1,4 @@
-"""The limits of Section VI.B: each holds a quantity of the encounter at or below a given magnitude."""
+"""The limits of Section VI.B: each holds a quantity of the encounter, or the gain, at or below a given magnitude."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ CONSTRAINT_NAMES: Final[dict[str, str]] = {
     "virtual_force": "largest_virtual_force",
     "drive_force": "drive_force",
     "impact_force": "impact_force",
+    "gain": "gain",
 }
 """Short name of each constraint, as in a scenario file, and the quantity that it limits."""
 
@@ -38,7 +39,7 @@ class Constraint:
         name: a key of CONSTRAINT_NAMES: `excursion` (|x - x_d| over the whole motion), `travel` (|x - x(0)| over the
             whole motion), `relative_velocity` (at contact), `time` (of contact), `speed`, `acceleration`,
             `virtual_force` (of the plant, over the whole motion), `drive_force` (physical mass times largest
-            acceleration), `impact_force` (peak force of the impact).
+            acceleration), `impact_force` (peak force of the impact), `gain` (|D_p|, as `GainLimit.allowed`).
         limit: the largest allowed magnitude > 0, in SI.
 
     Examples:

@@ -20,6 +20,7 @@ from .sensitivity import gain_sensitivities
 __all__ = ["Evidence"]
 
 _ACTIVE = 1e-6
+_SMOOTH = 1e-3  # |df/du| / f at an optimum that a polynomial has found: what is more, jumps beside it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,7 +152,12 @@ class Evidence:
         if self.settled is not None or self.best is None or not self.best.edge:
             return "interior"
         active = next((o.name for o in self.constraints if o.active), None)
-        return active or ("bound" if _at_bound(self.problem.axis, self.best.coordinate) else "edge of contact")
+        if active is not None:
+            return active
+        if _at_bound(self.problem.axis, self.best.coordinate):
+            return "bound"
+        reached = self.problem.landscape(np.array(self.best.bracket)).reached
+        return "corner" if reached.all() else "edge of contact"
 
     @cached_property
     def certificate(self) -> Certificate | None:
@@ -171,15 +177,17 @@ class Evidence:
 
     @cached_property
     def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """The derivative of the optimum with respect to each input."""
-        if self.gain is None:
+        """The derivative of the optimum with respect to each input; none where it has none."""
+        if self.gain is None or self.at == "corner":
             return ()
         p = self.problem
+        if p.evaluator is not None and self.at == "interior" and not self._is_smooth():
+            return ()
         return gain_sensitivities(
             scenario=p.scenario,
             sensor=p.sensor,
             objective=p.objective,
-            constraint=next((c for c in p.constraints if c.name == self.at), None),
+            constraint=next((c for c in p.constraints if c.name == self.at and c.quantity != "gain"), None),
             impact=p.impact,
             evaluate=p.evaluate,
             differentiable=p.is_differentiable,
@@ -187,6 +195,11 @@ class Evidence:
             gain=self.gain,
             at=self.at,
         )
+
+    def _is_smooth(self) -> bool:
+        """Tell whether the objective of somebody else's encounters is smooth as far as differences reach."""
+        slope = None if self.best is None else _stationarity(self.problem, self.best)
+        return slope is not None and slope < _SMOOTH
 
     def gradient(self, gain: float, name: str) -> Any:
         """Differentiate the optimal gain by one input.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from pretouch._core.errors import InvalidInputError
@@ -11,7 +10,7 @@ from pretouch._core.numbers import finite
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
-from .batch import ArrayEvidence, design_many, scenario_at, settle_one
+from .batch import ArrayEvidence, design_many, settle_one
 from .compiled_search import search_compiled
 from .constraints import Constraint
 from .evidence import Evidence
@@ -50,7 +49,8 @@ def design_gain(
         impact: physical properties, for objectives and constraints on forces.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
-        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and an array of gains.
+        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and an array of gains: a
+            `ClosedLoop`, for the gain that is optimal on the sampled loop, or a function.
 
     Returns:
         The design; infeasible and no-contact are statuses of it, not errors. For an array of encounters, status,
@@ -89,18 +89,20 @@ def design_gain(
         return _design_one(problem)
 
     def design_at(index: tuple[int, ...]) -> GainDesign:
-        return _design_one(replace(problem, scenario=scenario_at(scenario, index)))
+        return _design_one(problem.at(index))
 
-    return _design(problem, *design_many(problem, _search_one), ArrayEvidence(problem=problem, design_one=design_at))
+    search = _design_one if problem.is_noisy else _search_one
+    return _design(problem, *design_many(problem, search), ArrayEvidence(problem=problem, design_one=design_at))
 
 
 def _design_one(problem: Problem) -> GainDesign:
     """Design a single encounter, by the search of many where that settles it for certain."""
-    found = search_compiled(problem)
+    free = problem.within_gain_limit()
+    found = search_compiled(free)
     if found is not None and found[2][0]:
         gain, value = float(found[0][0]), float(found[1][0])
     else:
-        settled = settle_one(problem)
+        settled = settle_one(free)
         if settled is None:
             return _search_one(problem)
         gain, value = settled

@@ -92,7 +92,7 @@ def _kinds(problem: Problem, gain: FloatArray) -> Any:
         end = problem.run(gain[:, None]).end
         for i, constraint in enumerate(problem.constraints):
             ratio = np.reshape(constraint.magnitude(end, problem.impact) / constraint.limit, -1)
-            kinds[np.abs(ratio - 1) < _ACTIVE] = i
+            kinds[np.abs(ratio - 1) < _ACTIVE] = _BOUND if constraint.quantity == "gain" else i
     return kinds
 
 

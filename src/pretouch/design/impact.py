@@ -20,7 +20,9 @@ _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central, of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpactModel(ABC):
-    """A lossless normal impact of two bodies: an upper bound on the peak force for the given stiffness.
+    """A lossless normal impact of two free bodies: no loss makes the peak force larger.
+
+    It is no bound where something drives the bodies on during the impact: a robot's drive, or a push of the obstacle.
 
     Args:
         robot_mass: the *physical* reflected mass of the robot at the contact point [kg], not the virtual M_a.

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult, Scenario, find_contact
+from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
+from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
 
 from .constraints import Constraint
 from .impact import ImpactModel
 from .objectives import Objective
-from .search import GainAxis, Landscape
+from .search import HELD, GainAxis, Landscape
 
 __all__ = ["Evaluator", "Problem"]
-
-Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +51,42 @@ class Problem:
     def is_differentiable(self) -> bool:
         """Whether its encounters have gradients: those of a user's function and of the uniform motion have none."""
         return self.evaluator is None and self.method != "uniform-motion"
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether each of its encounters meets noise of its own, which belongs to its place among all of them."""
+        return isinstance(self.evaluator, NoisyEvaluator)
+
+    def at(self, index: tuple[int, ...]) -> Problem:
+        """Return the problem of one encounter of an array, with the noise that it meets there.
+
+        Args:
+            index: one integer per axis.
+
+        Returns:
+            The problem.
+        """
+        shape, evaluator = self.scenario.shape, self.evaluator
+        if evaluator is not None:
+            evaluator = with_noise_after(evaluator, int(np.ravel_multi_index(index, shape, mode="wrap")))
+        one = map_fields(self.scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
+        return replace(self, scenario=one, evaluator=evaluator)
+
+    def within_gain_limit(self) -> Problem:
+        """Return the problem whose bounds keep what its constraints say of the gain, without these constraints.
+
+        An optimum inside such bounds is that of the problem itself. Where nothing is left between them, or a bound
+        alone would be left, the problem is returned as it is.
+        """
+        limits = [c.limit for c in self.constraints if c.quantity == "gain"]
+        if not limits:
+            return self
+        most = HELD * min(limits)
+        low, high = max(self.axis.low, -most), min(self.axis.high, most)
+        if not low < high:
+            return self
+        others = tuple(c for c in self.constraints if c.quantity != "gain")
+        return replace(self, constraints=others, axis=GainAxis(low=low, high=high))
 
     def evaluate(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
         """Solve any encounter as this problem solves its own."""

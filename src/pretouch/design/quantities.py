@@ -28,8 +28,9 @@ QUANTITY_UNITS: Final[dict[str, str]] = {
     "largest_virtual_force": "N",
     "drive_force": "N",
     "impact_force": "N",
+    "gain": "N*s",
 }
-"""SI unit of every quantity: the fields of ContactState, and two that need the robot's physical mass."""
+"""SI unit of every quantity: the fields of ContactState, two that need the robot's physical mass, and the gain."""
 
 _STATE_FIELDS = frozenset(ContactState.names())
 
@@ -39,7 +40,8 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
 
     Args:
         name: a key of QUANTITY_UNITS. `drive_force` is the physical mass times the largest acceleration;
-            `impact_force` is the peak force of the impact at the relative velocity of contact.
+            `impact_force` is the peak force of the impact at the relative velocity of contact, `gain` the D_p that led
+            to the state.
         state: the state at contact.
         impact: the physical properties, needed for `drive_force` and `impact_force`.
 
@@ -53,6 +55,8 @@ def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = Non
         raise InvalidInputError(f"quantity: found {name!r}, expected one of {', '.join(QUANTITY_UNITS)}")
     if name in _STATE_FIELDS:
         return getattr(state, name)
+    if name == "gain":
+        return state.columns.column("gain")
     if impact is None:
         raise InvalidInputError(
             f"{name}: needs the physical properties of robot and obstacle; give an impact model with the robot's "

@@ -92,7 +92,8 @@ class Certificate:
         local_minima: the local minima found by the scan and refined, as (gain, objective), best first.
         bracket: the gains around the optimum between which it is enclosed.
         stationarity: |df/d ln|D_p|| at the optimum over the objective, where it lies inside; None on a limit.
-        at: "interior", "bound", "edge of contact" or the name of the active constraint.
+        at: "interior", "bound", "edge of contact", "corner" (inside, where the objective has a corner or a jump, as
+            that of a sampled loop may have) or the name of the active constraint.
     """
 
     scanned: int
@@ -165,8 +166,13 @@ class GainDesign:
 
     @property
     def method(self) -> str:
-        """How the encounters were solved: "closed-form", "integration" or "uniform-motion"."""
+        """How the encounters were solved: "closed-form", "integration", "uniform-motion", or "loop" by a ClosedLoop."""
         return self.no_mitigation.method
+
+    @property
+    def on_evaluator(self) -> bool:
+        """Whether encounters were solved by what was given as `evaluate`, such as a ClosedLoop."""
+        return self.evidence.problem.evaluator is not None
 
     @property
     def result(self) -> ContactResult | None:
@@ -234,7 +240,7 @@ class GainDesign:
 
         Returns:
             d D_p / d input, in N s per unit of the input: a float, or an array of the scenario's shape. NaN where there
-            is no optimal gain, and beside an edge of contact.
+            is no optimal gain, beside an edge of contact, and where the objective has a corner or a jump.
         """
         if self.scenario.shape:
             return self.evidence.gradient(self.gain, by)

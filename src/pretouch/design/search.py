@@ -10,7 +10,7 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
-__all__ = ["HELD", "RESOLVED", "SCANNED", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
+__all__ = ["HELD", "LARGEST_SCAN", "RESOLVED", "SCANNED", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
 
 HELD = 1 - 1e-11
 """Of a limit: so that the encounter at the chosen gain, solved again, holds it, too."""
@@ -18,11 +18,16 @@ HELD = 1 - 1e-11
 SCANNED = 65
 """How many gains a scan begins with."""
 
-_LARGEST = 2049
+LARGEST_SCAN = 2049
+"""How many gains a scan ends with at most, where a function with jumps never lets neighbors predict each other."""
+
 RESOLVED = 1e-3
 """The error of predicting an objective from its neighbors, of itself, from which a scan goes on."""
 
 _ZOOM = 17
+_MOST = 16  # local minima that are refined, the lowest ones: a smooth function has a few, one with jumps has hundreds
+_FINEST = 1e-14  # of u: rounding
+_JUMP = 1e-6  # of the axis: what an interval so narrow does not predict, jumps
 _NARROWEST = 1e-9  # an interval in which a polynomial says more than rounding
 
 
@@ -125,7 +130,8 @@ class Minimum:
         coordinate: its u.
         value: the function there.
         bracket: the scanned u on its two sides.
-        edge: whether it sits where the function ends (an edge of feasibility or of the axis).
+        edge: whether the function is not smooth there: it ends (an edge of feasibility or of the axis), or has a
+            corner or a jump.
     """
 
     coordinate: float
@@ -134,16 +140,28 @@ class Minimum:
     edge: bool
 
 
-def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
+def scan(
+    evaluate: Evaluate,
+    low: float,
+    high: float,
+    *,
+    resolved: float = RESOLVED,
+    largest: int = LARGEST_SCAN,
+    relevant: float = math.inf,
+) -> Scan:
     """Scan an axis and halve its intervals until neighbors predict each other.
 
     An interval is halved while the cubic through four neighbors misses the objective in its middle by more than
-    1e-3, or while feasibility changes over it and it is wider than 1e-3 of the axis.
+    `resolved`, or while feasibility changes over it and it is wider than 1e-3 of the axis. At a jump that ends where it
+    is narrower than 1e-6 of the axis; where there are many jumps, when there are as many gains as may be.
 
     Args:
         evaluate: from coordinates to a Landscape.
         low: start of the axis.
         high: its end.
+        resolved: the error of predicting an objective from its neighbors, of itself, from which the scan goes on.
+        largest: how many coordinates to end with at most.
+        relevant: times the lowest objective: where it is higher on both sides, an interval is not halved for it.
 
     Returns:
         The scan.
@@ -152,7 +170,7 @@ def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
     found = evaluate(u)
     doubtful = np.ones(SCANNED - 1, dtype=bool)
     resolution = np.inf
-    while doubtful.any() and len(u) + int(doubtful.sum()) <= _LARGEST:
+    while doubtful.any() and len(u) + int(doubtful.sum()) <= largest:
         middle = 0.5 * (u[:-1] + u[1:])[doubtful]
         new = evaluate(middle)
         predicted = _predict(u, found.objective, np.flatnonzero(doubtful).astype(np.int64))
@@ -160,7 +178,8 @@ def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
             error = np.abs(predicted - new.objective) / np.abs(new.objective)
         error = np.where(np.isfinite(error), error, 0.0)
         resolution = float(error.max(initial=0.0))
-        rough = error > RESOLVED
+        lower_ends = np.minimum(found.objective[:-1], found.objective[1:])[doubtful]
+        rough = (error > resolved) & (lower_ends <= _times(relevant, float(found.merit.min())))
         order = np.argsort(np.concatenate([u, middle]), kind="stable")
         u = np.concatenate([u, middle])[order]
         found = Landscape(
@@ -168,10 +187,15 @@ def scan(evaluate: Evaluate, low: float, high: float) -> Scan:
             ratios=np.concatenate([found.ratios, new.ratios], axis=1)[:, order],
         )
         marks = np.concatenate([np.zeros(len(u) - len(middle), dtype=bool), rough])[order]
+        apart = np.diff(u)
         changes = (found.feasible[1:] != found.feasible[:-1]) | (found.reached[1:] != found.reached[:-1])
-        wide = np.diff(u) > 1e-3 * (high - low)
-        doubtful = marks[:-1] | marks[1:] | (changes & wide)
+        doubtful = (marks[:-1] | marks[1:]) & (apart > _JUMP * (high - low)) | changes & (apart > 1e-3 * (high - low))
     return Scan(coordinate=u, landscape=found, resolution=resolution)
+
+
+def _times(relevant: float, lowest: float) -> float:
+    """Return up to where values matter; everywhere, for an infinite factor of whatever is lowest."""
+    return math.inf if math.isinf(relevant) else relevant * lowest
 
 
 def _predict(u: FloatArray, f: FloatArray, intervals: IntArray) -> FloatArray:
@@ -191,34 +215,54 @@ def _predict(u: FloatArray, f: FloatArray, intervals: IntArray) -> FloatArray:
     return total
 
 
-def refine(function: Callable[[FloatArray], FloatArray], u: FloatArray, values: FloatArray) -> list[Minimum]:
-    """Refine every local minimum of a scanned function.
+def refine(
+    function: Callable[[FloatArray], FloatArray],
+    u: FloatArray,
+    values: FloatArray,
+    *,
+    most: int = _MOST,
+    finest: float = _FINEST,
+    relevant: float = math.inf,
+) -> list[Minimum]:
+    """Refine the local minima of a scanned function.
 
     Args:
         function: from coordinates to values; infinite where the function does not exist.
         u: the scanned coordinates, ascending.
         values: the function there.
+        most: how many are refined, the lowest first; the others are returned as they were scanned.
+        finest: of u, where narrowing ends if the function is not smooth.
+        relevant: times the lowest value: minima above it are not refined.
 
     Returns:
-        The minima, best first; empty where the function exists nowhere.
+        The minima, best first; empty where the function exists nowhere. None is above what was scanned.
     """
     padded = np.concatenate([[np.inf], values, [np.inf]])
-    lowest = np.isfinite(values) & (values <= padded[:-2]) & (values < padded[2:])
+    lowest = np.flatnonzero(np.isfinite(values) & (values <= padded[:-2]) & (values < padded[2:]))
     minima = []
-    for i in map(int, np.flatnonzero(lowest)):
+    for rank, i in enumerate(map(int, lowest[np.argsort(values[lowest], kind="stable")])):
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
-        at, value, edge = _zoom(function, left, right)
+        at, value, edge = float(u[i]), float(values[i]), True
+        if rank < most and values[i] <= _times(relevant, float(values[lowest].min())):
+            found = _zoom(function, left, right, finest)
+            if found[1] <= value or not found[2]:
+                at, value, edge = found
         minima.append(Minimum(coordinate=at, value=value, bracket=(left, right), edge=edge))
     return sorted(minima, key=lambda m: m.value)
 
 
-def _zoom(function: Callable[[FloatArray], FloatArray], low: float, high: float) -> tuple[float, float, bool]:
+def _zoom(
+    function: Callable[[FloatArray], FloatArray], low: float, high: float, finest: float
+) -> tuple[float, float, bool]:
     """Narrow a bracket around its lowest value; where the function is smooth there, polish by a polynomial."""
     left, right = low, high
+    best = (low, math.inf)
     for _ in range(24):
         u = np.linspace(left, right, _ZOOM)
         values = function(u)
         i = int(np.argmin(values))
+        if values[i] <= best[1]:
+            best = float(u[i]), float(values[i])
         at_end = u[i] in {low, high}
         if np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < 0.1:
             polished = None if at_end else _polish(function, left, right)
@@ -227,9 +271,9 @@ def _zoom(function: Callable[[FloatArray], FloatArray], low: float, high: float)
             if at_end and right - left < 1e-3 * (high - low):
                 break
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, _ZOOM - 1)])
-        if right - left < 1e-14 * max(1.0, abs(left)):
+        if right - left < finest * max(1.0, abs(left)):
             break
-    return float(u[i]), float(values[i]), True
+    return *best, True
 
 
 def _polish(function: Callable[[FloatArray], FloatArray], left: float, right: float) -> tuple[float, float] | None:

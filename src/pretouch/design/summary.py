@@ -29,6 +29,8 @@ _SHOWN = (
     ("largest_virtual_force", "largest virtual force"),
 )
 
+_METHODS = {"loop": "sampled loop, run with every gain"}
+
 
 def contact_as_dict(result: ContactResult | None) -> dict[str, Any] | None:
     """Return an encounter as a JSON object; its quantities are those at the end of the run, see `status`."""
@@ -239,6 +241,7 @@ def _evidence(design: GainDesign) -> list[str]:
         "interior": "inside the bounds",
         "bound": "on a bound",
         "edge of contact": "where contact is just still made",
+        "corner": "inside the bounds, at a corner or a jump of the objective",
     }.get(c.at, f"on the constraint {c.at}")
     minima = "one local minimum" if len(c.local_minima) == 1 else f"{len(c.local_minima)} local minima"
     slope = "" if c.stationarity is None else f", |d ln f / d ln D_p| = {c.stationarity:.0e} at the optimum"
@@ -248,7 +251,7 @@ def _evidence(design: GainDesign) -> list[str]:
     if np.isfinite(residual).all():
         lines += [f"motion: {design.method}, impulse balance met to {float(residual):.0e} of its largest term"]
     else:
-        lines += [f"motion: {design.method}"]
+        lines += [f"motion: {_METHODS.get(design.method, design.method)}"]
     return lines
 
 

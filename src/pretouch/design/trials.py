@@ -177,14 +177,18 @@ class Trials:
             gradients = None
         if gradients is None:
             return found
-        known, chain = set(gradients.quantities), self.freedom.chain(at)
+        known, chain = {*gradients.quantities, "gain"}, self.freedom.chain(at)
+
+        def slope(name: str, by: str) -> Any:
+            return float(by == "gain") if name == "gain" else gradients.of(name, by)
+
         for i, (measure, scale) in enumerate(every):
             parts = None if measure.parts is None else measure.parts(result)
             if parts is None or any(name not in known for name, _ in parts):
                 continue
             for j, inputs in enumerate(chain):
                 total = sum(
-                    np.asarray(weight) * rate * np.asarray(gradients.of(name, by))
+                    np.asarray(weight) * rate * np.asarray(slope(name, by))
                     for name, weight in parts
                     for by, rate in inputs
                 )

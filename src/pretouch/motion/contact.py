@@ -140,7 +140,7 @@ class ContactResult:
 
     Args:
         columns: where the numbers come from.
-        method: "closed-form", "integration" or "uniform-motion".
+        method: "closed-form", "integration", "uniform-motion", or "loop" by a ClosedLoop.
 
     Attributes:
         status: how each run ended: a ContactStatus, or an array of their numbers.
@@ -150,7 +150,8 @@ class ContactResult:
         settling_distance: the distance at which a run without contact comes to rest [m]; infinite where it does not.
         impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
             momentum of the approach: an identity of L(1) and L(2) for every curve, so this certifies the computed
-            motion. NaN for the uniform motion, which does not start from the given state.
+            motion. NaN for the uniform motion, which does not start from the given state, and for a sampled loop, which
+            does not know its law.
     """
 
     __slots__ = ("columns", "end", "method")

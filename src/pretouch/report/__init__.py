@@ -8,7 +8,12 @@ from .pareto_figures import admittance_figure, pareto_figure
 from .pareto_report import pareto_report_html, write_pareto_report
 from .robust_figures import outcome_figure, price_figure, robust_figure
 from .robust_html import robust_report_html, write_robust_report
+from .simulation_figures import simulation_figure
+from .simulation_html import simulation_report_html, write_simulation_report
 from .sweep_figures import sweep_figure
+from .verdict_figures import verdict_figure, verdict_run_figure
+from .verdict_gains import verdict_gain_figure, verdict_stability_figure
+from .verdict_html import verdict_report_html, write_verdict_report
 
 __all__ = [
     "Curve",
@@ -27,10 +32,19 @@ __all__ = [
     "robust_figure",
     "robust_report_html",
     "sensitivity_figure",
+    "simulation_figure",
+    "simulation_report_html",
     "sweep_figure",
     "trade_off_figure",
+    "verdict_figure",
+    "verdict_gain_figure",
+    "verdict_report_html",
+    "verdict_run_figure",
+    "verdict_stability_figure",
     "write_design_report",
     "write_fit_report",
     "write_pareto_report",
     "write_robust_report",
+    "write_simulation_report",
+    "write_verdict_report",
 ]

@@ -9,13 +9,14 @@ import numpy as np
 
 from pretouch.design.quantities import QUANTITY_UNITS, quantity_of
 from pretouch.design.result import ConstraintOutcome, DesignStatus, GainDesign
+from pretouch.design.robust.result import RobustDesign
 from pretouch.design.summary import headline
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
 from .wording import QUANTITY_LABELS, number, quantity, quantity_label, word
 
-__all__ = ["METHODS", "design_page", "scenario_rows", "sensor_rows"]
+__all__ = ["METHODS", "design_page", "scenario_rows", "sensor_rows", "solved_on"]
 
 Row = tuple[str, ...]
 
@@ -31,11 +32,16 @@ METHODS: Final = {
         "Uniform-motion solution L(16)-(19): one particular motion of the second-order exponential curve, which does "
         "not start from the given state. It shifts the optimal gain by about 10 %."
     ),
+    "loop": (
+        "The sampled loop: sensor chain, controller with a period of its own, and robot, run with every gain and the "
+        "same noise."
+    ),
 }
 _AT = {
     "interior": "inside the bounds, where the objective is stationary",
     "bound": "on a bound of the gain: a wider range may hold a better one",
     "edge of contact": "where contact is just still made",
+    "corner": "inside the bounds, where the objective has a corner or a jump: no derivative holds there",
 }
 
 
@@ -65,7 +71,15 @@ def design_page(design: GainDesign) -> dict[str, Any]:
         "scenario_rows": [*scenario_rows(design.scenario), *_search_rows(design)],
         "sensor_rows": list(sensor_rows(design.sensor)),
         "method": METHODS.get(design.method, design.method),
+        "solved_on": solved_on(design),
     }
+
+
+def solved_on(design: GainDesign | RobustDesign) -> str:
+    """Tell what encounters were solved on: `loop`, `other` (a function of the user's) or `motion`, that of L(1)."""
+    if not design.on_evaluator:
+        return "motion"
+    return "loop" if design.method == "loop" else "other"
 
 
 def _shown(design: GainDesign) -> ContactResult | None:
@@ -104,7 +118,7 @@ def _contact_rows(design: GainDesign) -> Iterator[Row]:
         nearest = (quantity(float(run.closest_distance), "m") for run in runs)
         yield ("smallest distance", *nearest, *[""] * (len(runs) - 1))
     for name in QUANTITY_LABELS:
-        if name in {"drive_force", "impact_force"} and design.impact is None:
+        if name == "gain" or (name in {"drive_force", "impact_force"} and design.impact is None):
             continue
         unit = QUANTITY_UNITS[name]
         values = [float(quantity_of(name, run.end, design.impact)) for run in runs]
@@ -183,9 +197,10 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
         if known.stationarity is not None:
             yield "first-order residual |df / d ln|D_p|| / f", f"{known.stationarity:.1e}"
     run = _shown(design)
-    if run is not None:
+    if run is not None and solved_on(design) != "loop":
         residual = float(np.asarray(run.impulse_residual))
-        text = "not defined for the uniform motion" if np.isnan(residual) else f"{residual:.1e} of its largest term"
+        missing = "not defined for the uniform motion" if run.method == "uniform-motion" else "not known"
+        text = missing if np.isnan(residual) else f"{residual:.1e} of its largest term"
         yield "impulse balance M \u0394x\u2032 + D \u0394x + K \u222bx dt = D_p \u0394 ln \u03be", text
 
 

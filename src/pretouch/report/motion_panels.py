@@ -9,8 +9,10 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch.design.result import GainDesign
 from pretouch.motion import ContactResult, Motion, solve_motion
+from pretouch.simulation import ClosedLoop
 
 from .labels import label_near
+from .loop_motion import LoopMotion, loop_motion
 from .style import BASELINE, CHOSEN, LIMIT, QUIET, Scale, minus, scale_for, span
 
 if TYPE_CHECKING:
@@ -49,14 +51,22 @@ class Run(NamedTuple):
     """One motion to be drawn."""
 
     label: str
-    motion: Motion
+    motion: Motion | LoopMotion
     color: str
     style: Any
     width: float
 
 
 def runs_of(design: GainDesign) -> list[Run]:
-    """Solve the motions that a design is about: with the gain, or the nearest one, and without mitigation."""
+    """Solve the motions that a design is about: with the gain, or the nearest one, and without mitigation.
+
+    Args:
+        design: the design.
+
+    Returns:
+        The motions. Those of a design on the sampled loop are run on that loop; those of a design on a function of the
+        user's, which gives no motion, are L(1) in continuous time.
+    """
     low, high = design.bounds
     if design.gain is not None:
         gain, label = design.gain, "D\u209a = {:#.4g} N s"
@@ -106,7 +116,10 @@ def _reached(result: ContactResult) -> bool:
     return bool(result.reached.all())
 
 
-def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Motion:
+def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Motion | LoopMotion:
+    loop = design.evidence.problem.evaluator
+    if isinstance(loop, ClosedLoop):
+        return loop_motion(loop, design.scenario, design.sensor, gain, horizon=horizon)
     known = method if method in {"closed-form", "integration", "uniform-motion"} else "auto"
     return solve_motion(design.scenario, design.sensor, gain, method=known, horizon=horizon, samples=_SAMPLES)
 

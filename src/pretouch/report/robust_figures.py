@@ -15,6 +15,7 @@ from pretouch.design.robust.result import Price, RobustDesign
 from pretouch.uncertainty.sampling import names_of
 
 from .panels import Curve, Mark, Panel, panel_figure
+from .robust_page import nominal_name
 from .style import Scale, scale_for
 from .wording import quantity_label
 
@@ -89,8 +90,10 @@ def shown_prices(design: RobustDesign) -> list[Price]:
         design: a design with a gain.
 
     Returns:
-        The prices.
+        The prices; none where encounters were solved by what was given as `evaluate`.
     """
+    if design.on_evaluator:  # what the best gain for each value would be is known in continuous time only
+        return []
     prices = [design.price(name) for name in names_of(design.uncertainty)]
     known = [price for price in prices if np.isfinite(price.loss).any()]
     return sorted(known, key=lambda price: -float(np.nanmax(price.loss)))
@@ -103,7 +106,7 @@ def _runs(design: RobustDesign) -> Iterator[tuple[str, int, Outcomes]]:
     elif design.nearest_gain is not None:
         yield "nearest gain", _ROBUST, design.outcomes(design.nearest_gain)
     if design.nominal_gain is not None:
-        yield "nominal gain", _NOMINAL, design.outcomes(design.nominal_gain)
+        yield nominal_name(design), _NOMINAL, design.outcomes(design.nominal_gain)
     yield "no mitigation", _NONE, design.outcomes(0.0)
 
 
@@ -127,7 +130,7 @@ def _measure_panel(design: RobustDesign) -> Panel:
     parts = [
         ("", curve.value, True, _ROBUST),
         (f"{design.measure.label}, sampled", np.where(curve.feasible, curve.value, np.nan), False, _ROBUST),
-        ("objective of the nominal encounter", nominal, False, _NOMINAL),
+        (f"objective of the {_kind(design)} encounter", nominal, False, _NOMINAL),
     ]
     curves = []
     for name, values, quiet, style in parts:
@@ -163,8 +166,13 @@ def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: F
     if design.nominal_gain is not None:
         at = float(np.interp(design.nominal_gain, gains, nominal))
         if np.isfinite(at):
-            text = f"nominal {design.nominal_gain:.4g} N s"
+            text = f"{_kind(design)} {design.nominal_gain:.4g} N s"
             yield Mark(x=sign * design.nominal_gain, y=at, label=text, style=_NOMINAL, shape="square")
+
+
+def _kind(design: RobustDesign) -> str:
+    """Return what the encounter of the nominal gain is called: where others solve encounters, it is the ideal one."""
+    return "ideal" if design.on_evaluator else "nominal"
 
 
 def _objective_panel(design: RobustDesign) -> Panel:

@@ -15,10 +15,10 @@ from pretouch.design.robust.summary import robust_headline
 from pretouch.design.robust.validation import least_probability
 from pretouch.design.robust.wording import known_in_words, share_in_words, units_of
 
-from .design_page import METHODS, scenario_rows, sensor_rows
+from .design_page import METHODS, scenario_rows, sensor_rows, solved_on
 from .wording import number, quantity, quantity_label, word
 
-__all__ = ["robust_page"]
+__all__ = ["nominal_name", "robust_page"]
 
 Row = tuple[str, ...]
 
@@ -48,7 +48,7 @@ def robust_page(design: RobustDesign, prices: list[Price]) -> dict[str, Any]:
         "warnings": list(_warnings(design)),
         "measure": design.measure.label,
         "uncertain_rows": known_in_words(design),
-        "check_head": ("on fresh samples", "robust gain", "nominal gain", "no mitigation"),
+        "check_head": ("on fresh samples", "robust gain", nominal_name(design), "no mitigation"),
         "check_rows": [] if v is None else list(_check_rows(design, v)),
         "validation": {}
         if v is None
@@ -61,25 +61,30 @@ def robust_page(design: RobustDesign, prices: list[Price]) -> dict[str, Any]:
         "objective_rows": list(_objective_rows(design)),
         "scenario_rows": list(scenario_rows(design.scenario)),
         "sensor_rows": list(sensor_rows(design.sensor)),
-        "method": METHODS.get(_method(design), _method(design)),
+        "method": METHODS.get(design.method, design.method),
+        "solved_on": solved_on(design),
+        "nominal_name": nominal_name(design),
     }
 
 
-def _method(design: RobustDesign) -> str:
-    constant = design.sensor.constant_log_slope is not None
-    method = design.evidence.problem.ensemble.method
-    return method if method != "auto" else "closed-form" if constant else "integration"
+def nominal_name(design: RobustDesign) -> str:
+    """Return what the nominal gain is called: where encounters are not ideal, it is that of the ideal design."""
+    return "gain of the ideal design" if design.on_evaluator else "nominal gain"
 
 
 def _tiles(design: RobustDesign, v: Validation) -> Iterator[tuple[str, str]]:
     """Yield the few numbers that matter most, with their names."""
     yield "robust gain D_p", quantity(design.gain, "N*s")
     yield f"{design.measure.label} of the objective, fresh samples", number(v.value)
-    yield "nominal gain D_p", quantity(design.nominal_gain, "N*s")
+    name = nominal_name(design)
+    yield f"{name} D_p", quantity(design.nominal_gain, "N*s")
     if v.nominal is not None:
-        yield f"{design.measure.label} with the nominal gain", number(v.nominal)
+        yield f"{design.measure.label} with the {name}", number(v.nominal)
         if math.isfinite(v.nominal) and math.isfinite(v.value):
-            yield "nominal beside robust", f"{100 * (v.nominal / v.value - 1):+.2g} %"
+            beside = "ideal beside robust" if design.on_evaluator else "nominal beside robust"
+            error = math.nan if v.loss is None else 100 * v.loss.standard_error
+            spread = f" \u00b1 {error:.1g}" if design.on_evaluator and math.isfinite(error) else ""
+            yield beside, f"{100 * (v.nominal / v.value - 1):+.2g}{spread} %"
 
 
 def _warnings(design: RobustDesign) -> Iterator[str]:
@@ -155,7 +160,7 @@ def _worst_rows(design: RobustDesign) -> Iterator[Row]:
     w = design.worst
     if w is None:
         return
-    units = units_of(design)
+    units = units_of(design.sensor)
     for name, value in w.inputs.items():
         sign = w.monotone.get(name, 0)
         text = "" if not sign else f", with which the objective only {'grows' if sign > 0 else 'falls'}"

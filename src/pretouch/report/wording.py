@@ -26,6 +26,7 @@ QUANTITY_LABELS: Final[dict[str, tuple[str, str]]] = {
     "largest_virtual_force": ("largest virtual force", "max |F_p|"),
     "drive_force": ("largest drive force", "m max |x\u2033|"),
     "impact_force": ("peak impact force", "F"),
+    "gain": ("gain", "D_p"),
 }
 """Words and symbol of every quantity that objectives and constraints speak of."""
 

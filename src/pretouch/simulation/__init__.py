@@ -9,6 +9,7 @@ from .plant import IdealPlant, ImpedancePlant, PlantModel, PositionPlant
 from .result import LoopTrace, SimulationResult
 from .stability import DampingLimit, GainLimit, gain_limit, largest_damping, lowest_rate
 from .timing import LoopTiming, timing_of
+from .witness import WitnessResult, WitnessTrace, witness_encounter
 
 __all__ = [
     "PARTS",
@@ -27,6 +28,8 @@ __all__ = [
     "SensorPart",
     "SimulationResult",
     "SpringDamper",
+    "WitnessResult",
+    "WitnessTrace",
     "chain_of_fit",
     "gain_limit",
     "largest_damping",
@@ -34,4 +37,5 @@ __all__ = [
     "sensor_part",
     "simulate",
     "timing_of",
+    "witness_encounter",
 ]

@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Final, Protocol, runtime_checkable
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
-from pretouch.motion import Scenario
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite
+from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
 from .chain import SensorChain
 from .contact import ContactModel
-from .loop import SampledLaw, simulate
+from .kernels.layout import RESULT_COLUMNS
+from .law import TunableLaw
 from .plant import IdealPlant, PlantModel
 from .result import SimulationResult
+from .running import FOLLOW, HORIZON, Loop, check_loop, result_of, run_loop, whole
 
-__all__ = ["ClosedLoop", "TunableLaw"]
+__all__ = ["ClosedLoop"]
 
-_HORIZON: Final = 10.0
-_FOLLOW: Final = 0.2
-
-
-@runtime_checkable
-class TunableLaw(SampledLaw, Protocol):
-    """A law with one gain to be chosen: `pretouch.control.Controller` is one."""
-
-    def with_gain(self, gain: float) -> SampledLaw:
-        """Return the same law with another gain [N s]."""
+_OWN: Final = ("mass", "damping", "stiffness")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
     """A sampled loop, all but the encounter and the gain: sensor chain, law, robot and contact.
+
+    Called with a scenario, a sensor and gains it solves encounters as `find_contact` does, so that `design_gain` and
+    `design_robust_gain` take it as their `evaluate`.
 
     Args:
         law: the controller; its gain is replaced by whichever is tried.
@@ -38,6 +41,7 @@ class ClosedLoop:
         plant: the robot; ideal by default.
         contact: the contact force, for a plant with a mass.
         seed: of the noise; every gain is tried with the same random numbers.
+        first_run: which run's noise the first encounter meets; the others meet those that follow.
         horizon: how long to wait for contact [s].
         follow: how long to go on after the first contact [s].
 
@@ -61,6 +65,8 @@ class ClosedLoop:
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
         >>> round(loop.run(scenario, sensor, -0.7).relative_velocity, 3)  # -0.0815 in continuous time
         -0.082
+        >>> loop(scenario, sensor, [-0.7, -1.0]).contact.relative_velocity.round(3)
+        array([-0.082, -0.069])
     """
 
     law: TunableLaw
@@ -68,30 +74,127 @@ class ClosedLoop:
     plant: PlantModel = field(default_factory=IdealPlant)
     contact: ContactModel | None = None
     seed: int = 0
-    horizon: float = _HORIZON
-    follow: float = _FOLLOW
+    first_run: int = 0
+    horizon: float = HORIZON
+    follow: float = FOLLOW
 
-    def run(self, scenario: Scenario, sensor: SensorModel, gain: float, *, runs: int | None = None) -> SimulationResult:
-        """Run encounters with one gain.
+    def __post_init__(self) -> None:
+        whole(self.first_run, "first_run", 0, 2**62)
+
+    def __call__(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike) -> ContactResult:
+        """Run encounters until contact.
+
+        The i-th encounter of the scenario meets the noise of run `first_run` + i, the same with every gain.
+
+        Args:
+            scenario: the encounter, or an array of them; any other admittance than that of the
+                law is refused.
+            sensor: the sensor curve.
+            gain: D_p [N s], broadcast with the scenario.
+
+        Returns:
+            The state at the first contact, or in which each run ended. Largest values are those until then, the
+            acceleration is the mean over a step. There are no gradients and no impulse balance: the loop does not know
+            its law.
+        """
+        self._check_admittance(scenario)
+        loop = replace(self._loop(scenario, sensor, gain, None), follow=0.0)
+        out, *_ = run_loop(loop, np.arange(math.prod(loop.shape)), touches=1)
+        columns = {name: out[:, i].reshape(loop.shape) for i, name in enumerate(RESULT_COLUMNS)}
+        columns["gain"] = np.array(np.broadcast_to(np.asarray(gain, dtype=np.float64), loop.shape))
+        return ContactResult(_LoopColumns(columns), "loop")
+
+    def after(self, runs: int) -> ClosedLoop:
+        """Return the same loop, whose first encounter meets the noise of a later run.
+
+        Args:
+            runs: how many runs later.
+
+        Returns:
+            The loop.
+        """
+        return replace(self, first_run=self.first_run + runs)
+
+    def run(
+        self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike, *, runs: int | None = None
+    ) -> SimulationResult:
+        """Run encounters, each with one gain.
 
         Args:
             scenario: the encounter, or an array of them.
             sensor: the sensor curve.
-            gain: D_p [N s].
-            runs: repeat every encounter so often, each with noise of its own.
+            gain: D_p [N s], broadcast with the scenario; every gain meets the same noise.
+            runs: repeat every encounter so often, each with noise of its own: a first axis of the results.
 
         Returns:
             What `simulate` returns.
         """
-        return simulate(
-            scenario,
-            sensor,
-            self.law.with_gain(gain),
-            chain=self.chain,
-            plant=self.plant,
-            contact=self.contact,
-            runs=runs,
-            seed=self.seed,
-            horizon=self.horizon,
-            follow=self.follow,
+        return result_of(self._loop(scenario, sensor, gain, runs))
+
+    def _loop(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike, runs: int | None) -> Loop:
+        """Put together the loop of some encounters."""
+        gains = np.asarray(finite(gain, "gain", "N*s"))
+        try:
+            shape = np.broadcast_shapes(scenario.shape, gains.shape)
+        except ValueError:
+            raise InvalidInputError(f"gain: shape {gains.shape} does not broadcast with {scenario.shape}") from None
+        first = () if runs is None else (whole(runs, "runs", 1, 2**31),)
+        apart = (1,) * (len(shape) - len(scenario.shape))  # between the axis of the runs and those of the scenario
+        noise = np.arange(math.prod((*first, *scenario.shape))).reshape((*first, *apart, *scenario.shape))
+        shape = (*first, *shape)
+        every, law_of = np.unique(gains, return_inverse=True)
+        law_of = law_of.reshape(gains.shape)
+        return check_loop(
+            Loop(
+                scenario=scenario,
+                sensor=sensor,
+                laws=tuple(self.law.with_gain(float(g)) for g in every),
+                law_of=np.broadcast_to(law_of, shape),
+                noise_of=self.first_run + np.broadcast_to(noise, shape),
+                chain=self.chain,
+                plant=self.plant,
+                contact=self.contact,
+                horizon=self.horizon,
+                follow=self.follow,
+                seed=self.seed,
+                shape=shape,
+            )
         )
+
+    def _check_admittance(self, scenario: Scenario) -> None:
+        """Refuse an encounter that speaks of another admittance than the law has, as far as the law tells its own."""
+        own = getattr(self.law, "admittance", None)
+        for name in _OWN:
+            asked, has = getattr(scenario.admittance, name), getattr(own, name, None)
+            if np.ndim(asked):
+                raise InvalidInputError(
+                    f"admittance.{name}: found an array, but a loop has the admittance of its law, the same in all "
+                    "encounters"
+                )
+            if has is not None and not math.isclose(asked, has, rel_tol=1e-9):
+                raise InvalidInputError(
+                    f"admittance.{name}: found {asked:g} in the scenario and {has:g} in the law of the loop, expected "
+                    "the same in both"
+                )
+
+
+class _LoopColumns:
+    """The columns of a loop's encounters, as a ContactResult reads them."""
+
+    __slots__ = ("columns",)
+
+    def __init__(self, columns: Mapping[str, FloatArray]) -> None:
+        self.columns = columns
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run, a float for a single one."""
+        status = self.columns["status"]
+        if name == "status":
+            return status.astype(np.int64) if status.ndim else int(status)
+        if name in {"settling_distance", "impulse_residual"}:  # a loop that does not know its law knows neither
+            found = np.full(status.shape, np.nan)
+        elif name == "closest_distance":  # a body with a mass presses into the other: that comes after the contact
+            found = np.where(status == ContactStatus.CONTACT, 0.0, self.columns[name])
+        else:
+            found = self.columns[name]
+        return found if found.ndim else float(found)

@@ -17,7 +17,7 @@ _MOST: Final = 1 << 16
 _ERROR: Final = 1e-12  # of ln xi, in the middle between two rows
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=512)  # as many samples of a sensor as a robust design on a loop has
 def curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
     """Tabulate ln xi at equal distances until cubics between them meet it to 1e-12, or at 65,537 of them.
 

@@ -34,6 +34,8 @@ class LoopTrace:
         flags: what the law reports as its status.
         contacts: a row per contact: time [s], l' [m/s], peak force [N], impulse [N s], l' at its end [m/s],
             duration [s]; NaN where the run ended before.
+        contact_course: what happens in contact, in which a step of the law is long: time [s], distance l [m], l' [m/s]
+            and contact force [N] at each touch and after each step of the integration, shape (m, 4); the first 8192.
     """
 
     time: FloatArray
@@ -49,6 +51,7 @@ class LoopTrace:
     log_level: FloatArray
     flags: FloatArray
     contacts: FloatArray
+    contact_course: FloatArray
 
     def __repr__(self) -> str:
         return f"<LoopTrace: {len(self.time)} steps to {self.time[-1]:.4g} s, {len(self.contacts)} contacts>"

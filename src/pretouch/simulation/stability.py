@@ -24,6 +24,7 @@ __all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest
 _LOWEST: Final = 1e-6  # of omega T: a crossover below has no meaning in an encounter of less than 10^6 periods
 _TURN: Final = 0.2  # rad between two neighbors: a phase that turns less cannot cross unseen
 _POINTS: Final = 20_000
+_SILENT: Final = 1e-12  # of the largest response: below, as where a low-pass has its zeros, the phase is rounding
 _PER_DECADE: Final = 12  # rates of the scan for the lowest one
 _PLENTY: Final = 100.0  # times the rate of an undelayed mass: the period then adds a hundredth to what a delay does
 
@@ -74,6 +75,31 @@ class GainLimit:
         """The distance [m] that allows the least."""
         return float(self.distance[np.argmax(self.gain)])
 
+    def allowed(self, margin: float = 2.0) -> float:
+        """Return the largest |D_p| that keeps a margin to instability: the limit of a `Constraint(name="gain")`.
+
+        Args:
+            margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
+
+        Returns:
+            The magnitude > 0 [N s]; infinite where no gain makes the loop unstable, so that nothing needs a limit.
+
+        Raises:
+            InvalidInputError: the margin does not exceed 1.
+
+        Examples:
+            >>> limit = GainLimit(
+            ...     distance=np.array([0.0, 0.04]),
+            ...     gain=np.array([-0.57, -1.1]),
+            ...     damping=DampingLimit(damping=45.0, frequency=6.0, radius_below=0.99, radius_above=1.01),
+            ... )
+            >>> limit.allowed(margin=2.0)
+            0.285
+        """
+        if not finite(margin, "margin") > 1:
+            raise InvalidInputError(f"margin: found {margin:g}, which must exceed 1")
+        return -self.strongest / margin
+
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
         """Make the bounds of `design_gain` that keep a margin to instability.
 
@@ -87,9 +113,7 @@ class GainLimit:
         Raises:
             InvalidInputError: nothing is left between the two.
         """
-        if not finite(margin, "margin") > 1:
-            raise InvalidInputError(f"margin: found {margin:g}, which must exceed 1")
-        strongest = self.strongest / margin
+        strongest = -self.allowed(margin)
         if not strongest < finite(weakest, "weakest", "N*s") < 0:
             raise InvalidInputError(
                 f"weakest: found {weakest:g} N s, which must lie between the strongest gain with this margin, "
@@ -153,7 +177,7 @@ def gain_limit(
         plant: the robot behind the virtual object; ideal by default.
 
     Returns:
-        The limits; their `bounds` constrain `design_gain`.
+        The limits; their `allowed` is a constraint, and their `bounds` are bounds, of `design_gain`.
 
     Examples:
         >>> from pretouch.sensors import InversePower
@@ -250,9 +274,10 @@ def _resolved(loop: LinearLoop) -> FloatArray:
     """Return angles from nearly 0 to pi between which the phase turns little."""
     angle = np.unique([*np.geomspace(_LOWEST, math.pi, 400), *np.linspace(0, math.pi, 400)[1:]])
     while len(angle) < _POINTS:
-        phase = np.angle(loop.response(angle))
-        turn = np.abs(np.angle(np.exp(1j * np.diff(phase))))
-        wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:])
+        response = loop.response(angle)
+        turn = np.abs(np.angle(np.exp(1j * np.diff(np.angle(response)))))
+        loud = np.abs(response) > _SILENT * np.abs(response).max()
+        wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:]) & (loud[1:] | loud[:-1])
         if not wide.any():
             break
         angle = np.sort(np.concatenate([angle, (angle[:-1] + angle[1:])[wide] / 2]))

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.extras import require
 
 from .executors import BlockRecord, regions_of, run_block, size_of
-from .extras import require
 from .plan import Plan
 from .stores import ZarrStore
 

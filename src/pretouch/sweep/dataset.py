@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .extras import require
+from pretouch._core.extras import require
+
 from .plan import Plan
 from .provenance import attributes_of
 from .results import STATUS, result_attributes

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.extras import require
 
-from .extras import require
 from .provenance import DIGEST
 
 if TYPE_CHECKING:

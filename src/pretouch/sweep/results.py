@@ -26,7 +26,7 @@ STATUS: Final = "status"
 
 CONTACT_UNITS: Final[dict[str, str]] = {
     "distance": "m",
-    **QUANTITY_UNITS,
+    **{name: unit for name, unit in QUANTITY_UNITS.items() if name != "gain"},  # an axis, or what a design gives
     "closest_distance": "m",
     "settling_distance": "m",
     "impulse_residual": "",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.extras import require
 from pretouch._core.numbers import finite
 from pretouch.design import Constraint, ImpactModel, Objective
 from pretouch.motion import Scenario
@@ -20,7 +21,6 @@ from pretouch.sensors import SensorModel
 from .axes import Axes
 from .cluster import connected, run_on, worker_count
 from .executors import BlockRecord, Progress, chunks_per_block, regions_of, run_here, size_of
-from .extras import require
 from .held import Held
 from .netcdf import open_netcdf, write_netcdf
 from .plan import Plan, make_plan

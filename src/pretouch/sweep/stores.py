@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.extras import require
 from pretouch._core.numbers import BoolArray
 
 from .dataset import make_dataset, variable_attributes
-from .extras import require
 from .plan import Plan, Region
 from .provenance import DIGEST, attributes_of, differing_parts
 from .results import STATUS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario, find_contact
+from pretouch.motion.evaluator import Evaluator, with_noise_after
 from pretouch.motion.inputs import SCENARIO_INPUTS, map_fields, scenario_with, sensor_inputs, sensor_with
 from pretouch.motion.similar import Likeness, find_likeness
 from pretouch.sensors import SensorModel
@@ -31,21 +32,26 @@ class Ensemble:
     Args:
         scenario: the encounters, of the shape (n,) or of a shape that broadcasts with it.
         sensor: the sensor as given.
-        values: the inputs that differ, in SI, shape (n,) each.
+        values: the inputs that differ, in SI, shape (n,) each; none where only noise differs.
+        count: n, how many there are.
         likeness: how their sensors are one; None where they are not.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
+        evaluator: solves encounters in the place of `find_contact`, where given; the i-th of them meets the noise of
+            run i.
     """
 
     scenario: Scenario
     sensor: SensorModel
     values: Mapping[str, FloatArray]
+    count: int
     likeness: Likeness | None
     method: str
     horizon: float
+    evaluator: Evaluator | None = None
 
     def __len__(self) -> int:
-        return len(next(iter(self.values.values())))
+        return self.count
 
     @property
     def speed(self) -> Any:
@@ -63,12 +69,22 @@ class Ensemble:
         """
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
+        if self.evaluator is not None:
+            return self._evaluated(self.evaluator, gains)
         options: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
         if self.likeness is not None:
             one = self.likeness
             found = find_contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
             return found if one.sensor is self.sensor else one.result(found, self.scenario)
         columns = _Stacked([find_contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
+        return ContactResult(columns, columns.parts[0].method)
+
+    def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
+        """Have somebody else solve the encounters: at once, or one by one where each has a sensor of its own."""
+        if not any(map(_of_sensor, self.values)):
+            return evaluator(self.scenario, self.sensor, gains)
+        each = range(len(self))
+        columns = _Stacked([with_noise_after(evaluator, i)(*self.at(i), gains[..., i]) for i in each])
         return ContactResult(columns, columns.parts[0].method)
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
@@ -147,8 +163,10 @@ def make_ensemble(
     sensor: SensorModel,
     values: Mapping[str, Any],
     *,
+    count: int | None = None,
     method: str = "auto",
     horizon: float = 600.0,
+    evaluate: Evaluator | None = None,
 ) -> Ensemble:
     """Put samples of inputs into an encounter.
 
@@ -156,8 +174,10 @@ def make_ensemble(
         scenario: one encounter.
         sensor: its sensor.
         values: inputs such as `obstacle.velocity` or `sensor.exponent` and their values in SI, shape (n,) each.
+        count: how many encounters, where no input differs.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
+        evaluate: solves encounters in the place of `find_contact`, as in `design_gain`.
 
     Returns:
         The encounters.
@@ -189,16 +209,34 @@ def make_ensemble(
             hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
             raise InvalidInputError(f"uncertainty: found {name!r}, which is no input; {hint}")
         checked[name] = np.atleast_1d(finite(given, name, known[name]))
-    if len({v.shape for v in checked.values()}) != 1 or next(iter(checked.values())).ndim != 1:
+    if (checked or count is None) and _are_uneven(checked):
         shapes = ", ".join(f"{v.shape} for {name}" for name, v in checked.items()) or "none"
         raise InvalidInputError(f"uncertainty: found values of shapes {shapes}, expected a row of as many for each")
+    size = len(next(iter(checked.values()))) if checked else count or 0
     own = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
     try:
         several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
         likeness = _likeness(sensor, own, several)
     except InvalidInputError as impossible:
         raise InvalidInputError(f"uncertainty: {impossible}{_REMEDY}") from None
-    return Ensemble(scenario=several, sensor=sensor, values=checked, likeness=likeness, method=method, horizon=horizon)
+    if evaluate is not None and several.shape == ():  # alike but for the noise, of which each element has its own
+        position = np.full(size, several.obstacle.position)
+        several = replace(several, obstacle=replace(several.obstacle, position=position))
+    return Ensemble(
+        scenario=several,
+        sensor=sensor,
+        values=checked,
+        count=size,
+        likeness=likeness,
+        method=method,
+        horizon=horizon,
+        evaluator=evaluate,
+    )
+
+
+def _are_uneven(values: Mapping[str, FloatArray]) -> bool:
+    """Tell whether values are not rows of as many each."""
+    return len({v.shape for v in values.values()}) != 1 or next(iter(values.values())).ndim != 1
 
 
 def _likeness(sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario) -> Likeness | None:

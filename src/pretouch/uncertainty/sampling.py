@@ -12,7 +12,7 @@ from pretouch._core.numbers import FloatArray
 
 from .distributions import CorrelatedNormal, Distribution
 
-__all__ = ["SAMPLINGS", "Uncertainty", "names_of", "sample_inputs"]
+__all__ = ["SAMPLINGS", "Uncertainty", "check_draw", "names_of", "sample_inputs"]
 
 Uncertainty: TypeAlias = Mapping[str, Distribution | CorrelatedNormal]
 """What is known of inputs, by name, such as `obstacle.velocity`; under a free name, of several that go together."""
@@ -58,9 +58,6 @@ def sample_inputs(
     Returns:
         The samples by input, shape (count,) each.
 
-    Raises:
-        InvalidInputError: the request makes no sense.
-
     Examples:
         >>> from pretouch.uncertainty import Uniform
         >>> drawn = sample_inputs({"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}, 1024)
@@ -68,12 +65,7 @@ def sample_inputs(
         True
     """
     names_of(uncertainty)
-    if sampling not in SAMPLINGS:
-        raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
-    if type(count) is not int or count < 1:
-        raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
-    if type(seed) is not int or seed < 0:
-        raise InvalidInputError(f"seed: found {seed!r}, expected a whole number that is not negative")
+    check_draw(count, seed=seed, sampling=sampling)
     widths = [len(known.names) if isinstance(known, CorrelatedNormal) else 1 for known in uncertainty.values()]
     points = _points(count, sum(widths), seed, sampling)
     found: dict[str, FloatArray] = {}
@@ -89,6 +81,16 @@ def sample_inputs(
         else:
             found[name] = known.quantile(part[:, 0])
     return found
+
+
+def check_draw(count: int, *, seed: int, sampling: str) -> None:
+    """Refuse numbers of samples, seeds and ways of sampling that make no sense; arguments as in `sample_inputs`."""
+    if sampling not in SAMPLINGS:
+        raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
+    if type(count) is not int or count < 1:
+        raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
+    if type(seed) is not int or seed < 0:
+        raise InvalidInputError(f"seed: found {seed!r}, expected a whole number that is not negative")
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:

@@ -1,1 +1,32 @@
 """Whether a designed gain holds on the loop as it will really run: predicted beside simulated, and what to change."""
+
+from .encounter import SimulatedEncounter, simulate_encounter
+from .parts import (
+    Change,
+    Comparison,
+    LimitCheck,
+    LoopCurve,
+    Loss,
+    Reached,
+    Spread,
+    StabilityCheck,
+    VerdictStatus,
+)
+from .result import Verdict
+from .verify import verify_gain
+
+__all__ = [
+    "Change",
+    "Comparison",
+    "LimitCheck",
+    "LoopCurve",
+    "Loss",
+    "Reached",
+    "SimulatedEncounter",
+    "Spread",
+    "StabilityCheck",
+    "Verdict",
+    "VerdictStatus",
+    "simulate_encounter",
+    "verify_gain",
+]

@@ -9,10 +9,12 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite
+from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import Scenario
+from pretouch.motion.evaluator import Evaluator, with_noise_after
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Interval, Uncertainty, make_ensemble, sample_inputs
+from pretouch.uncertainty.sampling import check_draw
 
 from ..constraints import Constraint
 from ..gain import design_gain
@@ -32,6 +34,12 @@ from .worst_case import search_worst_case
 __all__ = ["design_robust_gain"]
 
 _FRESH: Final = 1  # what is added to the seed for the samples of the validation
+_SAMPLES: Final = 4096
+_SAMPLES_OF_OTHERS: Final = 256  # where somebody else solves the encounters: a loop takes a hundred times as long
+# a sampled measure with jumps never lets neighbors predict each other, and what is twice the lowest need not
+_SCAN_OF_OTHERS: Final[dict[str, Any]] = {"resolved": 3e-3, "largest": 257, "relevant": 2.0}
+# to a thousandth of the gain, far below what another set of samples changes
+_REFINEMENT_OF_OTHERS: Final[dict[str, Any]] = {"most": 4, "finest": 1e-3, "relevant": 2.0}
 
 
 def design_robust_gain(
@@ -44,13 +52,14 @@ def design_robust_gain(
     measure: Measure | None = None,
     constraints: Sequence[Constraint | Required] = (),
     impact: ImpactModel | None = None,
-    samples: int = 4096,
-    validation: int = 4096,
+    samples: int | None = None,
+    validation: int | None = None,
     seed: int = 0,
     confidence: float = 0.95,
     sampling: str = "sobol",
     method: str = "auto",
     horizon: float = 600.0,
+    evaluate: Evaluator | None = None,
 ) -> RobustDesign:
     """Find the gain D_p that minimizes a measure of an objective over encounters that are not known exactly.
 
@@ -58,22 +67,28 @@ def design_robust_gain(
     `design_gain` seeks it. Its promise is then held against fresh samples. A worst case is not sampled: the worst
     encounter is searched for, and certified.
 
+    With `evaluate` the encounters are run on a sampled loop: the i-th sample meets the noise of run i with every gain,
+    and the validation that of later runs. The nominal gain stays that of `design_gain` in continuous time, so that
+    `loss_of_nominal` says what the ideal design loses on the loop.
+
     Args:
         scenario: the encounter with every input at its likeliest value.
         sensor: the sensor curve.
         objective: what is minimized in each encounter.
         bounds: smallest and largest gain [N s].
-        uncertainty: what is known of inputs, by name, such as `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`.
+        uncertainty: what is known of inputs, by name, such as `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`;
+            beside `evaluate` it may be empty: then only noise differs.
         measure: what is made of the objectives: Expected() by default, Quantile, ConditionalValueAtRisk or WorstCase.
         constraints: limits: a Constraint must hold in every encounter, a Required with its probability.
         impact: physical properties, for objectives and constraints on forces.
-        samples: how many encounters the measure is taken over.
-        validation: how many fresh ones the gain is held against.
-        seed: of all samples.
+        samples: how many encounters the measure is taken over; 4096, or 256 with `evaluate`.
+        validation: how many fresh ones the gain is held against; 4096, or four times the samples with `evaluate`.
+        seed: of all samples of inputs.
         confidence: of the intervals.
         sampling: how samples are drawn, as in `sample_inputs`.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
+        evaluate: solves encounters in the place of `find_contact`, as in `design_gain`: a `ClosedLoop`, or a function.
 
     Returns:
         The design; infeasible and no-contact are statuses of it, not errors.
@@ -104,8 +119,12 @@ def design_robust_gain(
         raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
     chosen = Expected() if measure is None else measure
     limits = tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
-    _check(uncertainty, chosen, limits, confidence)
-    make = partial(make_ensemble, scenario, sensor, method=method, horizon=horizon)
+    _check(uncertainty, chosen, limits, confidence, evaluate)
+    if samples is None:
+        samples = _SAMPLES if evaluate is None else _SAMPLES_OF_OTHERS
+    if validation is None:
+        validation = _SAMPLES if evaluate is None else 4 * samples
+    make = partial(make_ensemble, scenario, sensor, method=method, horizon=horizon, evaluate=evaluate)
     common: dict[str, Any] = {
         "objective": objective,
         "measure": chosen,
@@ -113,14 +132,15 @@ def design_robust_gain(
         "impact": impact,
         "axis": GainAxis(low=low, high=high),
     }
-    unseen = sample_inputs(uncertainty, validation, seed=seed + _FRESH, sampling="random")
-    fresh = RobustProblem(ensemble=make(unseen), **common)
+    unseen = _draw(uncertainty, validation, seed + _FRESH, "random", evaluate)
+    later = None if evaluate is None else with_noise_after(evaluate, samples)
+    fresh = RobustProblem(ensemble=make(unseen, count=validation, evaluate=later), **common)
     worst: WorstEncounter | None = None
     if isinstance(chosen, WorstCase):
         problem, searched, minima, worst = search_worst_case(uncertainty, make, common)
     else:
-        drawn = sample_inputs(uncertainty, samples, seed=seed, sampling=sampling)
-        problem = RobustProblem(ensemble=make(drawn), **common)
+        drawn = _draw(uncertainty, samples, seed, sampling, evaluate)
+        problem = RobustProblem(ensemble=make(drawn, count=samples), **common)
         searched, minima = _search(problem)
     nominal = design_gain(
         scenario,
@@ -166,19 +186,39 @@ def design_robust_gain(
             uncertainty=uncertainty,
             gain=gain,
             options={"method": method, "horizon": horizon},
+            on_evaluator=evaluate is not None,
         ),
         evidence=RobustEvidence(problem=problem, fresh=fresh, scanned=searched),
     )
 
 
+def _draw(
+    uncertainty: Uncertainty, count: int, seed: int, sampling: str, evaluate: Evaluator | None
+) -> dict[str, FloatArray]:
+    """Draw samples of the inputs; none where only the noise of an evaluator differs."""
+    if uncertainty or evaluate is None:
+        return sample_inputs(uncertainty, count, seed=seed, sampling=sampling)
+    check_draw(count, seed=seed, sampling=sampling)
+    return {}
+
+
 def _search(problem: RobustProblem) -> tuple[Scan, list[Minimum]]:
     """Scan the gains that may be the optimum until neighbors predict each other, and refine the minima."""
     _, high = map(float, problem.axis.coordinate(np.array(problem.axis.ends)))
-    searched = scan(problem.landscape, problem.lowest_needed(), high)
-    return searched, refine(lambda u: problem.landscape(u).merit, searched.coordinate, searched.landscape.merit)
+    others = problem.ensemble.evaluator is not None
+    searched = scan(problem.landscape, problem.lowest_needed(), high, **(_SCAN_OF_OTHERS if others else {}))
+    effort = _REFINEMENT_OF_OTHERS if others else {}
+    merit = searched.landscape.merit
+    return searched, refine(lambda u: problem.landscape(u).merit, searched.coordinate, merit, **effort)
 
 
-def _check(uncertainty: Uncertainty, measure: Measure, limits: tuple[Required, ...], confidence: float) -> None:
+def _check(
+    uncertainty: Uncertainty,
+    measure: Measure,
+    limits: tuple[Required, ...],
+    confidence: float,
+    evaluate: Evaluator | None,
+) -> None:
     """Refuse what makes no sense as a robust design problem."""
     if not 0 < confidence < 1:
         raise InvalidInputError(f"confidence: found {confidence:g}, expected a number between 0 and 1, such as 0.95")
@@ -187,6 +227,11 @@ def _check(uncertainty: Uncertainty, measure: Measure, limits: tuple[Required, .
         if names.count(name) > 1:
             raise InvalidInputError(f"constraint {name}: found twice, expected once")
     if isinstance(measure, WorstCase):
+        if evaluate is not None:
+            raise InvalidInputError(
+                "measure: found WorstCase beside evaluate, expected Expected, Quantile or ConditionalValueAtRisk: the "
+                "search for the worst encounter needs the gradients of L(1), which others do not give"
+            )
         for limit in limits:
             if limit.probability < 1:
                 raise InvalidInputError(

@@ -8,7 +8,8 @@ known, are
     T = mean((f_A - f_C)^2) / (2 Var f)   (M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35).
 
 Inputs that were estimated together count as one: what is measured better is the calibration. To first order the
-objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of them all.
+objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of them all. Where encounters are
+solved with noise, that is one more input: B meets other noise than A.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
 from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
 
 from ..gradient import has_gradients
@@ -36,7 +38,7 @@ class InputImportance:
     """How much of the variance of the objective one input is the cause of.
 
     Args:
-        name: the input, or the name of several that go together.
+        name: the input, the name of several that go together, or "noise".
         inputs: the inputs themselves.
         alone: S, the share that would be saved by knowing this input exactly, in the mean.
         alone_error: the standard error of its estimate.
@@ -56,7 +58,7 @@ class InputImportance:
 
 def rank_uncertain_inputs(
     problem: RobustProblem,
-    make: Callable[[Mapping[str, Any]], Ensemble],
+    make: Callable[..., Ensemble],
     uncertainty: Uncertainty,
     gain: float,
     *,
@@ -76,29 +78,35 @@ def rank_uncertain_inputs(
     Returns:
         One entry per input, the largest total share first; shares are NaN where some encounter has no contact.
     """
+    if not uncertainty:
+        return ()
+    own = problem.ensemble.evaluator
+    other = None if own is None else with_noise_after(own, samples)
     both = _two_sets(uncertainty, samples, seed)
     mine, theirs = ({name: values[:, k] for name, values in both.items()} for k in (0, 1))
 
-    def values(inputs: Mapping[str, FloatArray]) -> FloatArray:
-        ensemble = make(inputs)
+    def values(inputs: Mapping[str, FloatArray], noise: Evaluator | None = own) -> FloatArray:
+        ensemble = make(inputs, evaluate=noise)
         result = ensemble.contacts(gain)
         found = problem.objective.value(result.end, ensemble.speed, problem.impact)
         return np.where(result.reached, found, np.nan)
 
-    f_a, f_b = values(mine), values(theirs)
+    f_a, f_b = values(mine), values(theirs, other)
     pieces = np.array_split(np.arange(samples), _PARTS)
     linear = _linear_shares(problem, make, uncertainty, gain)
     found = []
-    for name, known in uncertainty.items():
-        own = known.names if isinstance(known, CorrelatedNormal) else (name,)
-        f_c = values({**mine, **{member: theirs[member] for member in own}})
+    members = {n: k.names if isinstance(k, CorrelatedNormal) else (n,) for n, k in uncertainty.items()}
+    if isinstance(own, NoisyEvaluator):
+        members["noise"] = ()
+    for name, varied in members.items():
+        f_c = values({**mine, **{member: theirs[member] for member in varied}}, own if varied else other)
         alone, total = _shares(f_a, f_b, f_c)
         parts = np.array([_shares(f_a[part], f_b[part], f_c[part]) for part in pieces])
         error = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))
         found.append(
             InputImportance(
                 name=name,
-                inputs=tuple(own),
+                inputs=tuple(varied),
                 alone=alone,
                 alone_error=float(error[0]),
                 total=total,
@@ -131,7 +139,7 @@ def _linear_shares(
     gain: float,
 ) -> dict[str, float] | None:
     """Return the share of each input to first order, about the means."""
-    if not has_gradients(problem.objective, None):
+    if problem.ensemble.evaluator is not None or not has_gradients(problem.objective, None):
         return None
     center: dict[str, float] = {}
     for name, known in uncertainty.items():

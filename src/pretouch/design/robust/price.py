@@ -36,6 +36,7 @@ def price_of_robustness(
     uncertainty: Uncertainty,
     gain: float | None,
     options: dict[str, Any],
+    on_evaluator: bool = False,
 ) -> Price:
     """Hold one gain against the best gain for each value of an input, the others at their given values.
 
@@ -53,14 +54,20 @@ def price_of_robustness(
         uncertainty: what is known of the inputs.
         gain: the robust gain [N s].
         options: method and horizon, as in `find_contact`.
+        on_evaluator: whether somebody else solved the encounters of the design.
 
     Returns:
         The curve.
 
     Raises:
-        ResultUnavailableError: there is no robust gain.
+        ResultUnavailableError: there is no robust gain, or it was designed on encounters of another kind.
         InvalidInputError: the input is not uncertain, or the number of values makes no sense.
     """
+    if on_evaluator:
+        raise ResultUnavailableError(
+            "price: it is known in continuous time only, and this gain was designed with evaluate; call design_gain "
+            "with the same evaluate at the values that matter"
+        )
     if type(count) is not int or count < 2:
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:

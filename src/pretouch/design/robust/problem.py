@@ -20,6 +20,7 @@ from .measures import Measure, Required
 __all__ = ["RobustProblem"]
 
 _BLOCK: Final = 1 << 19  # encounters that are solved at once: their states stay small beside the cache
+_BLOCK_OF_OTHERS: Final = 1 << 16  # the same, where somebody else solves them
 _STRIDE: Final = 0.5  # of u between gains that look for the end of the axis
 
 
@@ -87,15 +88,16 @@ class RobustProblem:
     def _touch_later(self) -> bool:
         """Tell whether in every encounter a stronger mitigating gain is known to touch later."""
         several = self.ensemble
-        if several.method == "uniform-motion":  # one particular motion, of which the proof does not speak
-            return False
+        if several.evaluator is not None or several.method == "uniform-motion":
+            return False  # the proof speaks of L(1) from the given state in continuous time
         if several.likeness is not None:
             return bool(touches_later(several.scenario, several.likeness.sensor).all())
         return all(bool(touches_later(*several.at(i)).all()) for i in range(len(several)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Yield measure, ratios and the least measure of stronger gains, for gains in blocks."""
-        step = max(1, _BLOCK // len(self.ensemble))
+        block = _BLOCK if self.ensemble.evaluator is None else _BLOCK_OF_OTHERS
+        step = max(1, block // len(self.ensemble))
         for start in range(0, len(gains), step):
             objective, ratios, least = self._raw(gains[start : start + step])
             held = [limit.share(ratio) for limit, ratio in zip(self.limits, ratios, strict=True)]

@@ -22,7 +22,7 @@ from .evidence import Outcomes, RobustEvidence, RobustTradeOff
 from .importance import InputImportance
 from .measures import Measure, Required
 
-__all__ = ["LimitOutcome", "Price", "RobustDesign", "Validation", "WorstEncounter"]
+__all__ = ["LimitOutcome", "LossOfNominal", "Price", "RobustDesign", "Validation", "WorstEncounter"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +43,20 @@ class LimitOutcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LossOfNominal:
+    """What is lost by the nominal gain, on fresh samples that meet both gains.
+
+    Args:
+        relative: by how much its measure exceeds that of the robust gain, as a share of the latter; negative where the
+            nominal gain does better.
+        standard_error: of that, from the differences sample by sample; NaN where it is not known.
+    """
+
+    relative: float
+    standard_error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Validation:
     """What independent samples that the design has not seen say of its gain.
 
@@ -53,6 +67,7 @@ class Validation:
         low: lower end of its confidence interval.
         high: upper end.
         nominal: the measure at the gain that is optimal where nothing is uncertain; None where there is none.
+        loss: of the nominal gain against the robust one; None where either measure is not finite.
         limits: each constraint.
         reached: the share that ends in contact.
     """
@@ -63,6 +78,7 @@ class Validation:
     low: float
     high: float
     nominal: float | None
+    loss: LossOfNominal | None
     limits: tuple[LimitOutcome, ...]
     reached: float
 
@@ -133,7 +149,8 @@ class RobustDesign:
         gain: D_p [N s]; None unless optimal.
         value: the measure of the objective that was minimized; None unless optimal.
         measure: its definition.
-        nominal_gain: the gain that is optimal where every input has its given value [N s]; None where there is none.
+        nominal_gain: the gain that is optimal where every input has its given value, always in continuous time: the
+            ideal design [N s]; None where there is none.
         validation: what fresh samples say; None unless optimal.
         worst: the worst encounter, for a worst case; else None.
         local_minima: the local minima of the measure, as (gain, value), best first.
@@ -175,6 +192,25 @@ class RobustDesign:
     ranking: Callable[[float], tuple[InputImportance, ...]] = field(repr=False)
     pricing: Callable[..., Price] = field(repr=False)
     evidence: RobustEvidence = field(repr=False)
+
+    @property
+    def loss_of_nominal(self) -> LossOfNominal | None:
+        """What the nominal gain, that of the ideal design, loses on fresh samples; None where it is not known."""
+        return None if self.validation is None else self.validation.loss
+
+    @property
+    def on_evaluator(self) -> bool:
+        """Whether encounters were solved by what was given as `evaluate`, such as a ClosedLoop."""
+        return self.evidence.problem.ensemble.evaluator is not None
+
+    @cached_property
+    def method(self) -> str:
+        """How the encounters were solved, as in ContactResult."""
+        ensemble = self.evidence.problem.ensemble
+        if self.on_evaluator:
+            return ensemble.contacts(0.0 if self.gain is None else self.gain).method
+        constant = self.sensor.constant_log_slope is not None
+        return ensemble.method if ensemble.method != "auto" else "closed-form" if constant else "integration"
 
     @cached_property
     def trade_off(self) -> RobustTradeOff:

@@ -11,7 +11,7 @@ from pretouch._core.units import format_quantity
 from .wording import known_in_words, outcome_in_words, units_of
 
 if TYPE_CHECKING:
-    from .result import RobustDesign
+    from .result import LossOfNominal, RobustDesign
 
 __all__ = ["robust_as_dict", "robust_as_text", "robust_headline"]
 
@@ -27,6 +27,7 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
         "gain": design.gain,
         "measure": measure,
         "value": design.value,
+        "method": design.method,
         "nominal_gain": design.nominal_gain,
         "nearest_gain": design.nearest_gain,
         "reachable": [
@@ -42,6 +43,9 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
             "low": _number(v.low),
             "high": _number(v.high),
             "nominal": None if v.nominal is None else _number(v.nominal),
+            "loss_of_nominal": None
+            if v.loss is None
+            else {"relative": _number(v.loss.relative), "standard_error": _number(v.loss.standard_error)},
             "reached": v.reached,
             "constraints": [
                 {
@@ -111,7 +115,8 @@ def robust_headline(design: RobustDesign) -> str:
     v = design.validation
     if v is None or design.nominal_gain is None or v.nominal is None or not math.isfinite(v.value):
         return text + "."
-    beside = f"the gain {format_quantity(design.nominal_gain, 'N*s')}, optimal where nothing is uncertain"
+    which = "that of the ideal design" if design.on_evaluator else "optimal where nothing is uncertain"
+    beside = f"the gain {format_quantity(design.nominal_gain, 'N*s')}, {which}"
     if not math.isfinite(v.nominal):
         return f"{text}; with {beside}, too many encounters end without contact."
     change = 100 * (v.nominal / v.value - 1)
@@ -164,8 +169,17 @@ def robust_as_text(design: RobustDesign) -> str:
         "",
         f"evidence: {design.scanned} gains over [{low:g}, {high:g}] N s, {design.samples} encounters each, seed "
         f"{design.seed}; {_count(design)}{_proved(design)}",
+        *_motion(design),
     ]
     return "\n".join(lines)
+
+
+def _motion(design: RobustDesign) -> list[str]:
+    """Say what was run where that was not L(1) in continuous time."""
+    if not design.on_evaluator:
+        return []
+    what = "the sampled loop" if design.method == "loop" else f"{design.method}, by the function that was given"
+    return [f"motion: {what}, with the same noise for every gain; the ideal design is that in continuous time"]
 
 
 def _importance(design: RobustDesign) -> list[str]:
@@ -204,12 +218,21 @@ def _validated(design: RobustDesign) -> list[str]:
         return []
     rows = [(design.measure.label, _measured(v.value, v.low, v.high))]
     if v.nominal is not None and design.nominal_gain is not None:
-        rows.append(("with the nominal gain", f"{v.nominal:.4g}"))
+        name = "with the gain of the ideal design" if design.on_evaluator else "with the nominal gain"
+        rows.append((name, f"{v.nominal:.4g}{_lost(v.loss) if design.on_evaluator else ''}"))
     rows.append(("end in contact", f"{100 * v.reached:.4g} %"))
     rows += [(o.required.label, outcome_in_words(o, v.confidence)) for o in v.limits]
     width = max(len(name) for name, _ in rows)
     lines = ["", f"on {v.samples} fresh samples ({100 * v.confidence:g} % confidence)"]
     return lines + [f"  {name.ljust(width)}  {text}" for name, text in rows]
+
+
+def _lost(loss: LossOfNominal | None) -> str:
+    """Write a loss with its standard error."""
+    if loss is None:
+        return ""
+    error = f" +- {100 * loss.standard_error:.2g}" if math.isfinite(loss.standard_error) else ""
+    return f", {100 * loss.relative:.3g}{error} % more, encounter by encounter"
 
 
 def _measured(value: float, low: float, high: float) -> str:
@@ -224,7 +247,7 @@ def _worst(design: RobustDesign) -> list[str]:
     w = design.worst
     if w is None:
         return []
-    units = units_of(design)
+    units = units_of(design.sensor)
     where = ", ".join(f"{name} = {format_quantity(value, units.get(name, ''))}" for name, value in w.inputs.items())
     lines = [
         "",

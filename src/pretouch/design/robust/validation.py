@@ -8,7 +8,7 @@ from pretouch._core.numbers import FloatArray
 
 from .measures import Required
 from .problem import RobustProblem
-from .result import LimitOutcome, Validation
+from .result import LimitOutcome, LossOfNominal, Validation
 
 __all__ = ["least_probability", "validate"]
 
@@ -27,7 +27,14 @@ def validate(problem: RobustProblem, gain: float, nominal: float | None, *, conf
     """
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)
-    beside = None if nominal is None else float(problem.measure.of(problem.values(nominal)[0]))
+    beside, loss = None, None
+    if nominal is not None:
+        other = problem.values(nominal)[0]
+        beside = float(problem.measure.of(other))
+        with np.errstate(invalid="ignore"):  # without contact in both
+            change, error = problem.measure.difference(objective, other)
+        if np.isfinite(change) and value > 0:
+            loss = LossOfNominal(relative=change / value, standard_error=error / value)
     return Validation(
         samples=len(objective),
         confidence=confidence,
@@ -35,6 +42,7 @@ def validate(problem: RobustProblem, gain: float, nominal: float | None, *, conf
         low=low,
         high=high,
         nominal=beside,
+        loss=loss,
         limits=tuple(_limit(r, ratio, confidence) for r, ratio in zip(problem.limits, ratios, strict=True)),
         reached=float(np.isfinite(objective).mean()),
     )

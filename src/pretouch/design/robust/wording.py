@@ -7,12 +7,22 @@ from typing import TYPE_CHECKING
 
 from pretouch._core.units import format_quantity
 from pretouch.motion.inputs import SCENARIO_INPUTS, sensor_inputs
-from pretouch.uncertainty import CorrelatedNormal, Distribution, Empirical, Interval, Normal, TruncatedNormal, Uniform
+from pretouch.sensors import SensorModel
+from pretouch.uncertainty import (
+    CorrelatedNormal,
+    Distribution,
+    Empirical,
+    Interval,
+    Normal,
+    TruncatedNormal,
+    Uncertainty,
+    Uniform,
+)
 
 if TYPE_CHECKING:
     from .result import LimitOutcome, RobustDesign
 
-__all__ = ["known_in_words", "outcome_in_words", "share_in_words", "units_of"]
+__all__ = ["known_in_words", "outcome_in_words", "share_in_words", "uncertainty_in_words", "units_of"]
 
 
 def outcome_in_words(outcome: LimitOutcome, confidence: float) -> str:
@@ -52,7 +62,7 @@ def share_in_words(share: float) -> str:
 
 
 def known_in_words(design: RobustDesign) -> list[tuple[str, str]]:
-    """Say what is known of each uncertain input.
+    """Say what is known of each uncertain input of a design, and of the noise where encounters are run on a loop.
 
     Args:
         design: the design.
@@ -60,9 +70,26 @@ def known_in_words(design: RobustDesign) -> list[tuple[str, str]]:
     Returns:
         Name and text of each.
     """
-    units = units_of(design)
+    rows = uncertainty_in_words(design.uncertainty, design.sensor)
+    if design.on_evaluator:
+        of = "of the sampled loop" if design.method == "loop" else "of the function that was given, if it has any"
+        rows.append(("noise", f"that {of}, another run in each encounter"))
+    return rows
+
+
+def uncertainty_in_words(uncertainty: Uncertainty, sensor: SensorModel) -> list[tuple[str, str]]:
+    """Say what is known of each uncertain input.
+
+    Args:
+        uncertainty: what is known, by the names of inputs.
+        sensor: the sensor curve, whose parameters may be among them.
+
+    Returns:
+        Name and text of each.
+    """
+    units = units_of(sensor)
     rows: list[tuple[str, str]] = []
-    for name, known in design.uncertainty.items():
+    for name, known in uncertainty.items():
         if isinstance(known, CorrelatedNormal):
             for i, member in enumerate(known.names):
                 error = math.sqrt(known.covariance[i][i])
@@ -93,13 +120,13 @@ def _pair(mean: float, deviation: float, unit: str) -> str:
     return f"{format_quantity(mean, unit)} with a standard deviation of {format_quantity(deviation, unit)}"
 
 
-def units_of(design: RobustDesign) -> dict[str, str]:
-    """Return the SI unit of every input of a design, by name.
+def units_of(sensor: SensorModel) -> dict[str, str]:
+    """Return the SI unit of every input of encounters with a sensor, by name.
 
     Args:
-        design: the design.
+        sensor: the sensor curve.
 
     Returns:
         The units.
     """
-    return {**SCENARIO_INPUTS, **sensor_inputs(design.sensor)}
+    return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}

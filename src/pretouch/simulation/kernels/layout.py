@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["CONTACT_COLUMNS", "RESULT_COLUMNS", "TRACE_COLUMNS"]
+__all__ = ["CONTACT_COLUMNS", "COURSE_COLUMNS", "FIRST_CONTACT", "RESULT_COLUMNS", "TRACE_COLUMNS"]
 
 RESULT_COLUMNS: Final = (
     "status",
@@ -26,8 +26,24 @@ RESULT_COLUMNS: Final = (
     "flags",
     "end_time",
     "impact_force",
+    "distance",
+    "acceleration",
+    "virtual_force",
+    "largest_acceleration",
 )
+FIRST_CONTACT: Final = (
+    "time",
+    "position",
+    "velocity",
+    "displacement",
+    "relative_velocity",
+    "acceleration",
+    "virtual_force",
+)
+"""The columns that hold the state at the first contact or, without one, at the end of the run."""
+
 CONTACT_COLUMNS: Final = ("time", "relative_velocity", "peak_force", "impulse", "rebound_velocity", "duration")
+COURSE_COLUMNS: Final = ("time", "distance", "relative_velocity", "contact_force")
 TRACE_COLUMNS: Final = (
     "time",
     "distance",

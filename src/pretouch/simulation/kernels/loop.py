@@ -41,11 +41,13 @@ def encounters(
     clock: Any,
     seed: Any,
     which: Any,
+    draws: Any,
     out: Any,
     touches: Any,
     trace: Any,
+    course: Any,
 ) -> None:
-    """Run encounters that start in the same state of the law; the i-th of them all draws the i-th noise.
+    """Run encounters that start in the same state of the same law.
 
     Args:
         parameters: those of the law.
@@ -59,9 +61,11 @@ def encounters(
         clock: period of the controller, step of the plant, horizon, time to follow a contact.
         seed: of the random numbers.
         which: indices of the encounters to run.
+        draws: which run's noise each of all encounters meets.
         out: filled by RESULT_COLUMNS, a row per encounter.
         touches: filled by CONTACT_COLUMNS, a row per contact of each encounter.
         trace: filled by TRACE_COLUMNS, a row per period, as far as it has rows.
+        course: filled by COURSE_COLUMNS, a row per touch and per step in contact, as far as it has rows.
     """
     period, plant_step, horizon, follow = clock
     table, low, spacing, high = curve
@@ -74,7 +78,7 @@ def encounters(
     waiting, ready, taken = np.zeros(room), np.zeros(room), np.zeros(room)
     steps = math.ceil(horizon / period - 1e-9)
     for n in range(which.size):
-        key, end, marks = mix(seed, np.uint64(which[n])), out[which[n]], touches[which[n]]
+        key, end, marks = mix(seed, np.uint64(draws[which[n]])), out[which[n]], touches[which[n]]
         scene = scenes[which[n]]
         x_start, v_start, xo_start, vo_start, ao = scene[0], scene[1], scene[2], scene[3], scene[4]
         xd_start, vd_start, ad = scene[5], scene[6], scene[7]
@@ -89,14 +93,14 @@ def encounters(
         touching, turned, count, resolved = False, False, 0, plant_step
         touch_time, touch_impulse, touch_peak = 0.0, 0.0, 0.0
         end[:] = 0.0
-        end[0], end[1], end[13], end[15] = 2.0, math.nan, math.nan, math.nan
-        end[2:6] = math.nan
+        end[0], end[13], end[15] = 2.0, math.nan, math.nan
         end[6] = xo_start - x_start
         end[7] = abs(x_start - xd_start)
         end[9] = abs(v_start)
         flags, reading, measured = 0, 0.0, 0.0
+        rate, acting = 0.0, 0.0
         state = initial
-        rows = 0
+        rows, course_rows = 0, 0
         first = math.nan  # time of the first contact
 
         for j in range(steps):
@@ -132,6 +136,7 @@ def encounters(
             target = (period, xv, vv, output.position, output.velocity, output.acceleration)
             push = ao
             at = 0.0
+            before, acting = body, output.virtual_force
             while at < period - _TINY:
                 h = period - at
                 if ideal:
@@ -147,6 +152,9 @@ def encounters(
                 else:
                     h = min(h, resolved if touching else plant_step)
                     moved = advance(body, at, h, target, plant, contact if touching else apart_from, push)
+                if count == 0:  # the mean over a step: of the motion as it is, whatever the law reports
+                    rate = (moved[1] - body[1]) / h
+                    end[22] = max(end[22], abs(rate))
                 gap, closing = body[3] - body[0], (body[4] - body[1]) * h
                 gap_after, closing_after = moved[3] - moved[0], (moved[4] - moved[1]) * h
                 hit = not touching and gap_after <= 0.0
@@ -201,13 +209,23 @@ def encounters(
                         away = xd_start + now * (vd_start + 0.5 * ad * now)
                         end[0], end[1], end[2], end[3], end[4] = 0.0, now, body[0], body[1], body[0] - away
                         end[5] = body[4] - body[1]
+                        end[20], end[21] = rate, acting
                     if count <= marks.shape[0]:
                         marks[count - 1, 0], marks[count - 1, 1] = now, body[4] - body[1]
                     if ideal:
                         break
                     # onto the surface, from some 1e-11 m beside it: a damper acts from the first instant on
                     body = (body[3], body[1], body[2], body[3], body[4], body[5])
+                    touch_peak = contact_force(contact, 0.0, body[1] - body[4])  # which no later force need reach
+                    end[11] = max(end[11], touch_peak)
+                    if count == 1:
+                        end[18] = touch_peak
                     resolved = min(plant_step, contact_step(contact, inverse_mass, abs(body[4] - body[1])))
+                    if course_rows < course.shape[0]:
+                        moment = course[course_rows]
+                        moment[0], moment[1], moment[2] = now, 0.0, body[4] - body[1]
+                        moment[3] = contact_force(contact, 0.0, body[1] - body[4])
+                        course_rows += 1
                 elif touching:
                     force = contact_force(contact, body[0] - body[3], body[1] - body[4])
                     touch_peak = max(touch_peak, force)
@@ -215,6 +233,10 @@ def encounters(
                     if count == 1 and not turned:  # until the bodies stop approaching: what comes later is a push
                         end[18] = max(end[18], force)
                         turned = body[4] >= body[1]
+                    if course_rows < course.shape[0]:
+                        moment = course[course_rows]
+                        moment[0], moment[1], moment[2], moment[3] = now, body[3] - body[0], body[4] - body[1], force
+                        course_rows += 1
                     apart = body[3] - body[0] > 0.0 and body[4] > body[1]
                     if count <= marks.shape[0]:
                         touch = marks[count - 1]
@@ -228,7 +250,12 @@ def encounters(
             xv, vv = output.position, output.velocity
             if not (math.isfinite(body[0]) and math.isfinite(body[1])):
                 end[0] = 4.0
-                break
-            if count and (ideal or end[17] - first >= follow):
+                body = before
+            if end[0] == 4.0 or (count and (ideal or end[17] - first >= follow)):
                 break
         end[12], end[14], end[16] = body[5], count, flags
+        if count == 0:  # the state in which it ended; a motion beyond all numbers is left where it was known last
+            now = end[17] if end[0] == 2.0 else max(end[17] - period, 0.0)
+            end[1], end[2], end[3], end[19] = now, body[0], body[1], body[3] - body[0]
+            end[4] = body[0] - xd_start - now * (vd_start + 0.5 * ad * now)
+            end[5], end[20], end[21] = body[4] - body[1], rate, acting

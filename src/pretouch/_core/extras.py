@@ -1,4 +1,4 @@
-"""Libraries that only sweeps need, loaded when one is run."""
+"""Libraries of optional extras, loaded where they are used and nowhere else."""
 
 from __future__ import annotations
 

@@ -1,0 +1,259 @@
+"""What a scenario file says of the sampled loop, as what `simulate` and `gain_limit` take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, Final, cast
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch.control import Controller
+from pretouch.motion.scenario import Scenario
+from pretouch.sensors import SensorModel
+from pretouch.simulation import (
+    PARTS,
+    ClosedLoop,
+    ContactModel,
+    GainLimit,
+    HuntCrossley,
+    IdealPlant,
+    ImpedancePlant,
+    PlantModel,
+    PositionPlant,
+    SensorChain,
+    SensorPart,
+    SpringDamper,
+    chain_of_fit,
+    gain_limit,
+    timing_of,
+)
+
+from .loop_law import controller_of, refuse_a_curve_below_the_floor
+from .loop_sections import LOOP_SECTIONS, ChainSection, ContactSection, ControllerSection, LoopSection, RobotSection
+from .output_units import refuse_mixed_units
+from .schema import SECTIONS
+from .section import nearest, one_of
+from .sensor_sections import CalibratedSensor
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
+
+    from .building import Builder
+
+__all__ = ["LoopRequest", "loop_request"]
+
+_DISTANCES: Final = 65  # at which the stability of an encounter is looked at, contact and start included
+_PLANTS: Final[dict[str, type[PlantModel]]] = {
+    "ideal": IdealPlant,
+    "impedance": ImpedancePlant,
+    "position": PositionPlant,
+}
+_CONTACTS: Final[dict[str, type[ContactModel]]] = {"hunt-crossley": HuntCrossley, "spring-damper": SpringDamper}
+_NEEDED: Final = {"chain": 'part = "VCNL4010" or rate = "250 Hz"', "controller": 'rate = "1 kHz"'}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopRequest:
+    """The sampled loop of a scenario file, and what is asked of it.
+
+    Args:
+        loop: the loop without its encounter; its law has the gain of the file, or 0 where that names none.
+        gain: the gain to be checked [N s]; None for the one that is designed.
+        runs: how often an encounter is repeated.
+        part: the sensor part that the chain starts from, where the file names one.
+        stability_margin: by how much the gain must be able to grow until the loop is unstable; None: not asked for.
+    """
+
+    loop: ClosedLoop
+    gain: float | None
+    runs: int
+    part: SensorPart | None
+    stability_margin: float | None
+
+    def seeded(self, seed: int | None) -> ClosedLoop:
+        """Return the loop with another seed of its noise; None: as it is."""
+        return self.loop if seed is None else replace(self.loop, seed=seed)
+
+    def stability_limit(self, scenario: Scenario, sensor: SensorModel) -> GainLimit:
+        """Find the strongest stable gain at the distances that an encounter passes, from its start to contact.
+
+        Args:
+            scenario: the encounter.
+            sensor: the sensor curve.
+
+        Returns:
+            The limit; some milliseconds of work.
+        """
+        controller = cast("Controller", self.loop.law)  # a file has no other law
+        return gain_limit(
+            sensor,
+            scenario.admittance,
+            timing_of(self.loop.chain, controller),
+            distance=np.linspace(0.0, float(scenario.distance), _DISTANCES),
+            plant=self.loop.plant,
+        )
+
+    def stable_bounds(
+        self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel
+    ) -> tuple[float, float]:
+        """Cut the bounds of the gain so that it keeps the margin to instability that is asked for.
+
+        Args:
+            bounds: gains D_p [N s].
+            scenario: the encounter.
+            sensor: the sensor curve.
+
+        Returns:
+            The bounds [N s]; as they are where no margin is asked for.
+
+        Raises:
+            InvalidInputError: nothing is left of them.
+        """
+        margin = self.stability_margin
+        if margin is None:
+            return bounds
+        strongest = self.stability_limit(scenario, sensor).strongest / margin
+        low, high = max(bounds[0], strongest), min(bounds[1], -strongest)
+        if not low < high:
+            raise InvalidInputError(
+                f"stability_margin: found {margin:g}, which allows gains up to {strongest:.4g} N*s, but [gain] has "
+                f"bounds from {bounds[0]:g} to {bounds[1]:g} N*s, expected a smaller margin, weaker gains, a faster "
+                "sensor or a larger virtual mass"
+            )
+        return low, high
+
+
+def loop_request(
+    builder: Builder,
+    *,
+    scenario: Scenario | None,
+    sensor: SensorModel | None,
+    calibration: CalibrationReport | None,
+) -> LoopRequest | None:
+    """Build the loop; what contradicts itself becomes a mistake of the builder.
+
+    Args:
+        builder: the builder of the file.
+        scenario: the encounter; None where it has mistakes.
+        sensor: the sensor; None where it has mistakes.
+        calibration: the report of its fit, where it was fitted.
+
+    Returns:
+        The request; None where it has mistakes.
+    """
+    _refuse_a_part_alone(builder)
+    plant, contact = _plant(builder), _contact(builder)
+    asked = cast("LoopSection", builder.sections.get("loop", LoopSection()))
+    if asked.stability_margin is not None and any(builder.freedom()):
+        builder.refuse(
+            ("loop", "stability_margin"),
+            "found a margin beside an admittance that is to be chosen, expected [admittance] without bounds: "
+            "the limit of stability belongs to one admittance",
+        )
+    if calibration is None and isinstance(builder.sections.get("sensor"), CalibratedSensor):
+        return None  # the fit failed, and noise and offset with it
+    part = _part(builder)
+    refuse_mixed_units(builder, part, calibration)
+    chain = _chain(builder, part, calibration)
+    section = builder.sections.get("controller")
+    if chain is None or scenario is None or not isinstance(section, ControllerSection):
+        return None
+    controller = controller_of(builder, section, chain, scenario, isinstance(plant, PositionPlant))
+    if controller is None or plant is None:
+        return None
+    if sensor is not None:
+        refuse_a_curve_below_the_floor(builder, sensor, controller.conditioning, part)
+    return LoopRequest(
+        loop=ClosedLoop(
+            law=controller,
+            chain=chain,
+            plant=plant,
+            contact=contact,
+            seed=asked.seed,
+            horizon=asked.horizon,
+            follow=asked.follow,
+        ),
+        gain=section.gain,
+        runs=asked.runs,
+        part=part,
+        stability_margin=asked.stability_margin,
+    )
+
+
+def _refuse_a_part_alone(builder: Builder) -> None:
+    """A loop has a chain and a controller; all else of it may be left out."""
+    data, meant = builder.document.data, _meant(builder)
+    first = next(name for name in LOOP_SECTIONS if name in data)
+    for name, keys in _NEEDED.items():
+        if name not in data and name not in meant:
+            builder.refuse((first,), f"found no [{name}] beside it, expected [{name}] with {keys}")
+
+
+def _meant(builder: Builder) -> set[str | None]:
+    """Return the sections that misspelt ones are taken for, which are mistakes already."""
+    return {nearest(name, tuple(SECTIONS)) for name in builder.document.data if name not in SECTIONS}
+
+
+def _plant(builder: Builder) -> PlantModel | None:
+    """Build the robot; None where it has a mistake."""
+    if "robot" not in builder.document.data:
+        return IdealPlant()
+    section = builder.sections.get("robot")
+    if not isinstance(section, RobotSection):
+        return None
+
+    def make() -> PlantModel:
+        plant = _PLANTS[section.kind](**section.model_dump(exclude={"kind"}))
+        plant.coefficients()  # its checks of what does not go together
+        return plant
+
+    return builder.attempt("robot", make)
+
+
+def _contact(builder: Builder) -> ContactModel | None:
+    """Build the contact; None where the file has none, or a mistake in it."""
+    section = builder.sections.get("contact")
+    robot = builder.document.data.get("robot", {} if "robot" in _meant(builder) else {"kind": "ideal"})
+    if "contact" in builder.document.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
+        builder.refuse(
+            ("contact",),
+            "found a contact of an ideal robot, which has no mass that a force could act on, expected [robot] with "
+            'kind = "impedance" or kind = "position"',
+        )
+    if not isinstance(section, ContactSection):
+        return None
+    kind = _CONTACTS[section.kind]
+    return builder.attempt("contact", lambda: kind(**section.model_dump(exclude={"kind"})))
+
+
+def _part(builder: Builder) -> SensorPart | None:
+    section = builder.sections.get("chain")
+    name = section.part if isinstance(section, ChainSection) else None
+    if name is not None and name not in PARTS:
+        builder.refuse(("chain", "part"), f'found "{name}", {one_of(name, tuple(PARTS))}')
+    return PARTS.get(name or "")
+
+
+def _chain(builder: Builder, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
+    """Build the chain: what the file says, then what the calibration knows, then what the part has."""
+    section = builder.sections.get("chain")
+    if not isinstance(section, ChainSection) or (section.part is not None and part is None):
+        return None
+    given: dict[str, Any] = section.model_dump(exclude_none=True, exclude={"part", "phase"})
+    known = {} if part is None else {f.name: getattr(part.chain, f.name) for f in fields(SensorChain)}
+    known |= _fitted(calibration, given.get("rate", known.get("rate"))) | given
+    random = isinstance(section.phase, str)
+    known |= {"random_phase": random, "phase": 0.0 if random else section.phase}
+    return builder.attempt("chain", lambda: SensorChain(**known))
+
+
+def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float]:
+    """Return what a calibration tells of a chain; steps and saturation only where it has found them."""
+    if calibration is None or calibration.best is None:
+        return {}
+    chain = chain_of_fit(calibration.best, rate=rate)
+    found = {"noise": chain.noise, "relative_noise": chain.relative_noise, "offset": chain.offset}
+    if chain.resolution > 0:
+        found["resolution"] = chain.resolution
+    return found | ({"highest": chain.highest} if np.isfinite(chain.highest) else {})

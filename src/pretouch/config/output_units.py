@@ -1,0 +1,93 @@
+"""One file stays with one unit of sensor outputs: volts and counts have no common scale, and noise has that of xi."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+from pretouch._core.errors import UnitError
+from pretouch._core.units import to_si
+
+from .positions import KeyPath
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
+    from pretouch.simulation import SensorPart
+
+    from .building import Builder
+
+__all__ = ["refuse_mixed_units"]
+
+_OUTPUTS: Final = {
+    "chain": ("noise", "offset", "crosstalk", "drift", "lowest", "highest", "resolution"),
+    "controller": ("floor", "offset", "saturation"),
+}
+
+
+def refuse_mixed_units(builder: Builder, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
+    """Refuse a part and outputs of the loop in another unit than the sensor's; bare numbers are in whichever it is.
+
+    Args:
+        builder: the builder of the file.
+        part: the sensor part, where the file names one.
+        calibration: the report of the fit, where the sensor was fitted.
+    """
+    path, unit = _of_sensor(builder, calibration)
+    if part is not None and unit and part.unit not in {"", unit}:
+        builder.refuse(
+            ("chain", "part"),
+            f"found a part that reports {part.unit} beside a sensor in {unit} ({_named(builder, path)}), "
+            f"expected one unit in the file: give the curve in {part.unit}, or choose a part that reports {unit}",
+        )
+        return
+    if part is not None and not unit:
+        path, unit = ("chain", "part"), part.unit
+    for key, found, other in _given(builder):
+        if not unit:
+            path, unit = key, other
+        elif other != unit:
+            builder.refuse(key, f'found "{found}", expected {unit}, the unit of {_named(builder, path)}')
+
+
+def _of_sensor(builder: Builder, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
+    """Return where the unit of the sensor stands, and the unit; empty where its outputs are bare."""
+    if calibration is not None:
+        return ("sensor", "calibration"), calibration.calibration.unit
+    sensor = builder.document.data["sensor"] if "sensor" in builder.sections else {}
+    if "outputs" in sensor:
+        units = [_unit_of(output) for output in sensor["outputs"]]
+        return ("sensor", "outputs"), next(filter(None, units), "")
+    return ("sensor", "scale"), _unit_of(sensor.get("scale"))
+
+
+def _given(builder: Builder) -> Iterator[tuple[KeyPath, str, str]]:
+    """Return the outputs of the loop that name a unit, with their places and units."""
+    for section, keys in _OUTPUTS.items():
+        found = builder.document.data.get(section, {})
+        for key in found if section in builder.sections else ():
+            unit = _unit_of(found[key]) if key in keys else ""
+            if unit:
+                yield (section, key), found[key], unit
+
+
+def _unit_of(value: Any) -> str:
+    """Return V or counts where a value names it; empty where it is bare or no output."""
+    if not isinstance(value, str):
+        return ""
+    for unit, like in (("", ("", "1/s")), ("V", ("V", "V/s")), ("counts", ("counts", "counts/s"))):
+        if any(_is(value, one) for one in like):
+            return unit
+    return ""
+
+
+def _is(value: str, unit: str) -> bool:
+    try:
+        to_si(value, unit, name="")
+    except (UnitError, ArithmeticError):
+        return False
+    return True
+
+
+def _named(builder: Builder, path: KeyPath) -> str:
+    line = builder.document.lines.get(path)
+    return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")

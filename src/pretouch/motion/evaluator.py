@@ -1,0 +1,40 @@
+"""What solves encounters in the place of `find_contact`: the sampled loop, or a function of the user's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, TypeAlias, runtime_checkable
+
+from pretouch.sensors import SensorModel
+
+from .contact import ContactResult
+from .scenario import Scenario
+
+__all__ = ["Evaluator", "NoisyEvaluator", "with_noise_after"]
+
+Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
+"""From encounters, their sensor and gains [N s], which broadcast, to what they come to."""
+
+
+@runtime_checkable
+class NoisyEvaluator(Protocol):
+    """An evaluator with noise by number: its i-th encounter meets the noise of run i, whatever the gain."""
+
+    def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
+        """Solve encounters."""
+
+    def after(self, runs: int) -> NoisyEvaluator:
+        """Return the same evaluator, whose first encounter meets the noise of a later run."""
+
+
+def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
+    """Skip the noise of some runs.
+
+    Args:
+        evaluator: solves encounters.
+        runs: how many runs.
+
+    Returns:
+        The evaluator that goes on from there; one without numbered noise is returned as it is.
+    """
+    return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator

@@ -1,0 +1,71 @@
+"""Panels that show in which share of runs a quantity stays below a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+
+from .panels import Curve, Mark, Panel
+from .style import Scale
+
+__all__ = ["share_panel"]
+
+_MOST: Final = 400  # points of a curve: closer than a pixel
+_AIR: Final = 1.04
+_TOP: Final = 104.0  # percent, so that the line at 100 % is seen
+
+
+def share_panel(
+    columns: Sequence[tuple[str, int, FloatArray]],
+    label: str,
+    scale: Scale,
+    *,
+    marks: Sequence[Mark] = (),
+    positions: Mapping[str, float] | None = None,
+    levels: Mapping[str, float] | None = None,
+) -> Panel:
+    """Draw in which share of the runs a quantity stays below a value, as a staircase through every run.
+
+    Args:
+        columns: name, place in the palette and values in SI of each curve; a run without a value is NaN, and its
+            curve stays below 100 %; one curve at least has a value.
+        label: of the quantity, without its unit.
+        scale: the unit in which it is shown.
+        marks: points that stand out, in that unit and in percent.
+        positions: vertical reference lines: name to SI value.
+        levels: horizontal reference lines: name to percent.
+
+    Returns:
+        The panel.
+    """
+    lines = {name: at / scale.factor for name, at in (positions or {}).items()}
+    largest = [float(np.nanmax(values)) / scale.factor for _, _, values in columns if np.isfinite(values).any()]
+    end = _AIR * max(*largest, *(mark.x for mark in marks), *lines.values(), 0.0)
+    return Panel(
+        x_label=f"{label} [{scale.unit}]",
+        y_label="share of runs below [%]",
+        curves=[_share_curve(name, style, values / scale.factor, end) for name, style, values in columns],
+        marks=marks,
+        positions=lines,
+        levels=levels or {},
+        x_limits=(0.0, end) if end > 0 else None,  # from zero on: a spread is judged beside what it spreads of
+        y_limits=(0.0, _TOP),
+    )
+
+
+def _share_curve(name: str, style: int, values: FloatArray, end: float) -> Curve:
+    """Return the staircase: after the k-th of n ordered values the share is k / n, and less than 1 after the last."""
+    ordered = np.sort(values[np.isfinite(values)])
+    if not len(ordered):
+        return Curve(x=[0.0, end], y=[0.0, 0.0], label=name, style=style)
+    place = np.unique(np.linspace(0, len(ordered) - 1, min(len(ordered), _MOST)).round().astype(int))
+    after = 100 * (place + 1) / len(values)
+    before = np.concatenate([[0.0], after[:-1]])
+    x, y = np.repeat(ordered[place], 2), np.column_stack([before, after]).ravel()
+    if len(ordered) < len(values):  # those without a value are above any
+        x, y = np.append(x, end), np.append(y, y[-1])
+    return Curve(x=x, y=y, label=name, style=style)

@@ -1,0 +1,244 @@
+"""The pictures of what the runs of a verdict come to: shares of runs, and two runs beside the prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import FloatArray
+from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch.motion import ContactResult, solve_motion
+from pretouch.simulation import SimulationResult
+from pretouch.verification import LimitCheck, Verdict
+from pretouch.verification.simulated import simulated_quantity
+
+from .panels import Curve, Mark, Panel, panel_figure
+from .share_panels import share_panel
+from .style import Scale, scale_for
+from .wording import quantity_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["verdict_figure", "verdict_run_figure"]
+
+_WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # places in the palette: the same looks the same in every picture
+_NOTHING: Final = 1e-6  # of the largest value shown: a curve of such values says nothing
+_MOST: Final = 900  # points of a curve: about two per pixel
+_LONGEST: Final = 2.0  # times the predicted contact, up to where a run without contact is shown
+_LABELS: Final = {
+    "relative_velocity": "speed at contact |l\u2032|",
+    "impact_force": "impact force",
+    "peak_force": "largest contact force",
+    "largest_excursion": "largest excursion |x \u2212 x_d|",
+    "largest_speed": "largest robot speed |x\u2032|",
+    "time": "time of contact",
+}
+
+
+def verdict_figure(verdict: Verdict) -> Figure:
+    """Draw what the runs of a verdict come to, beside what was predicted and what is allowed.
+
+    Args:
+        verdict: a verdict with a gain.
+
+    Returns:
+        A panel for each of speed at contact, contact force where it is simulated, largest excursion, time of contact,
+        and any other quantity that is limited: the share of the runs in which it stays below a value, with and without
+        mitigation on the loop. Rings: predicted values. Dotted: limits, and the share that is required of them.
+
+    Raises:
+        ResultUnavailableError: there is no gain, or no run comes to a contact.
+    """
+    if verdict.mitigated is None or verdict.unmitigated is None:
+        raise ResultUnavailableError("verdict: there is no gain, so that nothing was run")
+    panels = [_outcome_panel(verdict, name) for name in _quantities(verdict)]
+    shown = [panel for panel in panels if panel is not None]
+    if not shown:
+        raise ResultUnavailableError("verdict: no run comes to a contact, so there is nothing to draw")
+    return panel_figure(*shown, height=2.75)
+
+
+def _quantities(verdict: Verdict) -> list[str]:
+    """Return what is drawn: what an engineer asks first, and what is limited beside."""
+    compared = [c.name for c in verdict.comparisons]
+    forces = [name for name in ("impact_force", "peak_force") if name in compared]
+    names = ["relative_velocity", *forces, "largest_excursion", "time"]
+    names += [c.required.constraint.quantity for c in verdict.limits if c.held is not None and c.name != "gain"]
+    found = list(dict.fromkeys(names))
+    return found if len(found) % 2 == 0 else list(dict.fromkeys([*found, "largest_speed"]))
+
+
+def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
+    """Draw one quantity; None where no run has a value. Where no mitigation leaves it at nothing, that is not drawn."""
+    columns = [
+        ("without mitigation", _WITHOUT, _magnitudes(verdict, name, verdict.unmitigated, 0.0)),
+        ("with the gain", _WITH, _magnitudes(verdict, name, verdict.mitigated, verdict.gain)),
+    ]
+    known = [values[np.isfinite(values)] for _, _, values in columns]
+    largest = max((float(values.max()) for values in known if len(values)), default=None)
+    if largest is None:
+        return None
+    limit = _limit_of(verdict, name)
+    whole = largest if limit is None else max(largest, limit.limit)
+    scale = scale_for(QUANTITY_UNITS.get(name, "N"), whole)
+    something = [not len(values) or float(values.max()) > _NOTHING * whole for values in known]
+    kept = [c for c, shown in zip(columns, something, strict=True) if shown] or columns
+    drawn = {style for _, style, _ in kept}
+    return share_panel(
+        kept,
+        _LABELS.get(name, quantity_label(name)),
+        scale,
+        marks=[m for m in _predictions(verdict, name, scale) if m.style in drawn],
+        positions={} if limit is None else {"limit": limit.limit},
+        levels={}
+        if limit is None or limit.required.probability == 1
+        else {"required": 100 * limit.required.probability},
+    )
+
+
+def _limit_of(verdict: Verdict, name: str) -> LimitCheck | None:
+    return next((c for c in verdict.limits if c.required.constraint.quantity == name), None)
+
+
+def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, gain: float | None) -> FloatArray:
+    """Return |quantity| of every run, NaN without contact or where it is not simulated."""
+    if result is None or gain is None:
+        return np.empty(0)
+    if name == "peak_force":
+        found: Any = result.peak_force
+    else:
+        found = simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact)
+    if found is None:
+        return np.full(result.shape, np.nan)
+    values = np.abs(np.asarray(found, dtype=np.float64))
+    return np.where(result.touched & np.isfinite(values), values, np.nan)
+
+
+def _predictions(verdict: Verdict, name: str, scale: Scale) -> Iterator[Mark]:
+    """Yield the predicted values, at half of the runs: beside the median a prediction is right or wrong."""
+    compared = verdict.comparison(name)
+    check = _limit_of(verdict, name)
+    if compared is not None:
+        values = (compared.predicted, compared.predicted_unmitigated)
+    else:
+        values = (None if check is None else check.predicted, None)
+    for value, style in zip(values, (_WITH, _WITHOUT), strict=True):
+        if value is not None:
+            label = "predicted" if style == _WITH else ""
+            yield Mark(x=value / scale.factor, y=50.0, label=label, style=style, shape="ring")
+
+
+class _Shown(NamedTuple):
+    """One course: its name, its look, time, distance and relative velocity, and whether it ends in contact."""
+
+    label: str
+    style: int
+    shape: Literal["dot", "ring", "square"]
+    time: FloatArray
+    distance: FloatArray
+    relative_velocity: FloatArray
+    touched: bool
+
+
+def verdict_run_figure(verdict: Verdict) -> Figure:
+    """Draw the median and the worst run, by their speed at contact, beside the prediction.
+
+    Args:
+        verdict: a verdict with a gain.
+
+    Returns:
+        Two panels over time until contact: distance and relative velocity. Where no run comes to a contact, the first
+        one stands for all.
+
+    Raises:
+        ResultUnavailableError: there is no gain.
+    """
+    if verdict.gain is None or verdict.mitigated is None or verdict.predicted is None:
+        raise ResultUnavailableError("verdict: there is no gain, so that nothing was run")
+    end = _shown_until(verdict, verdict.mitigated, verdict.predicted)
+    shown = [_course(verdict, index, label, style, end) for label, style, index in _chosen_runs(verdict.mitigated)]
+    shown.append(_predicted(verdict, verdict.predicted, verdict.gain, end))
+    clock = scale_for("s", max(float(s.time[-1]) for s in shown))
+    return panel_figure(
+        _course_panel(shown, "distance", ("distance l", "m"), clock),
+        _course_panel(shown, "relative_velocity", ("relative velocity l\u2032", "m/s"), clock),
+        height=2.75,
+    )
+
+
+def _chosen_runs(result: SimulationResult) -> list[tuple[str, int, int]]:
+    """Return the runs that are drawn: name, look and number; the worst one below, for it is not the one to trust."""
+    touched = np.flatnonzero(result.touched)
+    if not len(touched):
+        return [("first run", _WITH, 0)]
+    speed = np.abs(np.asarray(result.relative_velocity)[touched])
+    order = touched[np.argsort(speed, kind="stable")]
+    median, worst = int(order[(len(order) - 1) // 2]), int(order[-1])
+    if np.ptp(speed) <= 1e-9 * speed.max():
+        return [("run on the loop" if result.shape == (1,) else "each run", _WITH, median)]
+    return [("worst run", _WORST, worst), ("median run", _WITH, median)]
+
+
+def _shown_until(verdict: Verdict, result: SimulationResult, predicted: ContactResult) -> float:
+    """Return up to when runs without contact are shown [s]."""
+    distance, speed = float(verdict.scenario.distance), abs(float(verdict.scenario.relative_velocity))
+    known = [distance / speed] if speed > 0 else []
+    known += [float(predicted.end.time)] if predicted.reached.all() else []
+    known += [float(np.nanmax(result.time))] if result.touched.any() else []
+    return min(_LONGEST * max(known, default=verdict.loop.horizon), verdict.loop.horizon)
+
+
+def _course(verdict: Verdict, index: int, label: str, style: int, end: float) -> _Shown:
+    """Return a run until its first contact, of which the loop knows the instant between two steps of the law."""
+    result: Any = verdict.mitigated
+    trace, touched = result.trace(index), bool(result.touched[index])
+    kept = trace.time < (result.time[index] if touched else end)
+    time, obstacle = trace.time[kept], trace.obstacle_position[kept]
+    moved = np.gradient(obstacle, time) if len(time) > 1 else np.full(len(time), np.nan)  # the obstacle is given
+    columns = [time, trace.distance[kept], moved - trace.velocity[kept]]
+    if touched:
+        last = (result.time[index], 0.0, result.relative_velocity[index])
+        columns = [np.append(column, value) for column, value in zip(columns, last, strict=True)]
+    few = np.unique(np.linspace(0, len(columns[0]) - 1, min(len(columns[0]), _MOST)).round().astype(int))
+    time, distance, velocity = (column[few] for column in columns)
+    return _Shown(label, style, "dot", time, distance, velocity, touched)
+
+
+def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: float) -> _Shown:
+    touched = bool(predicted.reached.all())
+    until = float(predicted.end.time) * (1 + 1e-6) if touched else end
+    motion = solve_motion(
+        verdict.scenario, verdict.sensor, gain, method=predicted.method, horizon=until, samples=_MOST // 2
+    )
+    time, distance, velocity = (np.asarray(c) for c in (motion.time, motion.distance, motion.relative_velocity))
+    return _Shown("predicted", _PREDICTED, "ring", time, distance, velocity, touched)
+
+
+def _course_panel(shown: list[_Shown], name: str, label: tuple[str, str], clock: Scale) -> Panel:
+    """Draw one quantity over time, each course to its contact; the names stand in the first panel."""
+    values: list[FloatArray] = [getattr(s, name) for s in shown]
+    scale = scale_for(label[1], max(float(np.nanmax(np.abs(v))) for v in values))
+    first = name == "distance"
+    return Panel(
+        x_label=f"time [{clock.unit}]",
+        y_label=f"{label[0]} [{scale.unit}]",
+        curves=[
+            Curve(x=s.time / clock.factor, y=v / scale.factor, label=s.label if first else "", style=s.style)
+            for s, v in zip(shown, values, strict=True)
+        ],
+        marks=[
+            Mark(
+                x=float(s.time[-1]) / clock.factor,
+                y=float(v[-1]) / scale.factor,
+                label="" if first else scale.text(float(v[-1])),
+                style=s.style,
+                shape=s.shape,
+            )
+            for s, v in zip(shown, values, strict=True)
+            if s.touched
+        ],
+    )

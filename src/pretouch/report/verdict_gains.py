@@ -1,0 +1,171 @@
+"""The pictures of a verdict over the gain: how strong it may be at each distance, and what it costs on the loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.verification import StabilityCheck, Verdict
+
+from .panels import Curve, Mark, Panel, panel_figure
+from .style import Scale, scale_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["verdict_gain_figure", "verdict_stability_figure"]
+
+_LOOP, _STRONGEST, _MARGIN, _IDEAL = 0, 1, 2, 4  # places in the palette
+_DECADES: Final = 1e3  # times the least stable gain, beyond which a limit is none
+_AROUND: Final = 1.4  # times, beyond what is shown on a logarithmic axis
+_HEADROOM: Final = 6.0  # times the smallest objective, up to where it is shown
+
+
+def verdict_stability_figure(verdict: Verdict) -> Figure:
+    """Draw the strongest stable gain at each distance, and the verified gain.
+
+    Args:
+        verdict: a verdict of which the stability is known.
+
+    Returns:
+        One panel: |D_p| [N s] at which the loop becomes unstable over the distance, half of it (a margin of 2), and
+        the verified gain.
+
+    Raises:
+        ResultUnavailableError: the stability is not known, or no gain is unstable.
+    """
+    check = verdict.stability
+    if check is None or verdict.gain is None or not math.isfinite(check.strongest):
+        raise ResultUnavailableError("stability: no strongest stable gain is known of this loop")
+    strongest = np.abs(check.limit.gain)
+    shown = np.where(strongest <= _DECADES * abs(check.strongest), strongest, np.nan)
+    scale = scale_for("m", float(check.limit.distance[np.isfinite(shown)].max()))
+    distance = check.limit.distance / scale.factor
+    own = abs(verdict.gain)
+    ends = [float(np.nanmin(shown)) / 2, float(np.nanmax(shown)), *([own] if own > 0 else [])]
+    curves = [
+        Curve(x=distance, y=shown, label="unstable above", style=_STRONGEST),
+        Curve(x=distance, y=shown / 2, label="margin of 2", style=_MARGIN),
+    ]
+    if own > 0:
+        curves.append(Curve(x=distance, y=np.full(len(distance), own), label="verified gain", style=_LOOP))
+    panel = Panel(
+        x_label=f"distance l [{scale.unit}]",
+        y_label="virtual force gain |D\u209a| [N s]",
+        curves=curves,
+        marks=[_weakest_place(check, scale)],
+        y_log=True,
+        y_limits=(min(ends) / _AROUND, max(ends) * _AROUND),
+    )
+    return panel_figure(panel)
+
+
+def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
+    text = f"{abs(check.strongest):.4g} N s"
+    return Mark(x=check.critical_distance / scale.factor, y=abs(check.strongest), label=text, style=_STRONGEST)
+
+
+def verdict_gain_figure(verdict: Verdict) -> Figure:
+    """Draw the objective over the gain, in the ideal world and on the loop.
+
+    Args:
+        verdict: a verdict; without a gain, or without changes, the ideal world alone is drawn.
+
+    Returns:
+        One panel: the objective of the nominal encounter in continuous time, and its mean over the runs on the loop;
+        thin and grey where a limit is missed. With the ideal optimum, the verified gain and the best one on the loop,
+        and where the loop becomes unstable.
+
+    Raises:
+        ResultUnavailableError: no gain within the bounds ends in contact.
+    """
+    sign, label, logarithmic = _gain_axis(verdict.design.bounds)
+    parts = [part for part in _objectives(verdict) if np.isfinite(part.objective).any()]
+    if not parts:
+        raise ResultUnavailableError("objective: no gain within the bounds ends in contact")
+    marks = list(_gain_marks(verdict, sign))
+    seen = np.concatenate([part.objective for part in parts])
+    low = float(seen[np.isfinite(seen)].min())
+    highest = max([m.y for m in marks] + [float(np.nanmin(_known(part.objective))) for part in parts])
+    wide = low > 0 and highest > _HEADROOM * low  # what matters lies too far apart for a linear axis
+    top = float(seen[np.isfinite(seen)].max()) if wide else min(float(_known(seen).max()), _HEADROOM * low or 1.0)
+    curves = [curve for part in parts for curve in part.curves(sign, top)]
+    panel = Panel(
+        x_label=label,
+        y_label="objective f [1]",
+        curves=curves,
+        marks=marks,
+        positions=_unstable_from(verdict, sign),
+        x_log=logarithmic,
+        y_log=wide,
+        y_limits=None if wide or not top > 0 else (0.0, 1.06 * max(top, highest)),
+    )
+    return panel_figure(panel)
+
+
+class _Part:
+    """An objective over the gain, and where all limits are kept."""
+
+    def __init__(self, label: str, style: int, gain: FloatArray, objective: FloatArray, kept: BoolArray) -> None:
+        self.label, self.style, self.gain, self.objective, self.kept = label, style, gain, objective, kept
+
+    def curves(self, sign: float, top: float) -> Iterator[Curve]:
+        """Yield the gains that miss a limit thin and grey, and the others in color."""
+        values = np.where(np.isfinite(self.objective) & (self.objective <= 1.02 * top), self.objective, np.nan)
+        kept = np.where(self.kept, values, np.nan)
+        both = np.isfinite(kept).any()
+        if np.isfinite(np.where(self.kept, np.nan, values)).any():
+            name = "" if both else f"{self.label}: limits missed"
+            yield Curve(x=sign * self.gain, y=values, label=name, quiet=True)
+        if both:
+            yield Curve(x=sign * self.gain, y=kept, label=self.label, style=self.style)
+
+
+def _known(values: FloatArray) -> FloatArray:
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _objectives(verdict: Verdict) -> Iterator[_Part]:
+    trade = verdict.design.trade_off
+    yield _Part("ideal", _IDEAL, trade.gain, trade.objective, trade.feasible)
+    if verdict.loss is not None and len(verdict.loss.curve.gain):
+        curve = verdict.loss.curve
+        yield _Part("on the loop", _LOOP, curve.gain, curve.objective, curve.standing >= 1 - 1e-12)
+
+
+def _gain_axis(bounds: tuple[float, float]) -> tuple[float, str, bool]:
+    """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
+    low, high = bounds
+    minus = "\u2212" if high <= 0 else ""
+    return -1.0 if minus else 1.0, f"virtual force gain {minus}D\u209a [N s]", high < 0 or low > 0
+
+
+def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
+    """Yield the gains that matter: the ideal optimum, the verified gain and the best one on the loop."""
+    design, loss = verdict.design, verdict.loss
+    if design.gain is not None and design.objective is not None:
+        text = f"ideal {design.gain:.4g} N s"
+        yield Mark(x=sign * design.gain, y=float(design.objective), label=text, style=_IDEAL, shape="ring")
+    if loss is None or verdict.gain is None:
+        return
+    if loss.loop_gain is not None and loss.loop_objective is not None:
+        text = f"best on the loop {loss.loop_gain:.4g} N s"
+        yield Mark(x=sign * loss.loop_gain, y=loss.loop_objective, label=text, style=_LOOP, shape="ring")
+    logarithmic = _gain_axis(design.bounds)[2]
+    if loss.objective is not None and (not logarithmic or sign * verdict.gain > 0):
+        text = f"verified {verdict.gain:.4g} N s"
+        yield Mark(x=sign * verdict.gain, y=loss.objective, label=text, style=_LOOP)
+
+
+def _unstable_from(verdict: Verdict, sign: float) -> dict[str, float]:
+    """Return where the loop becomes unstable, if that is within the gains that are shown."""
+    check = verdict.stability
+    low, _ = verdict.design.bounds
+    if check is None or not low < check.strongest < 0 or verdict.loss is None:
+        return {}
+    return {"unstable from here": sign * check.strongest}

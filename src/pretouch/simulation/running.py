@@ -1,0 +1,217 @@
+"""The compiled loop on many encounters: what they are made of, their groups, and what is recorded of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray, nonnegative, positive
+from pretouch.motion import Scenario
+from pretouch.motion.parallel import for_stretches
+from pretouch.sensors import SensorModel
+
+from .chain import SensorChain
+from .contact import ContactModel
+from .curve_table import curve_table
+from .kernels.layout import CONTACT_COLUMNS, COURSE_COLUMNS, FIRST_CONTACT, RESULT_COLUMNS, TRACE_COLUMNS
+from .law import SampledLaw
+from .plant import IdealPlant, PlantModel
+from .result import LoopTrace, SimulationResult
+
+__all__ = ["FOLLOW", "HORIZON", "Loop", "check_loop", "result_of", "run_loop", "whole"]
+
+HORIZON: Final = 10.0
+"""How long runs wait for contact where nothing else is said [s]."""
+
+FOLLOW: Final = 0.2
+"""How long runs go on after the first contact where nothing else is said [s]."""
+
+_TOUCHES: Final = 32  # contacts of one run that are told apart
+_COURSE: Final = 8192  # steps in contact that a trace holds: some fifty rebounds
+_FINE: Final = 0.2  # of the shortest time scale of a plant: what Runge-Kutta's method takes at once
+_BEYOND: Final = 4.0  # times the farthest start: from there on a curve without an end is taken to be flat
+_LEAST_STRETCH: Final = 16
+_MOST_STRETCH: Final = 512
+_NO_CONTACT: Final = (0.0, 0.0, 1.0, False, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """All that the runs of a loop are made of, so that any of them can be run again.
+
+    Args:
+        scenario: the encounter, or an array of them.
+        sensor: the sensor curve.
+        laws: the controllers, with one period and one step.
+        law_of: which of them runs each encounter, of the shape of the runs.
+        noise_of: which run's noise each encounter meets, of the shape of the runs.
+        chain: what lies between xi and the law's readings.
+        plant: the robot.
+        contact: the contact force, where given.
+        horizon: how long to wait for contact [s].
+        follow: how long to go on after the first contact [s].
+        seed: of the noise.
+        shape: of the runs.
+    """
+
+    scenario: Scenario
+    sensor: SensorModel
+    laws: tuple[SampledLaw, ...]
+    law_of: IntArray
+    noise_of: IntArray
+    chain: SensorChain
+    plant: PlantModel
+    contact: ContactModel | None
+    horizon: float
+    follow: float
+    seed: int
+    shape: tuple[int, ...]
+
+
+def check_loop(loop: Loop) -> Loop:
+    """Refuse a loop that makes no sense.
+
+    Args:
+        loop: the loop as given.
+
+    Returns:
+        The loop, its numbers checked.
+
+    Raises:
+        InvalidInputError: plant and contact do not go together, or a number makes no sense.
+    """
+    if loop.contact is not None and isinstance(loop.plant, IdealPlant):
+        raise InvalidInputError(
+            "contact: an ideal plant has no mass, so no force follows from its contact; choose an ImpedancePlant or a "
+            "PositionPlant"
+        )
+    return replace(
+        loop,
+        horizon=positive(loop.horizon, "horizon", "s"),
+        follow=nonnegative(loop.follow, "follow", "s") if loop.contact is not None else 0.0,
+        seed=whole(loop.seed, "seed", 0, 2**64 - 1),
+    )
+
+
+def result_of(loop: Loop) -> SimulationResult:
+    """Run all encounters of a loop.
+
+    Args:
+        loop: the loop.
+
+    Returns:
+        What they came to.
+    """
+    shape = loop.shape
+    out, touches, _, _ = run_loop(loop, np.arange(math.prod(shape)))
+    columns = {name: out[:, i].reshape(shape) for i, name in enumerate(RESULT_COLUMNS)}
+    touched = columns["contacts"] > 0
+    for name in FIRST_CONTACT:
+        columns[name] = np.where(touched, columns[name], np.nan)
+    return SimulationResult(columns, touches.reshape(*shape, _TOUCHES, len(CONTACT_COLUMNS)), lambda i: _trace(loop, i))
+
+
+def run_loop(
+    loop: Loop, which: IntArray, rows: int = 0, *, touches: int = _TOUCHES, course_rows: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Run some encounters of a loop, on all cores.
+
+    Args:
+        loop: the loop.
+        which: flat indices of its encounters.
+        rows: of the trace that is asked for; only for a single encounter.
+        touches: how many contacts of each are told apart.
+        course_rows: of the course of its contacts that is asked for.
+
+    Returns:
+        Columns by RESULT_COLUMNS and contacts by CONTACT_COLUMNS of these encounters, the trace by TRACE_COLUMNS, and
+        the course of the contacts by COURSE_COLUMNS.
+    """
+    from pretouch._core.machine_code import compiled  # noqa: PLC0415 - loads Numba
+
+    from .kernels.loop import encounters  # noqa: PLC0415
+
+    scenes, draws = _scenes(loop), loop.noise_of.ravel()
+    law, chain = loop.laws[0], loop.chain
+    reach = _BEYOND * float(np.max(loop.scenario.distance)) + loop.sensor.valid_range[0]
+    table, low, spacing = curve_table(loop.sensor, reach)
+    contact = loop.contact.numbers() if loop.contact else _NO_CONTACT
+    clock = (law.period, _plant_step(loop.plant, law.period), loop.horizon, loop.follow)
+    out = np.zeros((len(scenes), len(RESULT_COLUMNS)))
+    marks = np.full((len(scenes), touches, len(CONTACT_COLUMNS)), np.nan)
+    trace = np.full((rows, len(TRACE_COLUMNS)), np.nan)
+    course = np.full((course_rows, len(COURSE_COLUMNS)), np.nan)
+    run, plant = compiled(encounters, step=law.step), loop.plant.coefficients()
+    curve = (table, low, spacing, loop.sensor.valid_range[1])
+    numbers = chain.numbers(loop.sensor.valid_range[1])
+    groups, order, ends = _groups(loop, scenes, which)
+
+    def stretch(start: int, end: int) -> None:
+        place = start
+        for i in range(int(np.searchsorted(ends, start, side="right")), len(ends)):
+            some = order[place : min(int(ends[i]), end)]
+            run(
+                *(*groups[i], scenes, plant, contact, numbers, curve, clock, np.uint64(loop.seed), some, draws),
+                *(out, marks, trace, course),
+            )
+            place += len(some)
+            if place >= end:
+                break
+
+    for_stretches(stretch, len(order), least=_LEAST_STRETCH, most=_MOST_STRETCH)
+    return out[which], marks[which], trace, course
+
+
+def _scenes(loop: Loop) -> FloatArray:
+    s = loop.scenario
+    columns = (
+        *(s.plant.position, s.plant.velocity, s.obstacle.position, s.obstacle.velocity, s.obstacle.acceleration),
+        *(s.reference.position, s.reference.velocity, s.reference.acceleration),
+    )
+    return np.stack([np.broadcast_to(c, loop.shape).ravel() for c in columns], axis=-1).astype(np.float64)
+
+
+def _groups(loop: Loop, scenes: FloatArray, which: IntArray) -> tuple[list[tuple[Any, Any]], IntArray, IntArray]:
+    """Gather encounters of one law that start alike.
+
+    Returns:
+        Parameters and first state of each group, the encounters of all groups in a row, and where each ends there.
+    """
+    law_of = loop.law_of.ravel()[which]
+    starts = np.column_stack([law_of, scenes[which][:, (0, 1)] - scenes[which][:, (5, 6)]])
+    unique, place = np.unique(starts, axis=0, return_inverse=True)
+    order = which[np.argsort(place.ravel(), kind="stable")]
+    ends = np.cumsum(np.bincount(place.ravel(), minlength=len(unique)))
+    parameters = {int(i): loop.laws[int(i)].parameters() for i in np.unique(law_of)}
+    groups = [(parameters[int(i)], loop.laws[int(i)].start(position=float(x), velocity=float(v))) for i, x, v in unique]
+    return groups, order, ends
+
+
+def _plant_step(plant: PlantModel, period: float) -> float:
+    mass, stiffness, _, own, _, servo, coulomb, friction_speed = plant.coefficients()
+    if mass == 0:
+        return period
+    # the slope of the friction at rest is the fastest of all, and needs no more than stability
+    friction = coulomb / friction_speed / mass / 8
+    fastest = max(math.sqrt(stiffness / mass), own / mass, servo, friction)
+    return period / max(math.ceil(period * fastest / _FINE), 1)
+
+
+def whole(value: Any, name: str, least: int, most: int) -> int:
+    """Return a whole number, or refuse what is none or out of range."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+        raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}")
+    return int(value)
+
+
+def _trace(loop: Loop, index: int) -> LoopTrace:
+    rows = math.ceil(loop.horizon / loop.laws[0].period - 1e-9)
+    course_rows = _COURSE if loop.contact else 0
+    _, touches, trace, course = run_loop(loop, np.array([index]), rows, course_rows=course_rows)
+    trace, course = (part[~np.isnan(part[:, 0])] for part in (trace, course))
+    columns = {name: np.ascontiguousarray(trace[:, i]) for i, name in enumerate(TRACE_COLUMNS)}
+    return LoopTrace(**columns, contacts=touches[0][~np.isnan(touches[0][:, 0])], contact_course=course)

@@ -1,0 +1,168 @@
+"""What to look at beside the verdict: what the controller reported in the runs, and what may go wrong unseen."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.units import format_quantity
+from pretouch.control import Controller, Status
+from pretouch.design import GainDesign
+from pretouch.design.robust.wording import share_in_words
+from pretouch.design.summary import headline as design_headline
+from pretouch.motion import Scenario
+from pretouch.simulation import ClosedLoop, SimulationResult
+
+from .draws import Draws
+from .parts import Comparison
+
+__all__ = ["cautions_of"]
+
+_LATE: Final = 0.95  # of the distance at the start: nearer, a first detection is late
+_FORCE_APART: Final = 1.25  # times: beyond, a predicted impact force is another thing than the simulated one
+_TRACED: Final = 8  # runs, whose steps are looked at one by one
+_FLAGS: Final = {
+    Status.SATURATED: "the sensor was saturated",
+    Status.INVALID: "readings were no numbers, too old or out of order",
+    Status.IMPLAUSIBLE: "readings changed faster than any approach that was allowed for",
+    Status.LOST: "the sensor was lost",
+    Status.FORCE_LIMITED: "the virtual force was limited",
+    Status.MOTION_LIMITED: "the motion was limited",
+    Status.INPUT_FAULT: "contact force or reference were no numbers",
+}
+
+
+def cautions_of(
+    loop: ClosedLoop,
+    draws: Draws,
+    result: SimulationResult,
+    comparisons: tuple[Comparison, ...],
+    design: GainDesign,
+) -> tuple[str, ...]:
+    """Collect what to look at.
+
+    Args:
+        loop: the loop.
+        draws: the encounters.
+        result: the runs with mitigation.
+        comparisons: predicted and simulated quantities.
+        design: the ideal design.
+
+    Returns:
+        Sentences.
+    """
+    said = [
+        "" if design.gain is not None else f"The ideal design has no gain. {design_headline(design)}",
+        _other_admittance(loop, draws.scenario),
+        _recession(loop),
+        *_detection(loop, draws, result),
+        _impact(comparisons),
+        *_reported(loop, result),
+    ]
+    return tuple(text for text in said if text)
+
+
+def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> str:
+    own: Any = getattr(loop.law, "admittance", None)
+    a = scenario.admittance
+    if own is None or all(
+        np.allclose(getattr(own, name), getattr(a, name), rtol=1e-9, atol=1e-12)
+        for name in ("mass", "damping", "stiffness")
+    ):
+        return ""
+    return (
+        f"The controller's virtual mass, damping and stiffness ({own.mass:g} kg, {own.damping:g} N s/m, "
+        f"{own.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
+        f"{a.stiffness:g} N/m)."
+    )
+
+
+def _recession(loop: ClosedLoop) -> str:
+    law, chain = loop.law, loop.chain
+    if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
+        return ""
+    falls = chain.lowest <= law.conditioning.offset + law.conditioning.floor
+    if not (chain.dropout > 0 or falls):
+        return ""
+    return (
+        "largest_rate is not set: a cable that breaks reads 0, which looks like an object that recedes at once, and "
+        "the robot leaps after it. No run here has such a fault."
+    )
+
+
+def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> list[str]:
+    seen = np.isfinite(result.detection_time)
+    said = []
+    if not seen.all():
+        said.append(f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs.")
+    s = draws.scenarios
+    free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
+    if not (seen.any() and free):
+        return said
+    # until it is detected nothing acts: the robot goes on with its reference
+    t = np.asarray(result.detection_time)
+    velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
+    acceleration = np.asarray(s.obstacle.acceleration) - s.reference.acceleration
+    distance = (draws.distance + t * (velocity + 0.5 * acceleration * t))[seen]
+    start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
+    if distance.mean() < _LATE * start:
+        said.append(
+            f"The object is first detected {format_quantity(late, 's')} after the start on average, at "
+            f"{format_quantity(float(distance.mean()), 'm')} instead of {format_quantity(start, 'm')}: "
+            f"{_why_late(loop, late)}."
+        )
+    return said
+
+
+def _why_late(loop: ClosedLoop, late: float) -> str:
+    chain = loop.chain
+    phase = chain.period / 2 if chain.random_phase else chain.phase
+    if late <= phase + chain.exposure + chain.delay + loop.law.period:
+        return "no reading can be had before, for the sensor is that slow"
+    return "farther away, what it reads is not above the floor"
+
+
+def _impact(comparisons: tuple[Comparison, ...]) -> str:
+    force = next((c for c in comparisons if c.name == "impact_force"), None)
+    if force is None or not force.predicted or force.simulated is None:
+        return ""
+    times = force.simulated.mean / force.predicted
+    if 1 / _FORCE_APART < times < _FORCE_APART:
+        return ""
+    why = (
+        "the robot's drive and the obstacle push on while the bodies are in contact"
+        if times > 1
+        else "the contact loses energy, or the robot gives way while it lasts"
+    )
+    return f"The simulated impact force is {times:.3g} times the predicted one, which is elastic: {why}."
+
+
+def _reported(loop: ClosedLoop, result: SimulationResult) -> list[str]:
+    if not isinstance(loop.law, Controller):  # what another law reports is its own
+        return []
+    said = []
+    for flag, text in _FLAGS.items():
+        share = float(np.mean((np.asarray(result.flags) & int(flag)) != 0))
+        if share > 0:
+            said.append(f"In {_percent(share)} of the runs {text}.")
+    stale = _stale(result)
+    if stale > 0:
+        said.append(
+            f"While an object was detected, no reading that was due could be used in {_percent(stale)} of the steps."
+        )
+    return said
+
+
+def _stale(result: SimulationResult) -> float:
+    """Return the share of steps without a reading that was due; before the first one, all are, and none counts."""
+    late = count = 0
+    for i in range(min(result.shape[0], _TRACED)):
+        flags = result.trace(i).flags.astype(np.int64)
+        flags = flags[np.maximum.accumulate((flags & int(Status.DETECTING)) != 0)]
+        late, count = late + int(((flags & int(Status.STALE)) != 0).sum()), count + len(flags)
+    return late / count if count else 0.0
+
+
+def _percent(share: float) -> str:
+    return share_in_words(share) if share >= 1e-4 else "less than 0.01 %"

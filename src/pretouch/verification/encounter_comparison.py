@@ -1,0 +1,304 @@
+"""What a run of the loop is asked: its numbers beside the predicted ones, its contacts, its flags, and what it saw."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch.control import Status
+from pretouch.design.impact import ImpactModel
+from pretouch.motion import ContactResult, Scenario
+from pretouch.sensors import SensorModel
+from pretouch.simulation import LoopTrace, SimulationResult
+
+__all__ = [
+    "Detection",
+    "LoopContact",
+    "QuantityComparison",
+    "ReportedFlag",
+    "compare_contacts",
+    "contacts_of",
+    "detection_of",
+    "flags_of",
+]
+
+_AT_CONTACT: Final = (
+    ("time", "time of contact", "s"),
+    ("relative_velocity", "relative velocity at contact", "m/s"),
+    ("position", "plant position at contact", "m"),
+)
+_LARGEST: Final = (
+    ("largest_excursion", "largest excursion |x - x_d|", "m"),
+    ("largest_virtual_force", "largest virtual force", "N"),
+)
+_OF_CONTACT: Final = (
+    ("impact_force", "impact force", "N"),
+    ("peak_force", "peak contact force", "N"),
+    ("impulse", "impulse of all contacts", "N*s"),
+    ("rebound_velocity", "relative velocity after impact", "m/s"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QuantityComparison:
+    """One quantity of an encounter, on the loop and as predicted, with the gain and without; None where there is none.
+
+    Args:
+        name: the quantity, as SimulationResult and ContactState call it.
+        label: words for it.
+        unit: its SI unit.
+        loop: on the loop with the gain.
+        predicted: by the continuous solution with the gain.
+        loop_unmitigated: on the loop with gain 0.
+        predicted_unmitigated: by the continuous solution with gain 0.
+    """
+
+    name: str
+    label: str
+    unit: str
+    loop: float | None
+    predicted: float | None
+    loop_unmitigated: float | None
+    predicted_unmitigated: float | None
+
+    @property
+    def values(self) -> tuple[float | None, ...]:
+        """The four numbers: loop and prediction with the gain, then both without."""
+        return self.loop, self.predicted, self.loop_unmitigated, self.predicted_unmitigated
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether none of the four is there."""
+        return all(value is None for value in self.values)
+
+    @property
+    def difference(self) -> float | None:
+        """The number of the loop less the predicted one, in SI."""
+        return None if self.loop is None or self.predicted is None else self.loop - self.predicted
+
+    @property
+    def relative_difference(self) -> float | None:
+        """By what share the magnitude on the loop exceeds the predicted one; None beside nothing."""
+        if self.loop is None or not self.predicted:
+            return None
+        return abs(self.loop) / abs(self.predicted) - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopContact:
+    """One contact of a run; None for what a run without a contact model does not tell.
+
+    Args:
+        time: of the touch [s].
+        relative_velocity: l' there [m/s].
+        peak_force: largest contact force [N].
+        impulse: of the contact force [N s].
+        rebound_velocity: l' at its end [m/s]; None where the bodies still touch when the run ends.
+        duration: how long it lasts, or has lasted when the run ends [s].
+    """
+
+    time: float
+    relative_velocity: float
+    peak_force: float | None
+    impulse: float | None
+    rebound_velocity: float | None
+    duration: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportedFlag:
+    """A flag that the law reported in a run.
+
+    Args:
+        name: short name, such as `force-limited`.
+        meaning: what it says.
+        since: when it was reported first [s].
+        duration: for how long in all [s], in whole periods of the law.
+        approach_duration: for how long of that before the first contact [s].
+    """
+
+    name: str
+    meaning: str
+    since: float
+    duration: float
+    approach_duration: float
+
+    @property
+    def is_trouble(self) -> bool:
+        """Whether it speaks of readings, forces or motions that are not what they should be."""
+        return self.meaning not in _NO_TROUBLE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detection:
+    """When the law first saw the object. The prediction lets it act from the start on.
+
+    Args:
+        time: when the law first reported an object [s].
+        distance: how far it was then [m].
+        start_distance: how far it was at the start [m].
+        missed_share: share of the change of ln xi from the start to contact that had passed by then, 0 to 1: what the
+            law cannot have answered. None where the curve does not change.
+        time_left: from then until contact [s]; None without contact.
+    """
+
+    time: float
+    distance: float
+    start_distance: float
+    missed_share: float | None
+    time_left: float | None
+
+
+_MEANINGS: Final[dict[Status, str]] = {
+    Status.DETECTING: "an object is seen",
+    Status.STALE: "a reading was due, and none came that can be used",
+    Status.SATURATED: "readings of a saturated sensor, not used",
+    Status.INVALID: "readings that are no finite number, too late or out of order, not used",
+    Status.IMPLAUSIBLE: "readings that changed faster than any approach, not used",
+    Status.LOST: "no usable reading for longer than the timeout",
+    Status.FORCE_LIMITED: "the virtual force was cut off at its limit",
+    Status.MOTION_LIMITED: "excursion, speed or acceleration were held at a limit",
+    Status.IN_CONTACT: "the contact force exceeds its threshold",
+    Status.INPUT_FAULT: "contact force or reference were no finite numbers",
+}
+_OWN: Final = "a flag of the law's own"
+_NO_TROUBLE: Final = frozenset({_MEANINGS[Status.DETECTING], _MEANINGS[Status.IN_CONTACT], _OWN})
+
+
+def compare_contacts(
+    runs: tuple[SimulationResult, SimulationResult],
+    predictions: tuple[ContactResult, ContactResult],
+    *,
+    impact: ImpactModel | None,
+    has_contact_force: bool,
+) -> tuple[QuantityComparison, ...]:
+    """Put the numbers of runs and predictions side by side.
+
+    Args:
+        runs: on the loop, with the gain and without.
+        predictions: by the continuous solution, with the gain and without.
+        impact: the physical properties from which an elastic impact force is predicted, where they are known.
+        has_contact_force: whether the loop has a contact model.
+
+    Returns:
+        Time, relative velocity and position of the contact; the smallest distance where a run has none; the largest
+        excursion and virtual force; and what the contact force comes to.
+    """
+
+    def row(name: str, label: str, unit: str, found: list[float | None]) -> QuantityComparison:
+        loop, loop_unmitigated, predicted, predicted_unmitigated = found
+        return QuantityComparison(
+            name=name,
+            label=label,
+            unit=unit,
+            loop=loop,
+            predicted=predicted,
+            loop_unmitigated=loop_unmitigated,
+            predicted_unmitigated=predicted_unmitigated,
+        )
+
+    def solved(name: str) -> list[float | None]:
+        return [number(getattr(p.end, name)) if p.reached.all() else None for p in predictions]
+
+    rows = [row(*quantity, [*_of_runs(runs, quantity[0]), *solved(quantity[0])]) for quantity in _AT_CONTACT]
+    if not all(r.touched for r in runs) or not all(p.reached.all() for p in predictions):
+        nearest = [0.0 if r.touched else number(r.closest_distance) for r in runs]
+        rows.append(
+            row(
+                "closest_distance",
+                "smallest distance",
+                "m",
+                [*nearest, *(number(p.closest_distance) for p in predictions)],
+            )
+        )
+    rows += [row(*quantity, [*_of_runs(runs, quantity[0]), *solved(quantity[0])]) for quantity in _LARGEST]
+    for quantity in _OF_CONTACT if has_contact_force else ():
+        elastic: list[float | None] = [None, None]
+        if quantity[0] == "impact_force" and impact is not None:
+            elastic = [
+                number(impact.peak_force(p.end.relative_velocity)) if p.reached.all() else None for p in predictions
+            ]
+        found = [number(getattr(r, quantity[0])) if r.touched else None for r in runs]
+        rows.append(row(*quantity, [*found, *elastic]))
+    return tuple(rows)
+
+
+def _of_runs(runs: tuple[SimulationResult, SimulationResult], name: str) -> list[float | None]:
+    return [number(getattr(r, name)) for r in runs]
+
+
+def contacts_of(run: SimulationResult, *, has_contact_force: bool) -> tuple[LoopContact, ...]:
+    """Read the contacts of a single run, of which it tells 32 apart."""
+    found = []
+    for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
+        time, velocity, *rest = (number(v) for v in row)
+        peak, impulse, rebound, duration = rest if has_contact_force else (None,) * 4
+        found.append(
+            LoopContact(
+                time=time or 0.0,
+                relative_velocity=velocity or 0.0,
+                peak_force=peak,
+                impulse=impulse,
+                rebound_velocity=rebound,
+                duration=duration,
+            )
+        )
+    return tuple(found)
+
+
+def flags_of(trace: LoopTrace, *, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
+    """Tell which flags a law reported in a run, and since when.
+
+    Args:
+        trace: the course of the run.
+        period: of the law [s].
+        contact_time: of the first contact [s]; NaN without one.
+
+    Returns:
+        The flags in the order in which they came; one that `Status` does not know by its number.
+    """
+    flags = trace.flags.astype(np.int64)
+    before = ~(trace.time >= contact_time)
+    found = []
+    for bit in (1 << k for k in range(int(np.bitwise_or.reduce(flags)).bit_length())):
+        on = (flags & bit) != 0
+        if not on.any():
+            continue
+        known = Status(bit) if bit in _MEANINGS else None
+        found.append(
+            ReportedFlag(
+                name=f"flag-{bit}" if known is None else str(known.name).lower().replace("_", "-"),
+                meaning=_OWN if known is None else _MEANINGS[known],
+                since=float(trace.time[on.argmax()]),
+                duration=float(on.sum() * period),
+                approach_duration=float((on & before).sum() * period),
+            )
+        )
+    return tuple(sorted(found, key=lambda flag: flag.since))
+
+
+def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, scenario: Scenario) -> Detection | None:
+    """Tell when and how far away the law first saw the object; None where it never did."""
+    if math.isnan(run.detection_time):
+        return None
+    distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
+    low, high = sensor.valid_range
+    inside = (min(max(d, low), high) for d in (float(scenario.distance), distance, 0.0))
+    start, seen, touch = (float(sensor.log_output(d)) for d in inside)
+    whole = touch - start
+    return Detection(
+        time=run.detection_time,
+        distance=distance,
+        start_distance=float(scenario.distance),
+        missed_share=min(max((seen - start) / whole, 0.0), 1.0) if whole else None,
+        time_left=run.time - run.detection_time if run.touched else None,
+    )
+
+
+def number(value: Any) -> float | None:
+    """Return a float, None where it is not finite."""
+    found = float(value)
+    return found if math.isfinite(found) else None

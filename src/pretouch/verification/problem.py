@@ -1,0 +1,167 @@
+"""One loop appraised over the drawn encounters: objective and limits of every run, and how well it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.design import ImpactModel, Objective
+from pretouch.design.robust import Required
+from pretouch.simulation import ClosedLoop, SimulationResult
+
+from .draws import Draws
+from .simulated import simulated_quantity
+
+__all__ = ["LoopProblem", "Outcomes", "Requirement", "mean_and_error"]
+
+_ROUNDING: Final = 1e-12  # of a limit, as in the validation of robust designs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Requirement:
+    """Something that must come true in a share of the runs.
+
+    Args:
+        name: what it is called: that of a limit, or `contact`.
+        held: in which runs it does.
+        probability: the share that is required.
+    """
+
+    name: str
+    held: BoolArray
+    probability: float
+
+    @property
+    def standing(self) -> float:
+        """The share that holds beside the one required, at most 1."""
+        return min(float(self.held.mean()) / self.probability, 1.0) if len(self.held) else 1.0
+
+    @property
+    def is_met(self) -> bool:
+        """Whether it holds in as many runs as it must."""
+        return self.standing >= 1 - _ROUNDING
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outcomes:
+    """What one gain leads to on one loop.
+
+    Args:
+        result: the runs.
+        objective: of each; infinite without contact, None where a term of it is not simulated.
+        ratios: |quantity| / limit of each limit and run; infinite without contact, None where not simulated.
+        requirements: contact where it is predicted, and every limit that is simulated.
+    """
+
+    result: SimulationResult
+    objective: FloatArray | None
+    ratios: tuple[FloatArray | None, ...]
+    requirements: tuple[Requirement, ...]
+
+    @property
+    def standing(self) -> float:
+        """The least share held beside the one required, at most 1."""
+        return min((r.standing for r in self.requirements), default=1.0)
+
+    @property
+    def mean(self) -> float:
+        """The mean objective; infinite where a run ends without contact, NaN where it is not simulated."""
+        return float("nan") if self.objective is None else float(self.objective.mean())
+
+    @property
+    def whole_share(self) -> float:
+        """The share of runs in which all holds at once."""
+        held = [r.held for r in self.requirements if r.name != "contact"]
+        return float(np.all([self.result.touched, *held], axis=0).mean())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoopProblem:
+    """What a loop is appraised by.
+
+    Args:
+        draws: the encounters.
+        objective: what is minimized.
+        limits: what must hold, each with its probability.
+        impact: physical properties, where given.
+        predicted: which encounters come to a contact in continuous time.
+    """
+
+    draws: Draws
+    objective: Objective
+    limits: tuple[Required, ...]
+    impact: ImpactModel | None
+    predicted: BoolArray
+
+    def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> Outcomes:
+        """Run encounters and appraise each.
+
+        Args:
+            loop: the loop.
+            gain: D_p [N s].
+            count: how many of the encounters, the first ones; all by default.
+
+        Returns:
+            What they come to.
+        """
+        return self.appraised(self.draws.run(loop, gain, count), loop, gain)
+
+    def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> Outcomes:
+        """Appraise runs.
+
+        Args:
+            result: the runs, of the first encounters.
+            loop: what they ran on.
+            gain: D_p [N s].
+
+        Returns:
+            What they come to.
+        """
+        n = result.shape[0]
+        ratios = tuple(self._ratio(limit, result, loop, gain) for limit in self.limits)
+        expected = self.predicted[:n]
+        found = [Requirement(name="contact", held=result.touched[expected], probability=1.0)]
+        found += [
+            Requirement(name=limit.constraint.name, held=ratio <= 1 + _ROUNDING, probability=limit.probability)
+            for limit, ratio in zip(self.limits, ratios, strict=True)
+            if ratio is not None
+        ]
+        return Outcomes(
+            result=result,
+            objective=self._objective(result, loop, gain),
+            ratios=ratios,
+            requirements=tuple(found),
+        )
+
+    def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray | None:
+        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.impact)
+        if found is None:
+            return None
+        return np.where(result.touched & np.isfinite(found), np.abs(found) / limit.constraint.limit, np.inf)
+
+    def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray | None:
+        speed, value = self.draws.speed[: result.shape[0]], np.zeros(result.shape)
+        for term in self.objective.terms:
+            found = simulated_quantity(term.quantity, result, gain, loop, self.impact)
+            if found is None:
+                return None
+            value = value + term.weight * (found / term.scale_for(speed)) ** 2
+        return np.where(result.touched & np.isfinite(value), value, np.inf)
+
+
+def mean_and_error(values: FloatArray) -> tuple[float, float]:
+    """Return the mean of values and its standard error; NaN for either where a value is infinite.
+
+    Args:
+        values: the values of independent runs.
+
+    Returns:
+        Both.
+    """
+    if not len(values) or not np.isfinite(values).all():
+        return float("nan"), float("nan")
+    error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else float("nan")
+    return float(np.mean(values)), float(error)

@@ -1,0 +1,115 @@
+"""What `verify_gain` returns: whether a gain holds on a loop, what it rests on, and what would help."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from pretouch.design import GainDesign, Objective
+from pretouch.motion import ContactResult, Scenario
+from pretouch.sensors import SensorModel
+from pretouch.simulation import ClosedLoop, SimulationResult
+from pretouch.uncertainty import Uncertainty
+
+from .parts import Change, Comparison, LimitCheck, Loss, Reached, StabilityCheck, VerdictStatus
+from .summary import verdict_as_dict, verdict_as_html, verdict_as_text
+from .wording import headline
+
+__all__ = ["Verdict"]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class Verdict:
+    """What `verify_gain` returns: whether a gain holds on a loop, and what would help.
+
+    Args:
+        status: holds, holds-narrowly, does-not-hold or no-gain.
+        gain: D_p that was verified [N s]; None where there is none.
+        reasons: why the status is not `holds`, the gravest first.
+        design: the ideal design: continuous time, perfect sensor, nominal encounter.
+        predicted: the nominal encounter at the gain in continuous time; None without a gain.
+        reached: which runs came to a contact; None without a gain, as all that follows.
+        comparisons: each quantity, predicted and simulated, with and without mitigation.
+        limits: each limit.
+        stability: the margin to instability; None where it is not known.
+        stability_text: the same in words, or why it is not known.
+        loss: what the gain costs beside the best one for this loop; None without changes.
+        changes: what was tried, the most helpful first.
+        assumptions: what the verdict rests on.
+        warnings: what to look at.
+        runs: how many runs.
+        compared_runs: of which so many are used for changes and other gains.
+        seed: of encounters and noise.
+        confidence: of the bounds.
+        scenario: the nominal encounter.
+        sensor: the sensor curve.
+        definition: the objective.
+        loop: the loop.
+        uncertainty: what is known of inputs.
+        mitigated: the runs, each of which can be traced.
+        unmitigated: the same runs with D_p = 0.
+    """
+
+    status: VerdictStatus
+    gain: float | None
+    reasons: tuple[str, ...]
+    design: GainDesign
+    predicted: ContactResult | None = None
+    reached: Reached | None = None
+    comparisons: tuple[Comparison, ...] = ()
+    limits: tuple[LimitCheck, ...] = ()
+    stability: StabilityCheck | None = None
+    stability_text: str = ""
+    loss: Loss | None = None
+    changes: tuple[Change, ...] = ()
+    assumptions: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    runs: int
+    compared_runs: int
+    seed: int
+    confidence: float
+    scenario: Scenario
+    sensor: SensorModel
+    definition: Objective
+    loop: ClosedLoop
+    uncertainty: Uncertainty
+    mitigated: SimulationResult | None = None
+    unmitigated: SimulationResult | None = None
+
+    @property
+    def best_change(self) -> Change | None:
+        """The one change that helps most; None where nothing helps by more than chance."""
+        return next((change for change in self.changes if change.helps), None)
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return headline(self)
+
+    def comparison(self, name: str) -> Comparison | None:
+        """Return one of the comparisons.
+
+        Args:
+            name: the quantity.
+
+        Returns:
+            The comparison; None where there is none of it.
+        """
+        return next((c for c in self.comparisons if c.name == name), None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdict as one JSON object: numbers in SI, None where there is none."""
+        return verdict_as_dict(self)
+
+    def __repr__(self) -> str:
+        if self.gain is None or self.stability is None or not math.isfinite(self.stability.margin):
+            return f"<Verdict: {self.status.value}>"
+        margin = f"margin {self.stability.margin:.3g} to instability"
+        return f"<Verdict: {self.status.value}, D_p = {self.gain:.4g} N s, {self.runs} runs, {margin}>"
+
+    def __str__(self) -> str:
+        return verdict_as_text(self)
+
+    def _repr_html_(self) -> str:
+        return verdict_as_html(self)

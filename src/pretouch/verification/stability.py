@@ -1,0 +1,142 @@
+"""Is my sensor fast enough? How far the loop is from oscillating, and which rate the gain asks for."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch.control import Controller, Sample
+from pretouch.motion import Admittance
+from pretouch.sensors import SensorModel
+from pretouch.simulation import ClosedLoop, GainLimit, LoopTiming, gain_limit, lowest_rate, timing_of
+
+from .parts import StabilityCheck
+from .timing import chain_at, controller_at, told_period
+
+__all__ = ["acts_as_damper", "check_stability", "limit_of", "passed_distances", "stability_margin"]
+
+_PLACES: Final = 33
+_PROBE: Final = 1e-3  # change of ln xi: small beside any limit of the force, large beside rounding
+_WAIT: Final = 0.5  # s before and after the change, for ramps and filters to settle
+_READINGS: Final = 40
+_ALIKE: Final = 1e-3  # of the impulse: what is left of a low-pass after the wait is less
+
+
+def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
+    """Return distances that an encounter passes [m], from contact to its start, as far as the curve holds.
+
+    Args:
+        sensor: the sensor curve.
+        farthest: the farthest start [m].
+
+    Returns:
+        The distances, ascending.
+    """
+    low, high = sensor.valid_range
+    first = max(low, 0.0)
+    return np.linspace(first, max(min(farthest, high), first), _PLACES)
+
+
+def acts_as_damper(loop: ClosedLoop) -> bool:
+    """Try out whether the impulse of a law is its gain times the change of ln xi, on which the stability limit rests.
+
+    A reading that stands still, rises once by a thousandth and stands still again tells the whole impulse.
+
+    Args:
+        loop: the loop, whose law is stepped.
+
+    Returns:
+        Whether it is, for a controller with a conditioning; False for another law.
+    """
+    law = loop.law.with_gain(-1e-3)
+    if not isinstance(law, Controller):
+        return False
+    c = law.conditioning
+    highest = 16 * c.floor if c.saturation is None else c.saturation - c.offset
+    level = math.sqrt(c.floor * highest)
+    every = max(round(told_period(law) / law.period), 1)
+    steps = math.ceil(max(_WAIT / law.period, _READINGS * every) / every) * every
+    parameters, state, impulse = law.parameters(), law.start(), 0.0
+    for k in range(2 * steps):
+        reading = c.offset + level * (1.0 if k < steps else math.exp(_PROBE))
+        state, output = law.step(parameters, state, Sample(reading=reading, fresh=k % every == 0))
+        impulse += law.period * output.virtual_force
+    return abs(impulse / (-1e-3 * _PROBE) - 1) < _ALIKE
+
+
+def limit_of(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray) -> GainLimit | None:
+    """Find the strongest gain that is stable on a loop.
+
+    Args:
+        loop: the loop, whose law has been found to act as a damper.
+        sensor: the sensor curve.
+        distance: those that the encounter passes [m].
+
+    Returns:
+        The limits; None where the law is no controller.
+    """
+    law = loop.law
+    if not isinstance(law, Controller):
+        return None
+    timing = timing_of(loop.chain, law)
+    return gain_limit(sensor, _own(law), timing, distance=distance, plant=loop.plant)
+
+
+def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
+    """Return how many times a gain can grow until the loop is unstable; None where no limit is known or none applies.
+
+    Args:
+        limit: the limit.
+        gain: D_p [N s].
+
+    Returns:
+        The margin; infinite where no gain is too strong.
+    """
+    if limit is None or gain > 0:
+        return None
+    return math.inf if gain == 0 or math.isinf(limit.strongest) else limit.strongest / gain
+
+
+def check_stability(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray, gain: float) -> StabilityCheck | None:
+    """Tell how far a loop is from oscillating.
+
+    Args:
+        loop: the loop, whose law has been found to act as a damper.
+        sensor: the sensor curve.
+        distance: those that the encounter passes [m].
+        gain: D_p [N s].
+
+    Returns:
+        The check; None where the law is no controller, or the gain does not mitigate.
+    """
+    limit, law = limit_of(loop, sensor, distance), loop.law
+    margin = stability_margin(limit, gain)
+    if limit is None or margin is None or not isinstance(law, Controller):
+        return None
+    told = told_period(law) * loop.chain.rate
+
+    def timing_at(rate: float) -> LoopTiming:
+        return timing_of(chain_at(loop.chain, rate), controller_at(law, told / rate))
+
+    def least(factor: float) -> float:
+        if gain == 0:
+            return 0.0
+        return lowest_rate(
+            sensor, _own(law), gain, distance=distance, timing_at=timing_at, plant=loop.plant, margin=factor
+        )
+
+    return StabilityCheck(
+        limit=limit,
+        margin=margin,
+        rate=loop.chain.rate,
+        lowest_rate=least(1.0),
+        lowest_rate_with_margin=least(2.0),
+    )
+
+
+def _own(law: Controller) -> Admittance:
+    a = law.admittance
+    return Admittance(mass=a.mass, damping=a.damping, stiffness=a.stiffness)

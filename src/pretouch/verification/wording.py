@@ -1,0 +1,139 @@
+"""The verdict in one sentence, and whether the sensor is fast enough, in words."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from pretouch._core.units import format_quantity
+from pretouch.design.summary import headline as design_headline
+
+from .parts import Comparison, StabilityCheck, VerdictStatus
+
+if TYPE_CHECKING:
+    from .result import Verdict
+
+__all__ = ["change_in_words", "headline", "no_stability_in_words", "stability_in_words"]
+
+_HOLDS = {
+    VerdictStatus.HOLDS: "holds on this loop",
+    VerdictStatus.HOLDS_NARROWLY: "holds narrowly on this loop",
+    VerdictStatus.DOES_NOT_HOLD: "does not hold on this loop",
+}
+
+
+def headline(verdict: Verdict) -> str:
+    """Return the verdict in one sentence."""
+    if verdict.gain is None:
+        return f"There is no gain to verify: {design_headline(verdict.design)}"
+    text = f"D_p = {format_quantity(verdict.gain, 'N*s')} {_HOLDS[verdict.status]}"
+    if verdict.reasons:
+        text += f": {verdict.reasons[0]}"
+        others = len(verdict.reasons) - 1
+        text += f" ({others} more reason{'s' if others > 1 else ''} below)" if others else ""
+    parts = [text]
+    speed = verdict.comparison("relative_velocity")
+    if speed is not None and speed.simulated is not None:
+        parts.append(_speed(speed))
+    if verdict.status is VerdictStatus.HOLDS:
+        if verdict.limits:
+            parts.append(f"every limit held as often as it must in {verdict.runs} runs")
+        if verdict.stability is not None and math.isfinite(verdict.stability.margin):
+            parts.append(f"the gain could be {verdict.stability.margin:.3g} times as strong before the loop oscillates")
+    return "; ".join(parts) + "."
+
+
+def _speed(speed: Comparison) -> str:
+    s = speed.simulated
+    if s is None:
+        return ""
+    text = f"contact at {format_quantity(s.mean, 'm/s')}"
+    beside = []
+    if s.high - s.low > 1e-3 * s.mean:
+        beside.append(f"{format_quantity(s.low, 'm/s')} to {format_quantity(s.high, 'm/s')} in 90 % of the runs")
+    if speed.predicted is not None:
+        beside.append(f"{format_quantity(speed.predicted, 'm/s')} predicted")
+    text += f" ({', '.join(beside)})" if beside else ""
+    if speed.unmitigated is not None:
+        text += f" instead of {format_quantity(speed.unmitigated.mean, 'm/s')} without mitigation"
+    return text
+
+
+def stability_in_words(check: StabilityCheck) -> str:
+    """Say whether the sensor is fast enough.
+
+    Args:
+        check: the margin to instability and the rates.
+
+    Returns:
+        One or two sentences.
+    """
+    if math.isinf(check.margin) and math.isfinite(check.strongest):
+        strongest = format_quantity(check.strongest, "N*s")
+        return f"Without a gain nothing can oscillate; {strongest} would be the strongest stable one."
+    if math.isinf(check.margin):
+        return "No gain makes this loop unstable: the sensor is fast enough."
+    enough = (
+        "not fast enough" if check.margin < 1 else "fast enough, but only just" if check.margin < 2 else "fast enough"
+    )
+    text = f"The sensor is {enough}: it reads {check.rate:.6g} times a second, and {_rates(check)}."
+    frequency = "" if math.isnan(check.frequency) else f" at {check.frequency:.3g} Hz"
+    return text + (
+        f" The loop begins to oscillate{frequency} from D_p = {format_quantity(check.strongest, 'N*s')} on, "
+        f"{check.margin:.3g} times the gain, first at a distance of {format_quantity(check.critical_distance, 'm')}."
+    )
+
+
+def _rates(check: StabilityCheck) -> str:
+    if math.isinf(check.lowest_rate):
+        return "no rate is high enough for this gain: delay, filters or robot forbid it"
+    text = f"this gain needs {check.lowest_rate:.3g} at the limit"
+    if math.isinf(check.lowest_rate_with_margin):
+        return text + "; no rate is high enough for a margin of 2"
+    return text + f", {check.lowest_rate_with_margin:.3g} for a margin of 2"
+
+
+def no_stability_in_words(gain: float, damper: bool) -> str:
+    """Say why nothing is said of stability.
+
+    Args:
+        gain: D_p [N s].
+        damper: whether the law acts as a damper.
+
+    Returns:
+        A sentence.
+    """
+    if not damper:
+        return (
+            "How far the loop is from oscillating is not known: the limit is that of an impulse of D_p times the "
+            "change of ln xi, which this law does not make."
+        )
+    return f"Nothing is said of stability: D_p = {format_quantity(gain, 'N*s')} does not mitigate."
+
+
+def change_in_words(verdict: Verdict) -> str:
+    """Say which one change would help most.
+
+    Args:
+        verdict: the verdict.
+
+    Returns:
+        A sentence; empty where no change was tried.
+    """
+    best = verdict.best_change
+    if best is None:
+        return (
+            "None of the changes that were tried helps by more than chance and 1 % of the objective."
+            if verdict.changes
+            else ""
+        )
+    effects = []
+    start = "" if best.standing >= 1 else "no single change is enough; the most helpful: "
+    if best.held is not None:
+        effects.append(f"what was missed then holds in {100 * best.held:.4g} % of the runs")
+    if verdict.stability is not None and verdict.stability.margin < 1 and best.margin is not None:
+        effects.append(f"the margin to instability becomes {best.margin:.3g}")
+    if best.improvement is not None:
+        word = "falls" if best.improvement >= 0 else "grows"
+        effects.append(f"the objective {word} by {100 * abs(best.improvement):.3g} %")
+    return start + best.sentence.removesuffix(".") + (f": {', '.join(effects)}." if effects else ".")

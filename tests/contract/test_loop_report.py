@@ -1,0 +1,94 @@
+"""Reports of designs on the sampled loop: they say what was run, and show that and nothing else."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from pretouch.report.html import design_report_html
+from pretouch.report.loop_motion import loop_motion
+from pretouch.report.motion_panels import runs_of
+from pretouch.report.robust_html import robust_report_html
+
+pytest.importorskip("matplotlib")
+
+SCENARIO = pt.Scenario(
+    admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+    obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
+)
+SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+LOOP = pt.ClosedLoop(
+    law=pt.Controller(
+        period=1e-3,
+        conditioning=pt.Conditioning(floor=1e-3, sensor_period=4e-3),
+        law=pt.VirtualDamper(gain=0.0),
+        admittance=pt.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+    ),
+    chain=pt.SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, noise=1e-3),
+)
+
+
+def theirs(scenario: pt.Scenario, sensor: pt.SensorModel, gain: Any) -> pt.ContactResult:
+    return pt.find_contact(scenario, sensor, gain)
+
+
+def design(evaluate: Any) -> pt.GainDesign:
+    return pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), evaluate=evaluate)
+
+
+def test_a_design_report_shows_the_loop() -> None:
+    found = design(LOOP)
+    page = design_report_html(found)
+    assert "The sampled loop: sensor chain" in page
+    assert "One run of the sampled loop" in page
+    assert "one run and its noise" in page
+    assert "impulse balance" not in page  # the loop has none
+    assert "Time is continuous" not in page
+    assert not re.search(r"\bnan\b", page)
+    chosen = runs_of(found)[1].motion
+    assert chosen.time[-1] == found.result.end.time
+    assert chosen.distance[-1] == 0.0
+    assert chosen.relative_velocity[-1] == pytest.approx(found.result.end.relative_velocity, rel=1e-12)
+
+
+def test_the_report_of_a_design_by_a_function_says_that_its_motion_is_not_known() -> None:
+    page = design_report_html(design(theirs))
+    assert "the function that the design was handed gives none" in page
+    assert "what that assumes is not known here" in page
+    assert "Time is continuous" not in page
+
+
+def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
+    robot = replace(
+        LOOP, plant=pt.PositionPlant(mass=1.0, bandwidth=30.0), contact=pt.SpringDamper(stiffness=1e5, damping=50.0)
+    )
+    found = loop_motion(robot, SCENARIO, SENSOR, -0.7, horizon=10.0)
+    assert np.all(np.diff(found.time) > 0)
+    assert np.all(found.distance >= 0)
+    slope = np.diff(found.distance) / np.diff(found.time)
+    middle = 0.5 * (found.relative_velocity[1:] + found.relative_velocity[:-1])
+    # l' is the derivative of l: the mean over a step differs by some a' T^2 / 12
+    assert np.abs(slope[:-1] - middle[:-1]).max() < 5e-3
+    gone = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=0.1))
+    away = loop_motion(LOOP, gone, SENSOR, 0.0, horizon=0.2)
+    assert away.time[-1] < 0.2
+    assert not away.result.reached.all()
+
+
+def test_a_robust_report_names_the_ideal_design() -> None:
+    found = pt.design_robust_gain(
+        SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32
+    )
+    page = robust_report_html(found)
+    assert "gain of the ideal design" in page
+    assert "The sampled loop: sensor chain" in page
+    assert "nominal gain" not in page
+    assert "Price of robustness" not in page  # it is known in continuous time only
+    assert found.to_dict()["method"] == "loop"
+    assert found.to_dict()["validation"]["loss_of_nominal"]["standard_error"] > 0

@@ -1,0 +1,57 @@
+"""Requests for a verdict that make no sense: what was found, what must hold."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+import pretouch as pt
+from loop_samples import BareLaw
+from verification_samples import BOUNDS, OBJECTIVE, QUICK, SCENARIO, SENSOR, velocity_limit, verdict
+
+SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity=-0.3))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: verdict(QUICK, runs=0), "runs: found 0, expected a positive whole number"),
+        (lambda: verdict(QUICK, runs=True), "runs: found True"),
+        (lambda: verdict(QUICK, confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
+        (lambda: verdict(QUICK, gain=float("nan")), "gain: found nan"),
+        (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), "bounds: found [-0.1, -1] N*s"),
+        (lambda: verdict(QUICK, seed=-1, runs=1), "seed: found -1"),
+        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without with_gain"),
+        (lambda: verdict(QUICK.law), "loop: found Controller, expected a ClosedLoop"),
+        (
+            lambda: verdict(replace(QUICK, horizon=0.1)),
+            "loop horizon: found 0.1 s, before the contact that is predicted",
+        ),
+        (
+            lambda: verdict(QUICK, constraints=[velocity_limit(0.1), velocity_limit(0.2)]),
+            "constraint relative_velocity: found twice",
+        ),
+        (
+            lambda: verdict(QUICK, constraints=[pt.Constraint(name="impact_force", limit=10.0)]),
+            "impact_force: needs the physical properties",
+        ),
+        (
+            lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.Uniform(low=1.0, high=2.0)}),
+            "a number in the law of the loop",
+        ),
+        (
+            lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.Uniform(low=1.0, high=2.0)}),
+            "did you mean obstacle.velocity?",
+        ),
+        (
+            lambda: pt.verify_gain(SEVERAL, SENSOR, OBJECTIVE, QUICK, bounds=BOUNDS),
+            "scenario: found encounters of shape (2,), expected one",
+        ),
+    ],
+)
+def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(pt.InvalidInputError, match=re.escape(message)):
+        make()

@@ -1,0 +1,301 @@
+"""What a verdict says: predicted beside simulated, shares with exact bounds, margins, and its word for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import pretouch as pt
+from pretouch._core.json_text import as_json
+from pretouch.verification.elastic import ElasticImpact
+from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
+
+HOLDS, NARROWLY = pt.VerdictStatus.HOLDS, pt.VerdictStatus.HOLDS_NARROWLY
+DOES_NOT, NO_GAIN = pt.VerdictStatus.DOES_NOT_HOLD, pt.VerdictStatus.NO_GAIN
+ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+
+
+def test_a_quick_loop_without_noise_holds_as_predicted() -> None:
+    """The loop differs by an error of the first order in T: 0.72 T in time (docs/simulation.md), T in what follows."""
+    period = 1e-4
+    found = verdict(QUICK, constraints=[velocity_limit(0.1)], runs=5)
+    assert found.status is HOLDS
+    assert found.reasons == ()
+    assert found.gain == pytest.approx(-0.7463, abs=5e-5)
+    for name, scale in (("time", 1.0), ("relative_velocity", 1.0), ("largest_excursion", 0.3), ("largest_speed", 10.0)):
+        one = found.comparison(name)
+        assert one is not None
+        assert one.simulated is not None
+        assert one.simulated.mean == pytest.approx(one.predicted, abs=3 * scale * period)
+        assert one.simulated.worst - one.simulated.low < 1e-9  # without noise all runs are one
+    loss = found.loss
+    assert loss is not None
+    assert loss.objective == pytest.approx(loss.predicted, rel=5e-3)
+    assert loss.loop_gain == pytest.approx(found.gain, rel=0.01)
+    assert found.best_change is None
+
+
+def test_runs_without_mitigation_meet_the_same_noise() -> None:
+    found = verdict(NOISY, changes=False)
+    assert found.mitigated is not None
+    assert found.unmitigated is not None
+    trace, other = found.mitigated.trace(7), found.unmitigated.trace(7)
+    alike = int(np.argmax(trace.virtual_force != 0.0)) + 1  # until the robot moves, both see the same
+    assert alike > 3
+    assert np.array_equal(trace.reading[:alike], other.reading[:alike])
+    assert np.all(found.unmitigated.largest_virtual_force == 0)
+    # and it is the noise of the loop itself, run by run
+    direct = NOISY.run(SCENARIO, SENSOR, found.gain, runs=60)
+    assert np.array_equal(direct.relative_velocity, found.mitigated.relative_velocity)
+
+
+def test_shares_and_their_bounds_are_those_of_clopper_and_pearson() -> None:
+    speed = np.abs(NOISY.run(SCENARIO, SENSOR, -0.7463, runs=200).relative_velocity)
+    limit = float(np.sort(speed)[179])  # 180 of 200 stay within
+    found = verdict(NOISY, gain=-0.7463, constraints=[velocity_limit(limit, 0.8)], runs=200, changes=False)
+    (check,) = found.limits
+    assert check.held == 0.9
+    # the bound is the probability at which 180 or more of 200 come up in 5 % of the cases
+    assert stats.binom.sf(179, 200, check.low) == pytest.approx(0.05, rel=1e-9)
+    assert check.value == pytest.approx(np.sort(speed)[159])
+    assert check.margin == pytest.approx(limit - check.value)
+    assert check.is_met
+
+
+@pytest.mark.parametrize(
+    ("limits", "status", "reason"),
+    [
+        ([velocity_limit(0.1)], HOLDS, None),
+        ([velocity_limit(0.08)], DOES_NOT, "runs, and must always"),
+        ([velocity_limit(0.1, 0.99)], NARROWLY, "at least 95.12 % at 95 % confidence, where 99 % are required"),
+        ([pt.Constraint(name="excursion", limit=0.0985)], NARROWLY, "of room"),
+    ],
+)
+def test_the_status_follows_from_limits(limits: list[Any], status: pt.VerdictStatus, reason: str | None) -> None:
+    """All of 60 runs show 0.05^(1/60) = 95.13 % and no more."""
+    found = verdict(NOISY, gain=-0.7463, constraints=limits, changes=False)
+    assert found.status is status
+    assert (reason is None and not found.reasons) or any(reason in text for text in found.reasons)
+    assert found.headline.startswith("D_p = -0.7463 N s ")
+
+
+def test_a_drive_force_is_that_of_the_runs() -> None:
+    limit = pt.Constraint(name="drive_force", limit=1e6)
+    impact = pt.SpringImpact(robot_mass=3.0, stiffness=1e4)  # an ideal robot has no mass of its own
+    found = verdict(QUICK, gain=-0.7463, constraints=[limit], impact=impact, runs=3, changes=False)
+    (check,) = found.limits
+    assert check.value == pytest.approx(3.0 * found.mitigated.largest_acceleration.max())
+
+
+def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -> None:
+    slow = loop_of(rate=20.0)  # 22.3 Hz is what the gain needs without any delay
+    found = verdict(slow, gain=-0.7463, runs=20)
+    check = found.stability
+    assert check is not None
+    assert found.status is DOES_NOT
+    assert "unstable" in found.reasons[0]
+    assert check.margin < 1 < check.lowest_rate / check.rate
+    assert check.lowest_rate_with_margin > check.lowest_rate
+    assert check.margin == pytest.approx(check.strongest / -0.7463)
+    assert "not fast enough" in found.stability_text
+    best = found.best_change
+    assert best is not None
+    assert best.standing == 1
+    assert best.margin is not None
+    assert best.margin >= 1
+    faster = next(change for change in found.changes if change.name == "sensor-rate")
+    assert faster.sentence == "Read the sensor 40 times a second instead of 20."
+    assert faster.helps
+    assert faster.margin is not None
+    assert faster.margin > 1
+
+
+def test_the_margin_is_that_of_the_gain_limit() -> None:
+    found = verdict(NOISY, gain=-0.7463, changes=False)
+    law: Any = NOISY.law
+    limit = pt.gain_limit(SENSOR, SCENARIO.admittance, pt.timing_of(NOISY.chain, law), distance=[0.0, 0.0422])
+    assert found.stability is not None
+    assert found.stability.strongest == pytest.approx(limit.strongest)
+    # at the rate that is said to be enough for it, the margin is 2
+    rate = found.stability.lowest_rate_with_margin
+    there = verdict(loop_of(rate=rate, exposure=170e-6, delay=120e-6, random_phase=True), gain=-0.7463, runs=1)
+    assert there.stability is not None
+    assert there.stability.margin == pytest.approx(2.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("contact", [pt.SpringDamper(stiffness=2e5), pt.HuntCrossley(stiffness=1e7)])
+@pytest.mark.parametrize("obstacle_mass", [math.inf, 3.0])
+def test_the_force_of_an_elastic_contact_on_a_free_mass_is_the_predicted_one(
+    contact: Any, obstacle_mass: float
+) -> None:
+    """Steps of 1/50 of the time scale come to within 0.01 of the peak's phase: 5e-5 of its height; a spring of
+    1e-3 N/m moves the mass by nothing. The speed of contact is exact."""
+    free = pt.ImpedancePlant(mass=2.0, stiffness=1e-3, damping=0.0)
+    loop = replace(QUICK, plant=free, contact=replace(contact, obstacle_mass=obstacle_mass))
+    found = verdict(loop, runs=1, changes=False)
+    force = found.comparison("impact_force")
+    assert force is not None
+    assert force.unmitigated is not None
+    assert force.unmitigated.mean == pytest.approx(force.predicted_unmitigated, rel=1e-3)
+    mass, n = 2.0 / (1 + 2.0 / obstacle_mass), loop.contact.numbers()[2] if loop.contact else 0.0
+    depth = ((n + 1) / 2 * mass * 0.3**2 / contact.stiffness) ** (1 / (n + 1))
+    assert force.predicted_unmitigated == pytest.approx(contact.stiffness * depth**n)
+
+
+def test_an_elastic_impact_is_that_of_spring_and_sphere() -> None:
+    speed = np.array([-0.05, 0.3])
+    spring = pt.SpringImpact(robot_mass=2.0, obstacle_mass=3.0, stiffness=1e4)
+    sphere = pt.HertzImpact(robot_mass=2.0, effective_modulus=1e7, radius=0.01)
+    for known, stiffness, exponent in ((spring, 1e4, 1.0), (sphere, 4 / 3 * 1e7 * 0.1, 1.5)):
+        same = ElasticImpact(robot_mass=2.0, obstacle_mass=known.obstacle_mass, stiffness=stiffness, exponent=exponent)
+        assert same.peak_force(speed) == pytest.approx(known.peak_force(speed))
+        assert same.peak_force_slope(speed) == pytest.approx(known.peak_force_slope(speed))
+
+
+def test_force_limits_are_those_of_the_simulated_contact() -> None:
+    loop = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=1e5, dissipation=0.5))
+    found = verdict(loop, gain=-0.7463, constraints=[pt.Constraint(name="impact_force", limit=150.0)], changes=False)
+    (check,) = found.limits
+    assert found.mitigated is not None
+    assert check.source == "simulated contact force"
+    assert check.value == pytest.approx(found.mitigated.impact_force.max())
+    assert check.predicted is not None
+    assert check.predicted < 10
+    assert check.value > 150  # the obstacle is driven on, and the robot's drive against it
+    assert found.status is DOES_NOT
+    assert any("times the predicted one" in text for text in found.warnings)
+
+
+def test_no_gain_is_a_verdict_without_numbers() -> None:
+    found = verdict(QUICK, constraints=[velocity_limit(1e-4)], changes=False)
+    assert found.status is NO_GAIN
+    assert found.gain is found.predicted is found.reached is found.mitigated is None
+    assert found.comparisons == found.limits == found.changes == ()
+    assert "relative_velocity cannot be held" in found.headline
+    assert as_json(found.to_dict())
+
+
+def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
+    found = verdict(QUICK, gain=-1.0, constraints=[velocity_limit(1e-4)], runs=2, changes=False)
+    assert found.status is DOES_NOT
+    assert found.design.gain is None
+    assert any("The ideal design has no gain. Infeasible" in text for text in found.warnings)
+
+
+def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
+    """The slower the object, the later it comes: some come after the loop has stopped waiting."""
+    known = {"obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2)}
+    found = verdict(replace(NOISY, horizon=0.5), gain=-0.7463, uncertainty=known, runs=100, changes=False)
+    assert found.mitigated is not None
+    missing = int((~found.mitigated.touched).sum())
+    assert 0 < missing < 100
+    assert found.reached is not None
+    assert found.reached.missing == missing
+    assert found.reached.predicted == 1
+    assert found.reached.simulated == pytest.approx(1 - missing / 100)
+    assert found.status is DOES_NOT
+    assert f"{missing} of 100 runs end without the contact" in found.headline
+    speed = found.comparison("relative_velocity")
+    assert speed is not None
+    assert speed.simulated is not None
+    assert speed.simulated.runs == 100 - missing
+
+
+def test_uncertain_inputs_make_other_encounters_and_sensors() -> None:
+    known = {
+        "obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2),
+        "sensor.exponent": pt.Normal(mean=3.32, deviation=0.1),
+    }
+    found = verdict(NOISY, gain=-0.7463, uncertainty=known, runs=40, changes=False)
+    drawn = pt.sample_inputs(known, 40, seed=0, sampling="random")
+    assert found.unmitigated is not None
+    assert found.mitigated is not None
+    assert np.abs(found.unmitigated.relative_velocity) == pytest.approx(-drawn["obstacle.velocity"])
+    one = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, velocity=float(drawn["obstacle.velocity"][11])))
+    curve = replace(SENSOR, exponent=float(drawn["sensor.exponent"][11]))
+    direct = replace(NOISY, seed=11).run(one, curve, -0.7463)
+    assert found.mitigated.relative_velocity[11] == direct.relative_velocity
+    assert found.mitigated.trace(11).time[-1] < direct.time
+    assert any("sensor.exponent normal" in text for text in found.assumptions)
+
+
+def test_a_verdict_is_the_same_for_the_same_seed_and_another_for_another() -> None:
+    first, again = (verdict(NOISY, constraints=[velocity_limit(0.1)]).to_dict() for _ in range(2))
+    assert first == again
+    other = verdict(NOISY, constraints=[velocity_limit(0.1)], seed=5).to_dict()
+    assert other["seed"] == 5
+    assert other["comparisons"] != first["comparisons"]
+
+
+def test_a_verdict_is_json_of_finite_numbers() -> None:
+    found = verdict(NOISY, constraints=[velocity_limit(0.1)])
+
+    def numbers(value: Any) -> Any:
+        if isinstance(value, dict):
+            value = list(value.values())
+        if isinstance(value, list):
+            return [n for item in value for n in numbers(item)]
+        return [value] if isinstance(value, float) else []
+
+    whole = found.to_dict()
+    assert as_json(whole)
+    assert len(numbers(whole)) > 200
+    assert all(math.isfinite(n) for n in numbers(whole))
+    assert whole["status"] == "holds"
+    assert whole["best_change"] in {None, *(change["name"] for change in whole["changes"])}
+
+
+def test_what_a_controller_reports_is_said_in_words() -> None:
+    loop = loop_of(noise=1e-3, highest=0.4, conditioning={"saturation": 0.4})
+    found = verdict(loop, gain=-0.7463, runs=20, changes=False)
+    assert any("of the runs the sensor was saturated" in text for text in found.warnings)
+    blind = loop_of(conditioning={"floor": 0.1})
+    found = verdict(blind, gain=-0.7463, runs=2, changes=False)
+    assert any("what it reads is not above the floor" in text for text in found.warnings)
+    dropping = loop_of(dropout=0.3)
+    found = verdict(dropping, gain=-0.7463, runs=20, changes=False)
+    assert any("no reading that was due could be used in" in text for text in found.warnings)
+    assert any("a cable that breaks reads 0" in text for text in found.warnings)
+    checked = loop_of(conditioning={"largest_rate": 100.0})
+    assert not any("cable" in text for text in verdict(checked, gain=-0.7463, runs=2, changes=False).warnings)
+
+
+def test_the_objective_of_a_run_is_that_of_its_contact() -> None:
+    found = verdict(NOISY, gain=-0.5)
+    result, loss = found.mitigated, found.loss
+    assert result is not None
+    assert loss is not None
+    own = (result.displacement / 0.5) ** 2 + (result.relative_velocity / 0.3) ** 2
+    assert loss.objective == pytest.approx(own.mean())
+    assert loss.standard_error == pytest.approx(own.std(ddof=1) / np.sqrt(60))
+    assert OBJECTIVE.name in str(found)
+
+
+def test_an_objective_of_forces_is_that_of_the_runs() -> None:
+    objective = pt.Objective(terms=(pt.Term(quantity="virtual_force", scale=10.0),))
+    options: dict[str, Any] = {"bounds": (-10.0, -0.01), "gain": -0.7463, "constraints": [velocity_limit(0.08)]}
+    found = pt.verify_gain(SCENARIO, SENSOR, objective, NOISY, runs=60, **options)
+    assert found.loss is not None
+    assert found.mitigated is not None
+    assert found.loss.objective == pytest.approx(((found.mitigated.virtual_force / 10.0) ** 2).mean())
+    standing = [change.standing for change in found.changes if change.helps]
+    assert standing == sorted(standing, reverse=True) != []
+    assert as_json(found.to_dict())
+
+
+@pytest.mark.parametrize(("gain", "words"), [(0.0, "Without a gain nothing can oscillate"), (0.3, "does not mitigate")])
+def test_gains_that_do_not_mitigate_are_verified_as_they_are(gain: float, words: str) -> None:
+    """Without any force the speed at contact is that of the approach; a gain that drives toward the object adds."""
+    found = verdict(QUICK, gain=gain, runs=1)
+    speed = found.comparison("relative_velocity")
+    assert speed is not None
+    assert speed.simulated is not None
+    assert words in found.stability_text
+    assert speed.simulated.mean == pytest.approx(0.3) if gain == 0.0 else speed.simulated.mean > 0.35
+    assert found.best_change is not None
+    assert found.best_change.name == "gain"

@@ -17,6 +17,7 @@ from command_text import SCENARIO, command, lay_out, stand_in_for_reports, stric
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.json_text import as_json, plain
 from pretouch.cli import main
+from pretouch.cli.app import app
 
 
 @pytest.fixture
@@ -280,7 +281,7 @@ def test_everything_a_result_may_hold_becomes_json():
 def test_the_reference_names_the_options_that_there_are(run):
     text = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"--[a-z][a-z-]+", text)) - {"--help", "--version"}
-    helps = [run(verb, "--help")[1] for verb in ("fit", "design", "robust", "pareto", "sweep", "reproduce")]
+    helps = [run(command.callback.__name__, "--help")[1] for command in app.registered_commands]
     offered = {option for text in helps for option in re.findall(r"--[a-z][a-z-]+", text)}
     assert documented == offered - {"--help", "--report"}  # --report is the default, spelled out
 

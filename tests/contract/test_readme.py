@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import doctest
+import importlib.util
 import os
 import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -58,6 +60,22 @@ def test_the_examples_of_a_page_run(page: str) -> None:
     for block in blocks:
         runner.run(parser.get_doctest(block, {}, page, page, 0))
     assert runner.summarize().failed == 0
+
+
+@pytest.mark.parametrize("page", ["simulation.md", "control.md"])
+def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All blocks of a page, one after the other, as a reader would try them: later ones use names of earlier ones."""
+    monkeypatch.chdir(tmp_path)  # some of them write figures and pages
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert blocks
+    if "witness_encounter(" in text and importlib.util.find_spec("mujoco") is None:
+        blocks = [block for block in blocks if "witness_encounter(" not in block]
+    names: dict[str, Any] = {}
+    for block in blocks:
+        exec(compile(block, page, "exec"), names)  # noqa: S102 - our own page
+    if "encounter" in names:  # the page shows how the summary of its run begins
+        assert " ".join(names["encounter"].headline.split()) in " ".join(text.split())
 
 
 def test_the_numbers_under_the_figure_are_those_of_the_example() -> None:

@@ -159,14 +159,16 @@ def test_an_elastic_impact_is_that_of_spring_and_sphere() -> None:
 
 def test_force_limits_are_those_of_the_simulated_contact() -> None:
     loop = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=1e5, dissipation=0.5))
-    found = verdict(loop, gain=-0.7463, constraints=[pt.Constraint(name="impact_force", limit=150.0)], changes=False)
+    found = verdict(loop, gain=-0.7463, constraints=[pt.Constraint(name="impact_force", limit=50.0)], changes=False)
     (check,) = found.limits
     assert found.mitigated is not None
     assert check.source == "simulated contact force"
     assert check.value == pytest.approx(found.mitigated.impact_force.max())
     assert check.predicted is not None
     assert check.predicted < 10
-    assert check.value > 150  # the obstacle is driven on, and the robot's drive against it
+    # the obstacle is driven on, and the robot's drive against it: within the impact, and ever harder after it
+    assert check.value > 50
+    assert found.mitigated.peak_force.max() > 150
     assert found.status is DOES_NOT
     assert any("times the predicted one" in text for text in found.warnings)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from pretouch.uncertainty.sampling import names_of
 
 from .panels import Curve, Mark, Panel, panel_figure
 from .robust_page import nominal_name
+from .share_panels import share_panel
 from .style import Scale, scale_for
 from .wording import quantity_label
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["outcome_figure", "price_figure", "robust_figure", "shown_prices"]
 
-_SHARES: Final = np.concatenate([np.linspace(0.0, 0.98, 99), np.linspace(0.982, 1.0, 10)])
 _HEADROOM: Final = 6.0  # times the smallest measure, up to where the measure is shown
 _MOST_PRICES: Final = 4
 _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # places in the palette: the same gain looks the same in every picture
@@ -178,7 +178,7 @@ def _kind(design: RobustDesign) -> str:
 def _objective_panel(design: RobustDesign) -> Panel:
     runs = [(name, style, run.objective) for name, style, run in _runs(design)]
     shown = [r for r in runs if r[1] != _NONE] or runs  # what no mitigation costs dwarfs all else
-    return _share_panel(shown, "objective f [1]", Scale(1.0, ""), title="Objective over fresh encounters")
+    return share_panel(shown, "objective f", Scale(1.0, ""), of="encounters", title="Objective over fresh encounters")
 
 
 def _quantities(design: RobustDesign) -> list[str]:
@@ -197,32 +197,10 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, O
         largest = max(largest, limit.constraint.limit)
     scale = scale_for(QUANTITY_UNITS[name], largest)
     kept = [c for c, values in zip(columns, finite, strict=True) if not len(values) or values.max() > 1e-6 * largest]
-    positions = {} if limit is None else {"limit": limit.constraint.limit / scale.factor}
+    positions = {} if limit is None else {"limit": limit.constraint.limit}
     label = "relative speed at contact" if name == "relative_velocity" else quantity_label(name)
     levels = {} if limit is None or limit.probability == 1 else {"required": 100 * limit.probability}
-    return _share_panel(kept or columns, f"{label} [{scale.unit}]", scale, positions=positions, levels=levels)
-
-
-def _share_panel(
-    columns: list[tuple[str, int, FloatArray]], label: str, scale: Scale, *, title: str = "", **lines: Any
-) -> Panel:
-    """Draw the shares of encounters that stay below a value; without contact in some, a curve ends below 100 %."""
-    curves = [_share_curve(name, style, values / scale.factor) for name, style, values in columns]
-    return Panel(
-        x_label=label,
-        y_label="share of encounters below [%]",
-        title=title,
-        curves=[curve for curve in curves if curve is not None] or [Curve(x=[0.0], y=[0.0], quiet=True)],
-        y_limits=(0.0, 104.0),
-        **lines,
-    )
-
-
-def _share_curve(name: str, style: int, values: FloatArray) -> Curve | None:
-    ordered = np.sort(values)
-    at = np.ceil(_SHARES * len(ordered)).astype(int).clip(1) - 1
-    x = np.where(np.isfinite(ordered[at]), ordered[at], np.nan)
-    return None if np.isnan(x).all() else Curve(x=x, y=100 * _SHARES, label=name, style=style)
+    return share_panel(kept or columns, label, scale, of="encounters", positions=positions, levels=levels)
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:

@@ -24,17 +24,21 @@ def share_panel(
     label: str,
     scale: Scale,
     *,
+    of: str = "runs",
+    title: str = "",
     marks: Sequence[Mark] = (),
     positions: Mapping[str, float] | None = None,
     levels: Mapping[str, float] | None = None,
 ) -> Panel:
-    """Draw in which share of the runs a quantity stays below a value, as a staircase through every run.
+    """Draw in which share of runs a quantity stays below a value, as a staircase through them.
 
     Args:
-        columns: name, place in the palette and values in SI of each curve; a run without a value is NaN, and its
-            curve stays below 100 %; one curve at least has a value.
+        columns: name, place in the palette and values in SI of each curve; a run without a value is NaN or
+            infinite, and its curve stays below 100 %.
         label: of the quantity, without its unit.
-        scale: the unit in which it is shown.
+        scale: the unit in which it is shown; one without a name is written as 1.
+        of: what the columns are of: runs, or encounters.
+        title: of the panel.
         marks: points that stand out, in that unit and in percent.
         positions: vertical reference lines: name to SI value.
         levels: horizontal reference lines: name to percent.
@@ -43,11 +47,12 @@ def share_panel(
         The panel.
     """
     lines = {name: at / scale.factor for name, at in (positions or {}).items()}
-    largest = [float(np.nanmax(values)) / scale.factor for _, _, values in columns if np.isfinite(values).any()]
-    end = _AIR * max(*largest, *(mark.x for mark in marks), *lines.values(), 0.0)
+    largest = [np.max(values, initial=0.0, where=np.isfinite(values)) / scale.factor for _, _, values in columns]
+    end = _AIR * float(max([*largest, *(mark.x for mark in marks), *lines.values()]))
     return Panel(
-        x_label=f"{label} [{scale.unit}]",
-        y_label="share of runs below [%]",
+        x_label=f"{label} [{scale.unit or '1'}]",
+        y_label=f"share of {of} below [%]",
+        title=title,
         curves=[_share_curve(name, style, values / scale.factor, end) for name, style, values in columns],
         marks=marks,
         positions=lines,

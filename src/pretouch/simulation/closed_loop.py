@@ -87,8 +87,7 @@ class ClosedLoop:
         The i-th encounter of the scenario meets the noise of run `first_run` + i, the same with every gain.
 
         Args:
-            scenario: the encounter, or an array of them; any other admittance than that of the
-                law is refused.
+            scenario: the encounter, or an array of them; any other admittance than that of the law is refused.
             sensor: the sensor curve.
             gain: D_p [N s], broadcast with the scenario.
 

@@ -78,8 +78,9 @@ class SimulationResult:
         largest_speed: max |x'| until then [m/s].
         largest_virtual_force: max |F_p| until then [N].
         peak_force: largest contact force [N]; 0 for an ideal plant, which has no mass.
-        impact_force: largest contact force of the first contact until the bodies stop approaching each other [N]; a
-            push that follows, as by an obstacle that is driven on, can be stronger and is in `peak_force`.
+        impact_force: largest contact force from the first touch on, within the time that both bodies would touch
+            without loss and drive [N]: pi sqrt(m / k) for a contact whose force is proportional to its depth. A push
+            that follows, as by an obstacle that is driven on, can be stronger and is in `peak_force`.
         impulse: of all contact forces [N s].
         rebound_velocity: l' at the end of the first contact [m/s]; NaN where it lasts.
         contacts: how many contacts there were.

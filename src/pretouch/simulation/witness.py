@@ -18,12 +18,11 @@ from .contact import ContactModel, SpringDamper
 from .law import SampledLaw
 from .mujoco_slides import SLIDE_COLUMNS, Slides, run_slides
 from .plant import PlantModel
+from .running import FOLLOW, HORIZON
 
 __all__ = ["WitnessResult", "WitnessTrace", "witness_encounter"]
 
 _TIME_STEP: Final = 2e-5
-_HORIZON: Final = 10.0
-_FOLLOW: Final = 0.2
 _OF_CONTACT: Final = ("time", "position", "velocity", "relative_velocity", "rebound_velocity")
 _COARSEST: Final = 0.2  # of the shortest time scale: what a method of the first order may take at once
 
@@ -64,7 +63,7 @@ class WitnessResult:
         velocity: x' there [m/s].
         relative_velocity: l' there [m/s].
         peak_force: largest contact force [N].
-        impact_force: largest contact force until the bodies stop approaching each other [N].
+        impact_force: largest contact force within the time that an impact without loss and drive would last [N].
         impulse: of all contact forces [N s].
         rebound_velocity: l' at the end of the first contact [m/s]; NaN where it lasts.
         trace: the whole course.
@@ -90,8 +89,8 @@ def witness_encounter(
     plant: PlantModel,
     contact: ContactModel,
     time_step: float = _TIME_STEP,
-    horizon: float = _HORIZON,
-    follow: float = _FOLLOW,
+    horizon: float = HORIZON,
+    follow: float = FOLLOW,
 ) -> WitnessResult:
     """Run one encounter in MuJoCo, with the law in a loop of Python, to compare with `simulate`.
 
@@ -159,7 +158,7 @@ def witness_encounter(
     )
     _check_step(slides)
     rows, warned = run_slides(slides)
-    return _result(rows, slides.step, warned=warned)
+    return _result(rows, slides, warned=warned)
 
 
 def _parts(period: float, step: float) -> int:
@@ -189,7 +188,7 @@ def _reading_of(sensor: SensorModel) -> Callable[[float], float]:
     return lambda distance: 0.0 if distance > high else math.exp(float(sensor.log_output(max(distance, low))))
 
 
-def _result(rows: FloatArray, step: float, *, warned: bool) -> WitnessResult:
+def _result(rows: FloatArray, slides: Slides, *, warned: bool) -> WitnessResult:
     trace = WitnessTrace(**{name: np.ascontiguousarray(c) for name, c in zip(SLIDE_COLUMNS, rows.T, strict=True)})
     distance, force = trace.distance, trace.contact_force
     closing = trace.obstacle_velocity - trace.velocity
@@ -204,8 +203,8 @@ def _result(rows: FloatArray, step: float, *, warned: bool) -> WitnessResult:
         float(column[after - 1] + part * (column[after] - column[after - 1]))
         for column in (trace.time, trace.position, trace.velocity, closing)
     )
-    turned, apart = np.flatnonzero(closing[after:] >= 0), np.flatnonzero(distance[after:] > 0)
-    approach = after + int(turned[0]) + 1 if len(turned) else len(force)
+    apart = np.flatnonzero(distance[after:] > 0)
+    impact = trace.time <= time + math.pi * math.sqrt(slides.reduced_mass / slides.contact.stiffness)
     return WitnessResult(
         status=status,
         time=time,
@@ -213,8 +212,8 @@ def _result(rows: FloatArray, step: float, *, warned: bool) -> WitnessResult:
         velocity=v,
         relative_velocity=speed,
         peak_force=float(force.max()),
-        impact_force=float(force[:approach].max()),
-        impulse=float(force.sum() * step),
+        impact_force=float(force[impact].max()),
+        impulse=float(force.sum() * slides.step),
         rebound_velocity=float(closing[after + apart[0]]) if len(apart) else math.nan,
         trace=trace,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch.control import Sample
 
-from .mechanics import advance, contact_force, contact_step, crossing, hermite
+from .mechanics import advance, contact_force, contact_step, crossing, elastic_duration, hermite
 from .noise import mix
 from .sensing import instant_of, log_output, raw_reading, start_of
 
@@ -23,7 +23,7 @@ def step(parameters: Any, state: Any, sample: Any) -> Any:
     raise NotImplementedError
 
 
-def log_total(ranging: Any, distance: float, table: Any, low: float, spacing: float, high: float) -> float:
+def exposed_to(ranging: Any, distance: float, table: Any, low: float, spacing: float, high: float) -> float:
     """Return what an exposure averages: the output xi, or the distance of a part that reports one."""
     if ranging:
         return distance
@@ -90,7 +90,7 @@ def encounters(
         start = start_of(chain, key, 0)
         instant = instant_of(chain, start, 0)
 
-        touching, turned, count, resolved = False, False, 0, plant_step
+        touching, count, resolved = False, 0, plant_step
         touch_time, touch_impulse, touch_peak = 0.0, 0.0, 0.0
         end[:] = 0.0
         end[0], end[13], end[15] = 2.0, math.nan, math.nan
@@ -101,12 +101,12 @@ def encounters(
         rate, acting = 0.0, 0.0
         state = initial
         rows, course_rows = 0, 0
-        first = math.nan  # time of the first contact
+        first, impact_end = math.nan, math.nan  # time of the first contact, and until when its forces are an impact
 
         for j in range(steps):
             t = j * period
             if instant <= _TINY and j == 0 and nodes == 1:  # a reading at the start, before anything has moved
-                total = log_total(ranging, xo_start - x_start, table, low, spacing, high)
+                total = exposed_to(ranging, xo_start - x_start, table, low, spacing, high)
                 waiting[0] = raw_reading(chain, key, 0, total, 0.0, table, low, spacing)
                 ready[0], taken[0], tail, k = delay, 0.0, 1, 1
                 total = 0.0
@@ -178,7 +178,7 @@ def encounters(
                     part = min(max((instant - t - at) / h, 0.0), 1.0) if h > 0.0 else 1.0
                     distance = hermite(gap, closing, gap_after, closing_after, part)
                     weight = 1.0 if nodes == 1 else (8.0 / 18.0 if node == 1 else 5.0 / 18.0)
-                    total += weight * log_total(ranging, distance, table, low, spacing, high)
+                    total += weight * exposed_to(ranging, distance, table, low, spacing, high)
                     node += 1
                     if node == nodes:
                         place = tail % room
@@ -218,9 +218,12 @@ def encounters(
                     body = (body[3], body[1], body[2], body[3], body[4], body[5])
                     touch_peak = contact_force(contact, 0.0, body[1] - body[4])  # which no later force need reach
                     end[11] = max(end[11], touch_peak)
+                    speed = abs(body[4] - body[1])
                     if count == 1:
-                        end[18] = touch_peak
-                    resolved = min(plant_step, contact_step(contact, inverse_mass, abs(body[4] - body[1])))
+                        impact_end = now + elastic_duration(contact, inverse_mass, speed)
+                    if now <= impact_end:
+                        end[18] = max(end[18], touch_peak)
+                    resolved = min(plant_step, contact_step(contact, inverse_mass, speed))
                     if course_rows < course.shape[0]:
                         moment = course[course_rows]
                         moment[0], moment[1], moment[2] = now, 0.0, body[4] - body[1]
@@ -230,9 +233,8 @@ def encounters(
                     force = contact_force(contact, body[0] - body[3], body[1] - body[4])
                     touch_peak = max(touch_peak, force)
                     end[11] = max(end[11], force)
-                    if count == 1 and not turned:  # until the bodies stop approaching: what comes later is a push
+                    if now <= impact_end:  # what comes later is a push
                         end[18] = max(end[18], force)
-                        turned = body[4] >= body[1]
                     if course_rows < course.shape[0]:
                         moment = course[course_rows]
                         moment[0], moment[1], moment[2], moment[3] = now, body[3] - body[0], body[4] - body[1], force

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-__all__ = ["advance", "contact_force", "contact_step", "crossing", "hermite"]
+__all__ = ["advance", "contact_force", "contact_step", "crossing", "elastic_duration", "hermite"]
 
 
 def contact_force(contact: Any, depth: float, rate: float) -> float:
@@ -28,6 +28,16 @@ def contact_step(contact: Any, inverse_mass: float, speed: float) -> float:
     omega = math.sqrt(exponent * stiffness * depth ** (exponent - 1.0) * inverse_mass)
     loss = damping * (depth**exponent if scaled else 1.0) * inverse_mass
     return 0.02 / max(omega, loss)
+
+
+def elastic_duration(contact: Any, inverse_mass: float, speed: float) -> float:
+    """Return how long the bodies would touch [s], from a relative speed on, without loss and drive: m d'' = -k d^n."""
+    stiffness, exponent = contact[0], contact[2]
+    part = 1.0 / (exponent + 1.0)
+    scale = (0.5 * (exponent + 1.0) / (stiffness * inverse_mass)) ** part  # depth / speed, where the speed is 1
+    # to the deepest point and back: the integral of (1 - s^(n + 1))^(-1/2) from 0 to 1, which is pi / 2 for n = 1
+    course = math.sqrt(math.pi) * math.gamma(1.0 + part) / math.gamma(0.5 + part)
+    return 2.0 * course * scale * max(speed, 1e-9) ** ((1.0 - exponent) * part)
 
 
 def hermite(start: float, start_slope: float, end: float, end_slope: float, s: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from .noise import normal, uniform
 
-__all__ = ["DRAWS", "instant_of", "log_output", "node_of", "raw_reading", "start_of"]
+__all__ = ["DRAWS", "instant_of", "log_output", "raw_reading", "start_of"]
 
 DRAWS = 8  # numbers that a reading may draw
 _PHASE = 7  # the draw of the first reading that is for the phase of the run
@@ -38,17 +38,10 @@ def start_of(chain: Any, key: Any, k: int) -> float:
     return max(phase + k / rate + shift, 0.0)
 
 
-def node_of(chain: Any, node: int) -> float:
-    """Return how long after its start an exposure is looked at for the node-th time [s], and with which weight."""
-    exposure = chain[2]
-    if node == 0:
-        return exposure * _INNER
-    return exposure * 0.5 if node == 1 else exposure * (1.0 - _INNER)
-
-
 def instant_of(chain: Any, start: float, node: int) -> float:
-    """Return the instant [s] at which an exposure that began at `start` is looked at."""
-    return start + node_of(chain, node)
+    """Return the instant [s] at which an exposure that began at `start` is looked at for the node-th time."""
+    part = _INNER if node == 0 else 0.5 if node == 1 else 1.0 - _INNER
+    return start + chain[2] * part
 
 
 def raw_reading(chain: Any, key: Any, k: int, mean: float, time: float, table: Any, low: float, step: float) -> float:

@@ -42,7 +42,7 @@ def test_a_verdict_shows_one_line_and_prints_a_report() -> None:
     assert text.startswith(found.headline)
     for part in (
         "speed at contact",
-        "relative_velocity <= 0.1 m/s always",
+        "speed at contact <= 0.1 m/s always",
         "what would help most",
         "what this rests on",
     ):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
 from pretouch.motion import ContactResult, ContactStatus
 
@@ -160,9 +161,9 @@ def design_as_text(design: GainDesign) -> str:
     """Return a design as text for a terminal."""
     lines = [headline(design), ""]
     lines += [f"warning: {w}" for w in design.warnings] + ([""] if design.warnings else [])
-    lines += [*_columns(_contact_rows(design), ("", "without mitigation", _column_name(design))), ""]
+    lines += [*aligned([("", "without mitigation", _column_name(design)), *_contact_rows(design)]), ""]
     if design.constraints:
-        lines += [*_columns(_constraint_rows(design), ("constraint", "value", "limit", "margin", "")), ""]
+        lines += [*aligned([("constraint", "value", "limit", "margin", ""), *_constraint_rows(design)]), ""]
     if design.gain is not None and design.damping_at_contact is not None:
         damper = format_quantity(design.damping_at_contact, "N*s/m")
         lines += [
@@ -175,14 +176,13 @@ def design_as_text(design: GainDesign) -> str:
     lines += _evidence(design)
     if design.sensitivities:
         lines += ["", "how the optimum follows its inputs:"]
-        lines += _columns(
-            [
-                (s.name, format_quantity(s.value, s.unit), f"{s.gain_change_per_percent:+.2e} N s")
-                for s in design.sensitivities
-                if s.gain_change_per_percent != 0
-            ],
-            ("input", "value", "gain change per +1 %"),
-        )
+        head = ("input", "value", "gain change per +1 %")
+        rows = [
+            (s.name, format_quantity(s.value, s.unit), f"{s.gain_change_per_percent:+.2e} N s")
+            for s in design.sensitivities
+            if s.gain_change_per_percent != 0
+        ]
+        lines += aligned([head, *rows])
     return "\n".join(lines)
 
 
@@ -253,18 +253,6 @@ def _evidence(design: GainDesign) -> list[str]:
     else:
         lines += [f"motion: {_METHODS.get(design.method, design.method)}"]
     return lines
-
-
-def _columns(rows: list[tuple[str, ...]], head: tuple[str, ...]) -> list[str]:
-    """Align rows in columns, the first to the left and the others to the right."""
-    table = [head, *rows]
-    width = [max(len(row[i]) for row in table) for i in range(len(head))]
-    return [
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, width, strict=True))
-        ).rstrip()
-        for row in table
-    ]
 
 
 def _number(value: Any) -> float | None:

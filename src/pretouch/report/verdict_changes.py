@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from pretouch.verification import Change, Verdict
+from pretouch.verification.wording import best_gain_in_words, lacks_in_words, rate_in_words
 
-from .wording import number, quantity, word
+from .wording import number, quantity
 
 __all__ = ["change_box", "change_note", "change_rows", "loss_rows", "loss_text"]
 
@@ -32,11 +33,12 @@ def change_box(v: Verdict) -> dict[str, Any]:
         return {}
     best = v.best_change
     if best is None:
-        text = "None of the changes that were tried helps by more than chance."
+        text = f"None of the changes that were tried helps by more than chance. {rate_in_words(v)}".strip()
         return {"title": "No change helps", "text": text, "rows": [], "enough": True}
     enough = best.standing >= _KEPT
     title = "The one change that would help most" + ("" if enough else ", though it alone is not enough")
-    return {"title": title, "text": best.sentence, "rows": list(_effects(v, best)), "enough": enough}
+    text = f"{best.sentence} {rate_in_words(v)}".strip()
+    return {"title": title, "text": text, "rows": list(_effects(v, best)), "enough": enough}
 
 
 def _effects(v: Verdict, change: Change) -> Iterator[Row]:
@@ -46,6 +48,8 @@ def _effects(v: Verdict, change: Change) -> Iterator[Row]:
     if change.held is not None:
         name, held = _missed_most(v)
         yield name, _DASH if held is None else _percent(held), _percent(change.held)
+    if v.effect is not None and v.effect.is_harder and change.standing >= _KEPT:
+        yield "contact harder than without mitigation", "yes", "no"
     own = None if v.stability is None else v.stability.margin
     if change.margin is not None and own is not None:
         yield "margin to instability", *(f"\u00d7 {number(margin, 3)}" for margin in (own, change.margin))
@@ -67,12 +71,8 @@ def _missed_most(v: Verdict) -> tuple[str, float | None]:
     if v.reached is not None and v.reached.missing:
         share = 1 - v.reached.missing / round(v.reached.predicted * v.runs)
         shares.append(("contact comes in", share, share))
-    shares += [
-        (f"{word(c.name)} holds in", c.held, c.held / c.required.probability)
-        for c in v.limits
-        if c.held is not None and not c.is_met
-    ]
-    if not shares:
+    shares += [(f"{c.statement} holds in", c.held, c.held / c.required.probability) for c in v.limits if not c.is_met]
+    if not shares:  # it is missed in the runs that changes are compared by, and not in all
         return "what is missed most holds in", None
     name, held, _ = min(shares, key=lambda s: s[2])
     return name, held
@@ -145,14 +145,15 @@ def loss_text(v: Verdict) -> str:
     if loss is None:
         return ""
     if loss.loop_gain is None:
-        return "No gain within the bounds keeps every limit on this loop."
-    best = f"the gain that is best on this loop, {quantity(loss.loop_gain, 'N*s')}"
+        return f"{best_gain_in_words(loss).capitalize()}, keeping every limit: none."
+    best = f"the {best_gain_in_words(loss)}, {quantity(loss.loop_gain, 'N*s')}"
     if loss.loss is None or loss.loop_objective is None:
         return f"A run ends without contact, so that nothing is said of the cost beside {best}."
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     text = f"of the objective ({_percent_with_error(share, error)})"
     if share <= _ERRORS * error or share <= 0:
-        return f"The verified gain costs no more than chance {text} beside {best}."
+        lacks = lacks_in_words(v) if share < -_ERRORS * error else ""
+        return f"The verified gain costs no more than chance {text} beside {best}{lacks}."
     return f"The verified gain costs {number(share, 3)} % {text} beside {best}."
 
 
@@ -177,4 +178,8 @@ def loss_rows(v: Verdict) -> Iterator[Row]:
     spread = f" \u00b1 {error:.1g}" if error is not None and math.isfinite(error) and error > 0 else ""
     yield "verified gain, mean of the runs", own, number(loss.objective, 5) + spread
     if loss.loop_gain is not None:
-        yield "best gain on the loop, mean of the runs", quantity(loss.loop_gain, "N*s"), number(loss.loop_objective, 5)
+        yield (
+            f"{best_gain_in_words(loss)}, mean of the runs",
+            quantity(loss.loop_gain, "N*s"),
+            number(loss.loop_objective, 5),
+        )

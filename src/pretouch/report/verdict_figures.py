@@ -13,12 +13,11 @@ from pretouch.design.quantities import QUANTITY_UNITS
 from pretouch.motion import ContactResult, solve_motion
 from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
-from pretouch.verification.simulated import simulated_quantity
+from pretouch.verification.simulated import QUANTITY_WORDS, simulated_quantity
 
 from .panels import Curve, Mark, Panel, panel_figure
 from .share_panels import share_panel
 from .style import Scale, scale_for
-from .wording import quantity_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,13 +28,10 @@ _WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # places in the palette: the s
 _NOTHING: Final = 1e-6  # of the largest value shown: a curve of such values says nothing
 _MOST: Final = 900  # points of a curve: about two per pixel
 _LONGEST: Final = 2.0  # times the predicted contact, up to where a run without contact is shown
-_LABELS: Final = {
-    "relative_velocity": "speed at contact |l\u2032|",
-    "impact_force": "impact force",
-    "peak_force": "largest contact force",
-    "largest_excursion": "largest excursion |x \u2212 x_d|",
-    "largest_speed": "largest robot speed |x\u2032|",
-    "time": "time of contact",
+_SYMBOLS: Final = {
+    "relative_velocity": "|l\u2032|",
+    "largest_excursion": "|x \u2212 x_d|",
+    "largest_speed": "|x\u2032|",
 }
 
 
@@ -67,7 +63,7 @@ def _quantities(verdict: Verdict) -> list[str]:
     compared = [c.name for c in verdict.comparisons]
     forces = [name for name in ("impact_force", "peak_force") if name in compared]
     names = ["relative_velocity", *forces, "largest_excursion", "time"]
-    names += [c.required.constraint.quantity for c in verdict.limits if c.held is not None and c.name != "gain"]
+    names += [c.required.constraint.quantity for c in verdict.limits if c.name != "gain"]
     found = list(dict.fromkeys(names))
     return found if len(found) % 2 == 0 else list(dict.fromkeys([*found, "largest_speed"]))
 
@@ -90,7 +86,7 @@ def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
     drawn = {style for _, style, _ in kept}
     return share_panel(
         kept,
-        _LABELS.get(name, quantity_label(name)),
+        f"{QUANTITY_WORDS[name]} {_SYMBOLS.get(name, '')}".strip(),
         scale,
         marks=[m for m in _predictions(verdict, name, scale) if m.style in drawn],
         positions={} if limit is None else {"limit": limit.limit},
@@ -105,16 +101,11 @@ def _limit_of(verdict: Verdict, name: str) -> LimitCheck | None:
 
 
 def _magnitudes(verdict: Verdict, name: str, result: SimulationResult | None, gain: float | None) -> FloatArray:
-    """Return |quantity| of every run, NaN without contact or where it is not simulated."""
+    """Return |quantity| of every run, NaN without contact."""
     if result is None or gain is None:
         return np.empty(0)
-    if name == "peak_force":
-        found: Any = result.peak_force
-    else:
-        found = simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact)
-    if found is None:
-        return np.full(result.shape, np.nan)
-    values = np.abs(np.asarray(found, dtype=np.float64))
+    found = simulated_quantity(name, result, gain, verdict.loop, verdict.design.impact)
+    values = np.abs(found)
     return np.where(result.touched & np.isfinite(values), values, np.nan)
 
 

@@ -100,7 +100,7 @@ def verdict_gain_figure(verdict: Verdict) -> Figure:
         y_label="objective f [1]",
         curves=curves,
         marks=marks,
-        positions=_unstable_from(verdict, sign),
+        positions=_stable_until(verdict, sign),
         x_log=logarithmic,
         y_log=wide,
         y_limits=None if wide or not top > 0 else (0.0, 1.06 * max(top, highest)),
@@ -162,10 +162,11 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
         yield Mark(x=sign * verdict.gain, y=loss.objective, label=text, style=_LOOP)
 
 
-def _unstable_from(verdict: Verdict, sign: float) -> dict[str, float]:
-    """Return where the loop becomes unstable, if that is within the gains that are shown."""
-    check = verdict.stability
-    low, _ = verdict.design.bounds
-    if check is None or not low < check.strongest < 0 or verdict.loss is None:
+def _stable_until(verdict: Verdict, sign: float) -> dict[str, float]:
+    """Return where the margin to instability falls below 2 and where the loop becomes unstable, as far as is shown."""
+    check, loss = verdict.stability, verdict.loss
+    low, high = verdict.design.bounds
+    if check is None or loss is None:
         return {}
-    return {"unstable from here": sign * check.strongest}
+    places = {"unstable from here": check.strongest, "margin of 2 up to here": check.strongest / 2}
+    return {text: sign * gain for text, gain in places.items() if low < gain < min(high, 0.0)}

@@ -10,6 +10,7 @@ from pretouch.design.quantities import QUANTITY_UNITS
 from pretouch.design.robust.wording import share_in_words, uncertainty_in_words
 from pretouch.simulation import ClosedLoop
 from pretouch.verification import Comparison, LimitCheck, Spread, StabilityCheck, Verdict, VerdictStatus
+from pretouch.verification.simulated import QUANTITY_WORDS
 
 from .design_page import METHODS, scenario_rows, sensor_rows
 from .loop_rows import chain_rows, contact_rows, controller_rows, loop_rows, robot_rows
@@ -47,7 +48,7 @@ def verdict_page(verdict: Verdict) -> dict[str, Any]:
         "meaning": v.status.meaning,
         "headline": (first + separator.strip(), rest),
         "tiles": list(_tiles(v)),
-        "reasons": [_sentence(v, reason) for reason in v.reasons],
+        "reasons": [f"{reason[:1].upper()}{reason[1:]}." for reason in v.reasons],
         "asked_rows": list(_asked_rows(v)),
         "warnings": list(v.warnings),
         "runs": _runs(v),
@@ -82,12 +83,6 @@ def _loop(loop: ClosedLoop) -> dict[str, list[Row]]:
         "robot_rows": list(robot_rows(loop.plant)),
         "force_rows": list(contact_rows(loop.contact)),
     }
-
-
-def _sentence(v: Verdict, clause: str) -> str:
-    """Make a sentence of a clause, with a capital unless it begins with the name of a limit."""
-    named = any(clause.startswith(c.name) for c in v.limits)
-    return f"{clause}." if named else f"{clause[:1].upper()}{clause[1:]}."
 
 
 def _runs(v: Verdict) -> str:
@@ -180,18 +175,22 @@ def _reached(v: Verdict) -> str:
 def _asked_rows(v: Verdict) -> Iterator[Row]:
     """Yield the limits of a verdict without a gain, and how near the ideal world comes to each."""
     for c in v.design.constraints if v.gain is None else ():
-        name = f"{word(c.name)}: {quantity_label(c.quantity)}"
-        yield name, quantity(c.limit, c.unit), quantity(c.best_value, c.unit), quantity(c.best_gain, "N*s")
+        yield (
+            QUANTITY_WORDS[c.quantity],
+            quantity(c.limit, c.unit),
+            quantity(c.best_value, c.unit),
+            quantity(c.best_gain, "N*s"),
+        )
 
 
 def _limit_row(check: LimitCheck) -> Row:
     p, unit = check.required.probability, check.unit
     return (
-        f"{word(check.name)}: {quantity_label(check.required.constraint.quantity)}",
+        check.label,
         quantity(check.limit, unit),
         "every run" if p == 1 else f"{100 * p:g} %",
-        _DASH if check.held is None else share_in_words(check.held),
-        _DASH if check.low is None else share_in_words(check.low),
+        share_in_words(check.held),
+        share_in_words(check.low),
         quantity(check.value, unit),
         quantity(check.margin, unit),
         _state(check),
@@ -199,18 +198,16 @@ def _limit_row(check: LimitCheck) -> Row:
 
 
 def _state(check: LimitCheck) -> str:
-    if check.held is None:
-        return "not simulated"
     if not check.is_met:
         return "missed"
     if check.required.probability == 1:
         return "held in every run"
-    return "shown" if (check.low or 0.0) >= check.required.probability else "held, not shown"
+    return "shown" if check.low >= check.required.probability else "held, not shown"
 
 
 def _sources(v: Verdict) -> list[str]:
     """Say of limits where their quantity comes from, as far as it is not simply simulated."""
-    return [f"{word(c.name).capitalize()}: {c.source}." for c in v.limits if c.source not in {"", "simulated"}]
+    return [f"{c.label.capitalize()}: {c.source}." for c in v.limits if c.source != "simulated"]
 
 
 def _stability_rows(check: StabilityCheck) -> Iterator[Row]:

@@ -1,23 +1,15 @@
 """Whether a designed gain holds on the loop as it will really run: predicted beside simulated, and what to change."""
 
 from .encounter import SimulatedEncounter, simulate_encounter
-from .parts import (
-    Change,
-    Comparison,
-    LimitCheck,
-    LoopCurve,
-    Loss,
-    Reached,
-    Spread,
-    StabilityCheck,
-    VerdictStatus,
-)
+from .parts import Comparison, Effect, LimitCheck, Reached, Spread, StabilityCheck, VerdictStatus
+from .proposals import Change, LoopCurve, Loss
 from .result import Verdict
 from .verify import verify_gain
 
 __all__ = [
     "Change",
     "Comparison",
+    "Effect",
     "LimitCheck",
     "LoopCurve",
     "Loss",

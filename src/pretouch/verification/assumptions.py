@@ -45,8 +45,7 @@ def assumptions_of(
         _robot(loop),
         _contact(loop, impact),
         *_uncertain(sensor, uncertainty),
-        f"Runs: {runs} independent ones from seed {loop.seed}; other gains and changes meet the same noise in the "
-        f"first {compared} of them.",
+        _runs(runs, compared, loop.seed),
         "Predicted is the nominal encounter in continuous time with a perfect sensor, the robot following exactly.",
         "Stability is that of the loop linearized at each distance of the nominal curve, without noise, jitter, limits "
         "and friction.",
@@ -54,6 +53,13 @@ def assumptions_of(
         "is named as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
     ]
     return tuple(text for text in said if text)
+
+
+def _runs(runs: int, compared: int, seed: int) -> str:
+    if runs == 1:
+        return f"Runs: a single one, of seed {seed}; other gains and changes meet the same noise."
+    first = f" in the first {compared} of them" if compared < runs else ""
+    return f"Runs: {runs}, independent, from seed {seed}; other gains and changes meet the same noise{first}."
 
 
 def _sensor(loop: ClosedLoop) -> str:

@@ -10,13 +10,14 @@ from typing import Final
 import numpy as np
 
 from pretouch.design.search import GainAxis
-from pretouch.simulation import ClosedLoop
+from pretouch.simulation import ClosedLoop, GainLimit
 
-from .parts import LoopCurve
 from .problem import LoopProblem
+from .proposals import LoopCurve
 
 __all__ = ["LoopOptimum", "best_on_loop"]
 
+_MARGIN: Final = 2.0  # to instability, which a gain that is proposed keeps where any within the bounds can
 _SCANNED: Final = 33
 _BETWEEN: Final = 17  # between the neighbors of the best: on a loop that samples, the objective has ripples
 _NARROW: Final = 2e-3  # of u = ln|D_p|: within a thousandth of the optimal gain the objective changes by a millionth
@@ -28,12 +29,14 @@ class LoopOptimum:
 
     Args:
         gain: the best that keeps the limits [N s]; None where none that was tried does.
-        nearest: the one that stands best where none keeps them [N s]; None where every one is unstable.
+        nearest: the one that stands best where none keeps them [N s]; None where none may be tried.
+        sought_margin: to instability, which all that were tried have; None where it is not known.
         curve: the gains that were tried.
     """
 
     gain: float | None
     nearest: float | None
+    sought_margin: float | None
     curve: LoopCurve
 
 
@@ -42,7 +45,7 @@ def best_on_loop(
     loop: ClosedLoop,
     bounds: tuple[float, float],
     *,
-    strongest: float,
+    limit: GainLimit | None,
     runs: int,
     among: Sequence[float] = (),
 ) -> LoopOptimum:
@@ -56,7 +59,8 @@ def best_on_loop(
         problem: what it is appraised by.
         loop: the loop.
         bounds: smallest and largest gain [N s].
-        strongest: gains beyond it are unstable [N s]; -inf for none.
+        limit: the strongest stable gains, of which those with a margin of 2 are tried; where no gain within the bounds
+            has it, all that are stable; None where they are not known.
         runs: how many runs of each.
         among: gains to be tried beside [N s].
 
@@ -64,16 +68,18 @@ def best_on_loop(
         The optimum.
     """
     search = _Search(problem=problem, loop=loop, axis=GainAxis(low=bounds[0], high=bounds[1]), runs=runs)
+    sought = None if limit is None else _MARGIN if -limit.allowed(_MARGIN) <= bounds[1] else 1.0
+    strongest = -math.inf if limit is None or sought is None else limit.strongest / sought
     low, high = map(float, search.axis.coordinate(np.array([max(bounds[0], strongest), bounds[1]])))
-    if low > high:  # every gain within the bounds is unstable
-        return LoopOptimum(gain=None, nearest=None, curve=search.curve())
+    if low > high:  # no gain within the bounds may be tried
+        return LoopOptimum(gain=None, nearest=None, sought_margin=sought, curve=search.curve())
     beside = [float(search.axis.coordinate(g)) for g in among if bounds[0] <= g <= bounds[1]]
     tried = sorted({*np.linspace(low, high, _SCANNED).tolist(), *(u for u in beside if low <= u <= high)})
     low, middle, high = search.around_best(tried)
     if math.isfinite(search.merit(middle)):
         between = sorted({*np.linspace(low, high, _BETWEEN).tolist(), low, middle, high})
         search.refine(*search.around_best(between))
-    return search.optimum()
+    return search.optimum(sought)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +110,7 @@ class _Search:
             found = self.problem.appraise(self.loop, float(self.axis.gain(u)), self.runs)
             self.tried[u] = _Tried(
                 objective=found.mean,
-                kept=all(r.is_met for r in found.requirements),
+                kept=found.is_kept,
                 standing=found.standing,
                 share=found.whole_share,
             )
@@ -122,12 +128,12 @@ class _Search:
             best = min(range(1, 4), key=lambda i: self.merit(row[i]))
             low, middle, high = row[best - 1 : best + 2]
 
-    def optimum(self) -> LoopOptimum:
+    def optimum(self, sought: float | None) -> LoopOptimum:
         """Return the best of all that were tried."""
         kept = [u for u in self.tried if math.isfinite(self.merit(u))]
         gain = float(self.axis.gain(min(kept, key=self.merit))) if kept else None
         nearest = max(self.tried, key=lambda u: (self.tried[u].standing, -self.tried[u].objective))
-        return LoopOptimum(gain=gain, nearest=float(self.axis.gain(nearest)), curve=self.curve())
+        return LoopOptimum(gain=gain, nearest=float(self.axis.gain(nearest)), sought_margin=sought, curve=self.curve())
 
     def curve(self) -> LoopCurve:
         """Return all that were tried, by their gains."""

@@ -16,11 +16,15 @@ from pretouch.simulation import ClosedLoop, SimulationResult
 
 from .draws import Draws
 from .parts import Comparison
+from .problem import mean_and_error
+from .wording import full_stop
 
 __all__ = ["cautions_of"]
 
 _LATE: Final = 0.95  # of the distance at the start: nearer, a first detection is late
 _FORCE_APART: Final = 1.25  # times: beyond, a predicted impact force is another thing than the simulated one
+_ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
+_ROUNDING: Final = 1e-9  # of a force
 _TRACED: Final = 8  # runs, whose steps are looked at one by one
 _FLAGS: Final = {
     Status.SATURATED: "the sensor was saturated",
@@ -36,7 +40,7 @@ _FLAGS: Final = {
 def cautions_of(
     loop: ClosedLoop,
     draws: Draws,
-    result: SimulationResult,
+    runs: tuple[SimulationResult, SimulationResult],
     comparisons: tuple[Comparison, ...],
     design: GainDesign,
 ) -> tuple[str, ...]:
@@ -45,18 +49,20 @@ def cautions_of(
     Args:
         loop: the loop.
         draws: the encounters.
-        result: the runs with mitigation.
+        runs: with mitigation, and without.
         comparisons: predicted and simulated quantities.
         design: the ideal design.
 
     Returns:
         Sentences.
     """
+    result, unmitigated = runs
     said = [
-        "" if design.gain is not None else f"The ideal design has no gain. {design_headline(design)}",
+        "" if design.gain is not None else f"The ideal design has no gain. {full_stop(design_headline(design))}",
         _other_admittance(loop, draws.scenario),
         _recession(loop),
         *_detection(loop, draws, result),
+        _push(loop, result, unmitigated),
         _impact(comparisons),
         *_reported(loop, result),
     ]
@@ -121,6 +127,29 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
     if late <= phase + chain.exposure + chain.delay + loop.law.period:
         return "no reading can be had before, for the sensor is that slow"
     return "farther away, what it reads is not above the floor"
+
+
+def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> str:
+    """Say that the largest force of the whole contact grows with mitigation, where that is not the impact's."""
+    contact, both = loop.contact, result.touched & unmitigated.touched
+    if contact is None or not both.any():
+        return ""
+    peak, free, impact, free_impact = (
+        np.asarray(values)[both]
+        for values in (result.peak_force, unmitigated.peak_force, result.impact_force, unmitigated.impact_force)
+    )
+    more, error = mean_and_error(peak - free)
+    chance = max(_ERRORS * error if np.isfinite(error) else 0.0, _ROUNDING * float(free.mean()))
+    if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
+        return ""
+    driven = contact.obstacle_mass == np.inf
+    pushing = "the obstacle, which is driven on, and the robot's drive push" if driven else "the robot's drive pushes"
+    newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
+    return (
+        f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
+        f"{newton[1]}. It is not that of the impact ({newton[2]} with, {newton[3]} without), but of the push after it: "
+        f"{pushing} on while the bodies are in contact."
+    )
 
 
 def _impact(comparisons: tuple[Comparison, ...]) -> str:

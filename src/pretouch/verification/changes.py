@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
 from pretouch.sensors import SensorModel
-from pretouch.simulation import ClosedLoop
+from pretouch.simulation import ClosedLoop, GainLimit
 
-from .candidates import Candidate, candidates_of
-from .change_wording import redesign_sentence
-from .parts import Change
-from .problem import LoopProblem, Outcomes, Requirement, mean_and_error
+from .candidates import Approach, Candidate, candidates_of
+from .parts import StabilityCheck
+from .problem import LoopProblem, Outcomes, Requirement, effect_of, mean_and_error
+from .proposals import Change
 from .stability import limit_of, stability_margin
 
 __all__ = ["try_changes"]
@@ -22,6 +23,8 @@ __all__ = ["try_changes"]
 _ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
 _WORTH: Final = 0.01  # of the objective: less is not worth a change
 _MARGIN: Final = 2.0  # to instability: a change must not go below it
+_FALL: Final = 0.8  # of the margin: what is left of it is said where it is less
+_BEYOND: Final = 1e3  # a margin that needs no word
 
 
 def try_changes(
@@ -32,9 +35,10 @@ def try_changes(
     whole: Outcomes,
     part: Outcomes,
     other: tuple[float, Outcomes] | None,
+    stability: StabilityCheck | None,
+    limit: GainLimit | None,
     distance: FloatArray,
     fastest: float,
-    damper: bool,
 ) -> tuple[Change, ...]:
     """Run every candidate and rank them: first by the limits that are missed, then by the objective.
 
@@ -46,31 +50,46 @@ def try_changes(
         part: the same over the runs that candidates are compared by.
         other: a gain that was found to be better, with what it leads to over all runs: over those alone that it was
             chosen by, it would look better than it is.
+        stability: the margin of the gain; None where it is not known.
+        limit: the strongest stable gains of the loop; None where they are not known.
         distance: those that the encounter passes [m].
         fastest: fastest approach [m/s].
-        damper: whether the law acts as a damper, so that a stability limit is known.
 
     Returns:
         The changes, the most helpful first.
     """
     sensor, runs = problem.draws.sensor, part.result.shape[0]
     slope = np.abs(np.asarray(sensor.log_slope(distance)))
-    noise = _log_noise(loop, sensor, distance, slope)
-
-    def margin(of: ClosedLoop, own: float) -> float | None:
-        return stability_margin(limit_of(of, sensor, distance), own) if damper else None
-
-    before, found = margin(loop, gain), []
+    approach = Approach(
+        steepest=float(slope.max()),
+        fastest=fastest,
+        noise=_log_noise(loop, sensor, distance, slope),
+        wanted_rate=_wanted_rate(stability),
+    )
+    before, found = None if stability is None else stability.margin, []
     if other is not None:
         better, outcomes = other
-        after = margin(loop, better)
-        candidate = Candidate(name="gain", sentence=redesign_sentence(gain, better, after), loop=loop)
+        after = stability_margin(limit, better)
+        candidate = Candidate(name="gain", sentence=_redesign(gain, better, after), loop=loop)
         found.append(_compared(candidate, better, _Side(whole, before), _Side(outcomes, after)))
-    for candidate in candidates_of(loop, steepest=float(slope.max()), fastest=fastest, noise=noise):
+    for candidate in candidates_of(loop, approach):
         outcomes = problem.appraise(candidate.loop, gain, runs)
-        after = margin(candidate.loop, gain)
+        after = None if limit is None else stability_margin(limit_of(candidate.loop, sensor, distance), gain)
         found.append(_compared(candidate, gain, _Side(part, before), _Side(outcomes, after)))
     return tuple(sorted(found, key=_rank))
+
+
+def _wanted_rate(stability: StabilityCheck | None) -> float | None:
+    """Return the rate that gives the gain the usual margin, where it has it not and any rate does."""
+    if stability is None or stability.margin >= _MARGIN or not math.isfinite(stability.lowest_rate_with_margin):
+        return None
+    return max(stability.lowest_rate_with_margin, stability.rate)
+
+
+def _redesign(gain: float, loop_gain: float, margin: float | None) -> str:
+    """Say which gain to take, and how far the loop is from instability with it."""
+    beside = "" if margin is None or margin > _BEYOND else f"; the loop is unstable at {margin:.3g} times that"
+    return f"Take D_p = {format_quantity(loop_gain, 'N*s')} instead of {format_quantity(gain, 'N*s')}{beside}."
 
 
 class _Side:
@@ -80,12 +99,15 @@ class _Side:
         self.outcomes, self.margin = outcomes, margin
 
     @property
-    def standing(self) -> float:
-        stable = 1.0 if self.margin is None else min(self.margin, 1.0)
-        return min(self.outcomes.standing, stable)
+    def stable(self) -> float:
+        return 1.0 if self.margin is None else min(self.margin, 1.0)
 
-    def requirement(self, name: str) -> Requirement | None:
-        return next((r for r in self.outcomes.requirements if r.name == name), None)
+    @property
+    def standing(self) -> float:
+        return min(self.outcomes.standing, self.stable)
+
+    def requirement(self, name: str) -> Requirement:
+        return next(r for r in self.outcomes.requirements if r.name == name)
 
 
 def _compared(candidate: Candidate, gain: float, before: _Side, after: _Side) -> Change:
@@ -95,44 +117,67 @@ def _compared(candidate: Candidate, gain: float, before: _Side, after: _Side) ->
     mean = after.outcomes.mean
     return Change(
         name=candidate.name,
-        sentence=candidate.sentence,
+        sentence=_with_margin(candidate, before.margin, after.margin),
         gain=gain,
         objective=mean if math.isfinite(mean) else None,
         improvement=improvement,
         improvement_error=error,
         standing=after.standing,
-        held=None if worst.is_met or same is None else float(same.held.mean()),
+        held=None if worst.is_met else float(same.held.mean()),
         margin=after.margin,
-        helps=_stands_better(before, after)
-        or (
-            after.standing >= before.standing
-            and _keeps_margin(before.margin, after.margin)
-            and improvement is not None
-            and improvement > max(_ERRORS * (error or 0.0), _WORTH)
+        helps=_is_stable(after.margin)
+        and (
+            _stands_better(before, after)
+            or (
+                after.standing >= before.standing
+                and _keeps_margin(before.margin, after.margin)
+                and improvement is not None
+                and improvement > max(_ERRORS * (error or 0.0), _WORTH)
+            )
         ),
     )
+
+
+def _with_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
+    """Return the sentence of a change; where it costs margin to instability, with what is left of it."""
+    if candidate.name == "gain" or before is None or after is None:  # another gain has it in its sentence
+        return candidate.sentence
+    if after > _BEYOND or after >= _FALL * before:
+        return candidate.sentence
+    was = f" from {before:.3g}" if math.isfinite(before) else ""
+    return f"{candidate.sentence.removesuffix('.')}; the margin to instability falls{was} to {after:.3g}."
 
 
 def _stands_better(before: _Side, after: _Side) -> bool:
     """Tell whether what was missed most is missed less, by more than chance."""
     if after.standing <= before.standing:
         return False
+    if before.stable <= before.standing:  # it was the margin, which no chance moves
+        return True
+    if before.outcomes.softness <= before.standing:
+        return _falls(before.outcomes, after.outcomes)
     worst = min(before.outcomes.requirements, key=lambda r: r.standing)
     same = after.requirement(worst.name)
-    if before.outcomes.standing > before.standing or same is None:  # it was the margin, which no chance moves
-        return True
     rise = same.held.astype(np.float64) - worst.held
     return float(rise.mean()) > _ERRORS * float(rise.std()) / math.sqrt(len(rise))
+
+
+def _falls(before: Outcomes, after: Outcomes) -> bool:
+    """Tell whether the speed at contact falls, by more than chance."""
+    change = effect_of(after.result, before.result)
+    return change is not None and change.is_softer
+
+
+def _is_stable(margin: float | None) -> bool:
+    return margin is None or margin >= 1
 
 
 def _keeps_margin(before: float | None, after: float | None) -> bool:
     return before is None or (after is not None and after >= min(before, _MARGIN))
 
 
-def _improvement(before: FloatArray | None, after: FloatArray | None) -> tuple[float | None, float | None]:
+def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:
     """Return the mean fall of the objective run by run and its standard error, as shares of what it was."""
-    if before is None or after is None:
-        return None, None
     whole, _ = mean_and_error(before)
     with np.errstate(invalid="ignore"):
         fall, error = mean_and_error(before - after)

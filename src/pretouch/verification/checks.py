@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -16,17 +17,11 @@ from pretouch.simulation import ClosedLoop, SimulationResult
 
 from .parts import Comparison, LimitCheck, Reached, Spread
 from .problem import Outcomes
-from .simulated import source_of
+from .simulated import QUANTITY_WORDS, source_of
 
 __all__ = ["check_limits", "check_reached", "compare_quantities", "spread_of"]
 
-_COMPARED: Final = (
-    ("relative_velocity", "speed at contact"),
-    ("time", "time of contact"),
-    ("largest_excursion", "largest excursion |x - x_d|"),
-    ("largest_virtual_force", "largest virtual force"),
-    ("largest_speed", "largest robot speed"),
-)
+_COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
 _SAME: Final = 1e-9  # of a force: the peak of a contact is then that of its impact
 
 
@@ -54,11 +49,11 @@ def compare_quantities(
     """
     both, foreseen = (mitigated, unmitigated), (predicted, predicted_unmitigated)
 
-    def row(name: str, label: str, values: tuple[float | None, float | None], source: str) -> Comparison:
-        simulated = [spread_of(np.abs(np.asarray(getattr(r, source))), r.touched) for r in both]
+    def row(name: str, values: Sequence[float | None]) -> Comparison:
+        simulated = [spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in both]
         return Comparison(
             name=name,
-            label=label,
+            label=QUANTITY_WORDS[name],
             unit=QUANTITY_UNITS.get(name, "N"),
             predicted=values[0],
             predicted_unmitigated=values[1],
@@ -66,16 +61,10 @@ def compare_quantities(
             unmitigated=simulated[1],
         )
 
-    rows = []
-    for name, label in _COMPARED:
-        values = [_magnitude(name, r, impact) for r in foreseen]
-        rows.append(row(name, label, (values[0], values[1]), name))
-    if loop.contact is not None:
-        values = [_magnitude("impact_force", r, impact) for r in foreseen]
-        rows.append(row("impact_force", "impact force", (values[0], values[1]), "impact_force"))
-        differs = [np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in both]
-        if any(differs):
-            rows.append(row("peak_force", "largest contact force", (None, None), "peak_force"))
+    names = [*_COMPARED, *(["impact_force"] if loop.contact is not None else [])]
+    rows = [row(name, [_magnitude(name, r, impact) for r in foreseen]) for name in names]
+    if loop.contact is not None and any(np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in both):
+        rows.append(row("peak_force", (None, None)))
     return tuple(rows)
 
 
@@ -113,7 +102,6 @@ def check_limits(
     *,
     loop: ClosedLoop,
     impact: ImpactModel | None,
-    given: ImpactModel | None,
     confidence: float,
 ) -> tuple[LimitCheck, ...]:
     """Tell of each limit how often it holds.
@@ -125,7 +113,6 @@ def check_limits(
         gain: D_p [N s].
         loop: what the runs ran on.
         impact: the impact that is predicted with.
-        given: physical properties, where given.
         confidence: of the lower bounds.
 
     Returns:
@@ -134,22 +121,19 @@ def check_limits(
     found = []
     for required, ratio in zip(limits, outcomes.ratios, strict=True):
         constraint = required.constraint
-        held = low = value = None
-        if ratio is not None:
-            count = int((ratio <= 1 + 1e-12).sum())
-            held, low = count / len(ratio), least_probability(count, len(ratio), confidence)
-            reached = float(required.share(ratio)) * constraint.limit
-            value = reached if math.isfinite(reached) else None
+        count = int((ratio <= 1 + 1e-12).sum())
+        reached = float(required.share(ratio)) * constraint.limit
+        value = reached if math.isfinite(reached) else None
         foreseen = abs(gain) if constraint.quantity == "gain" else _magnitude(constraint.quantity, predicted, impact)
         found.append(
             LimitCheck(
                 required=required,
                 predicted=foreseen,
-                held=held,
-                low=low,
+                held=count / len(ratio),
+                low=least_probability(count, len(ratio), confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
-                source=source_of(constraint.quantity, loop, given, ratio is not None),
+                source=source_of(constraint.quantity, loop),
             )
         )
     return tuple(found)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
 from pretouch.design.summary import contact_as_dict
 from pretouch.motion import ContactStatus
@@ -95,12 +96,12 @@ def encounter_as_text(encounter: SimulatedEncounter) -> str:
     """Return an encounter as text for a terminal."""
     lines = [encounter.headline, ""]
     lines += [f"warning: {w}" for w in encounter.warnings] + ([""] if encounter.warnings else [])
-    lines += [*_columns(list(_comparison_rows(encounter)), _HEAD), ""]
+    lines += [*aligned([_HEAD, *_comparison_rows(encounter)]), ""]
     if encounter.has_contact_force and encounter.contacts:
         head = ("contact", "l'", "peak force", "impulse", "l' after", "duration")
-        lines += [*_columns([_contact_row(c) for c in encounter.contacts], head), ""]
+        lines += [*aligned([head, *map(_contact_row, encounter.contacts)]), ""]
     if encounter.flags:
-        lines += [*_columns([_flag_row(f) for f in encounter.flags], ("reported by the law", "since", "in all")), ""]
+        lines += [*aligned([("reported by the law", "since", "in all"), *map(_flag_row, encounter.flags)]), ""]
     sentence = detection_in_words(encounter)
     lines += [f"detection: {sentence[0].lower()}{sentence[1:]}"] if encounter.detection else []
     loop = encounter.loop
@@ -149,15 +150,3 @@ def _contact_row(contact: LoopContact) -> tuple[str, ...]:
 
 def _flag_row(flag: ReportedFlag) -> tuple[str, ...]:
     return f"{flag.name}: {flag.meaning}", time_in_words(flag.since), time_in_words(flag.duration)
-
-
-def _columns(rows: list[tuple[str, ...]], head: tuple[str, ...]) -> list[str]:
-    """Align rows in columns, the first to the left and the others to the right."""
-    table = [head, *rows]
-    width = [max(len(row[i]) for row in table) for i in range(len(head))]
-    return [
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, width, strict=True))
-        ).rstrip()
-        for row in table
-    ]

@@ -9,13 +9,14 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch.design import GainDesign
+from pretouch.simulation import GainLimit
 
 from .best_gain import LoopOptimum, best_on_loop
 from .changes import try_changes
-from .parts import Loss
+from .parts import StabilityCheck
 from .problem import LoopProblem, Outcomes, mean_and_error
+from .proposals import Loss
 from .request import Request
-from .stability import limit_of
 
 __all__ = ["compared_runs", "find_improvements"]
 
@@ -31,9 +32,10 @@ def find_improvements(
     gain: float,
     *,
     design: GainDesign,
+    stability: StabilityCheck | None,
+    limit: GainLimit | None,
     distance: FloatArray,
     fastest: float,
-    damper: bool,
 ) -> dict[str, Any]:
     """Find the best gain on the loop and try the changes.
 
@@ -43,29 +45,27 @@ def find_improvements(
         outcomes: what the verified gain leads to.
         gain: D_p [N s], the verified one.
         design: the ideal design.
+        stability: the margin of the verified gain; None where it is not known.
+        limit: the strongest stable gains of the loop; None where they are not known.
         distance: those that the encounter passes [m].
         fastest: fastest approach [m/s].
-        damper: whether the law acts as a damper, so that a stability limit is known.
 
     Returns:
         `loss` and `changes` of the verdict.
     """
-    runs, other, loss = compared_runs(problem), None, None
-    if outcomes.objective is not None:
-        limit = limit_of(r.loop, r.sensor, distance) if damper else None
-        optimum = best_on_loop(
-            problem,
-            r.loop,
-            r.bounds,
-            strongest=-np.inf if limit is None else limit.strongest,
-            runs=runs,
-            among=[g for g in (gain, design.gain) if g is not None],
-        )
-        better = optimum.nearest if optimum.gain is None else optimum.gain
-        if better is not None and not math.isclose(better, gain, rel_tol=_SAME):
-            other = better, problem.appraise(r.loop, better)
-        best = None if optimum.gain is None else outcomes if other is None else other[1]
-        loss = _loss(r, outcomes, gain, optimum, best)
+    runs, other = compared_runs(problem), None
+    optimum = best_on_loop(
+        problem,
+        r.loop,
+        r.bounds,
+        limit=limit,
+        runs=runs,
+        among=[g for g in (gain, design.gain) if g is not None],
+    )
+    better = optimum.nearest if optimum.gain is None else optimum.gain
+    if better is not None and not math.isclose(better, gain, rel_tol=_SAME):
+        other = better, problem.appraise(r.loop, better)
+    best = None if optimum.gain is None else outcomes if other is None else other[1]
     tried = try_changes(
         problem,
         r.loop,
@@ -73,20 +73,19 @@ def find_improvements(
         whole=outcomes,
         part=outcomes if runs == r.runs else problem.appraise(r.loop, gain, runs),
         other=other,
+        stability=stability,
+        limit=limit,
         distance=distance,
         fastest=fastest,
-        damper=damper,
     )
-    return {"loss": loss, "changes": tried}
+    return {"loss": _loss(r, outcomes, gain, optimum, best), "changes": tried}
 
 
 def _loss(r: Request, outcomes: Outcomes, gain: float, optimum: LoopOptimum, best: Outcomes | None) -> Loss:
     predicted, ideal = r.contact(gain), None
     if predicted.reached.all():
         ideal = float(r.objective.value(predicted.end, abs(r.scenario.obstacle.velocity), r.foreseen_impact))
-    nothing = np.full(r.runs, np.nan)
-    own = nothing if outcomes.objective is None else outcomes.objective
-    other = nothing if best is None or best.objective is None else best.objective
+    own, other = outcomes.objective, np.full(r.runs, np.nan) if best is None else best.objective
     mean, error = mean_and_error(own)
     with np.errstate(invalid="ignore"):
         loss, loss_error = mean_and_error(own - other)
@@ -95,6 +94,7 @@ def _loss(r: Request, outcomes: Outcomes, gain: float, optimum: LoopOptimum, bes
         objective=_number(mean),
         standard_error=_number(error),
         loop_gain=optimum.gain,
+        sought_margin=optimum.sought_margin,
         loop_objective=_number(mean_and_error(other)[0]),
         loss=_number(loss),
         loss_error=_number(loss_error),

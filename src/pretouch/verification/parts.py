@@ -1,25 +1,29 @@
-"""The parts of a verdict: each a value with its units."""
+"""What a verdict finds of the gain that it is about: each a value with its units."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
-from pretouch._core.numbers import FloatArray
 from pretouch.design.robust import Required
 from pretouch.simulation import GainLimit
 
+from .simulated import QUANTITY_WORDS
+
 __all__ = [
-    "Change",
     "Comparison",
+    "Effect",
     "LimitCheck",
-    "LoopCurve",
-    "Loss",
     "Reached",
     "Spread",
     "StabilityCheck",
     "VerdictStatus",
 ]
+
+_ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
+_ROUNDING: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less
 
 
 class VerdictStatus(StrEnum):
@@ -37,7 +41,8 @@ class VerdictStatus(StrEnum):
             VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
             "gain can at least double until the loop is unstable.",
             VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
-            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come, or the loop is unstable.",
+            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is harder than without "
+            "mitigation, or the loop is unstable.",
             VerdictStatus.NO_GAIN: "There is no gain to verify.",
         }[self]
 
@@ -89,24 +94,62 @@ class Comparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What mitigation does to the speed at contact, over the runs that come to a contact both with and without it.
+
+    Args:
+        speed: mean |l'| with mitigation [m/s].
+        unmitigated: mean |l'| with D_p = 0 [m/s].
+        difference: mean of the one less the other, run by run [m/s].
+        standard_error: of that mean; NaN for a single run.
+        runs: how many.
+
+    Examples:
+        >>> Effect(speed=0.39, unmitigated=0.3, difference=0.09, standard_error=0.01, runs=20).is_harder
+        True
+    """
+
+    speed: float
+    unmitigated: float
+    difference: float
+    standard_error: float
+    runs: int
+
+    @property
+    def is_harder(self) -> bool:
+        """Whether contact is harder with mitigation, by more than two standard errors and rounding."""
+        return self.difference > self._chance
+
+    @property
+    def is_softer(self) -> bool:
+        """Whether contact is softer with mitigation, by more than two standard errors and rounding."""
+        return -self.difference > self._chance
+
+    @property
+    def _chance(self) -> float:
+        chance = _ERRORS * self.standard_error if math.isfinite(self.standard_error) else 0.0
+        return max(chance, _ROUNDING * self.unmitigated)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCheck:
     """One limit on the loop.
 
     Args:
         required: the constraint and the probability with which it must hold; 1 where it must in every run.
         predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
-        held: the share of the runs in which it holds; None where the quantity is not simulated.
-        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided; None then.
-        value: |quantity| that is not exceeded with the required probability, SI; None then, and where runs that count
-            end without contact.
-        margin: limit - value, SI; negative where it is missed.
+        held: the share of the runs in which it holds.
+        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
+        value: |quantity| that is not exceeded with the required probability, SI; None where runs that count end
+            without contact.
+        margin: limit - value, SI; negative where it is missed; None with it.
         source: where the quantity comes from, in words.
     """
 
     required: Required
     predicted: float | None
-    held: float | None
-    low: float | None
+    held: float
+    low: float
     value: float | None
     margin: float | None
     source: str
@@ -128,8 +171,18 @@ class LimitCheck:
 
     @property
     def is_met(self) -> bool:
-        """Whether it held in as many runs as it must; False where it is not simulated."""
-        return self.held is not None and self.held >= self.required.probability - 1e-12
+        """Whether it held in as many runs as it must."""
+        return self.held >= self.required.probability - 1e-12
+
+    @property
+    def label(self) -> str:
+        """What is limited, in words."""
+        return QUANTITY_WORDS[self.required.constraint.quantity]
+
+    @property
+    def statement(self) -> str:
+        """The limit in words, such as `speed at contact <= 0.1 m/s`."""
+        return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,79 +234,3 @@ class StabilityCheck:
     def frequency(self) -> float:
         """At which the loop oscillates at its limit [Hz]; NaN where there is none."""
         return self.limit.damping.frequency
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class LoopCurve:
-    """The gains that were tried on the loop.
-
-    Args:
-        gain: D_p [N s], ascending, shape (n,).
-        objective: its mean over the runs; infinite where a run ends without contact.
-        standing: the least share of runs in which a limit holds beside the share required, at most 1.
-        share: the share of runs in which all limits hold at once.
-        runs: how many runs of each.
-    """
-
-    gain: FloatArray
-    objective: FloatArray
-    standing: FloatArray
-    share: FloatArray
-    runs: int
-
-    def __repr__(self) -> str:
-        return f"<LoopCurve: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s, {self.runs} runs>"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loss:
-    """What the gain costs beside the best one for this loop.
-
-    Args:
-        predicted: the objective of the nominal encounter in continuous time; None without contact.
-        objective: its mean over the runs; None where it is not simulated or a run ends without contact.
-        standard_error: of that mean.
-        loop_gain: the best gain on the loop that keeps the limits [N s]; None where none within the bounds does.
-        loop_objective: the mean objective with that gain, over the same runs.
-        loss: mean of objective - objective with the loop gain, run by run.
-        loss_error: standard error of that mean.
-        curve: the gains that were tried.
-    """
-
-    predicted: float | None
-    objective: float | None
-    standard_error: float | None
-    loop_gain: float | None
-    loop_objective: float | None
-    loss: float | None
-    loss_error: float | None
-    curve: LoopCurve
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
-    """One change of the loop or the gain, as it was simulated.
-
-    Args:
-        name: short name, such as `sensor-rate`.
-        sentence: what to do, with numbers.
-        gain: D_p with which it was run [N s].
-        objective: the mean objective with it; None where it is not simulated or a run ends without contact.
-        improvement: by how much the objective falls, as a share of what it was; None where either is not known.
-        improvement_error: standard error of that.
-        standing: the least share of runs in which a limit holds beside the share required, with it; at most 1.
-        held: the share of runs with it in which the limit holds that was missed most; None where none was missed.
-        margin: to instability with it; None where that is not known.
-        helps: whether it gains more than chance can.
-    """
-
-    name: str
-    sentence: str
-    gain: float
-    objective: float | None
-    improvement: float | None
-    improvement_error: float | None
-    standing: float
-    held: float | None
-    margin: float | None
-    helps: bool

@@ -13,9 +13,10 @@ from pretouch.design.robust import Required
 from pretouch.simulation import ClosedLoop, SimulationResult
 
 from .draws import Draws
+from .parts import Effect
 from .simulated import simulated_quantity
 
-__all__ = ["LoopProblem", "Outcomes", "Requirement", "mean_and_error"]
+__all__ = ["LoopProblem", "Outcomes", "Requirement", "effect_of", "mean_and_error"]
 
 _ROUNDING: Final = 1e-12  # of a limit, as in the validation of robust designs
 
@@ -51,25 +52,38 @@ class Outcomes:
 
     Args:
         result: the runs.
-        objective: of each; infinite without contact, None where a term of it is not simulated.
-        ratios: |quantity| / limit of each limit and run; infinite without contact, None where not simulated.
-        requirements: contact where it is predicted, and every limit that is simulated.
+        objective: of each; infinite without contact.
+        ratios: |quantity| / limit of each limit and run; infinite without contact.
+        requirements: contact where it is predicted, and every limit.
+        effect: on the speed at contact, beside no mitigation; None where it cannot be compared.
     """
 
     result: SimulationResult
-    objective: FloatArray | None
-    ratios: tuple[FloatArray | None, ...]
+    objective: FloatArray
+    ratios: tuple[FloatArray, ...]
     requirements: tuple[Requirement, ...]
+    effect: Effect | None
 
     @property
     def standing(self) -> float:
-        """The least share held beside the one required, at most 1."""
-        return min((r.standing for r in self.requirements), default=1.0)
+        """The least share held beside the one required, or of the speed without mitigation where it is less; <= 1."""
+        return min(self.softness, *(r.standing for r in self.requirements))
+
+    @property
+    def softness(self) -> float:
+        """The speed at contact without mitigation beside that with it, where mitigation makes it harder; else 1."""
+        effect = self.effect
+        return effect.unmitigated / effect.speed if effect is not None and effect.is_harder else 1.0
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether everything holds in as many runs as it must, and mitigation makes contact no harder."""
+        return self.softness == 1 and all(r.is_met for r in self.requirements)
 
     @property
     def mean(self) -> float:
-        """The mean objective; infinite where a run ends without contact, NaN where it is not simulated."""
-        return float("nan") if self.objective is None else float(self.objective.mean())
+        """The mean objective; infinite where a run ends without contact."""
+        return float(self.objective.mean())
 
     @property
     def whole_share(self) -> float:
@@ -88,6 +102,7 @@ class LoopProblem:
         limits: what must hold, each with its probability.
         impact: physical properties, where given.
         predicted: which encounters come to a contact in continuous time.
+        unmitigated: the encounters on the loop with D_p = 0; changes of the loop are held against it too.
     """
 
     draws: Draws
@@ -95,6 +110,7 @@ class LoopProblem:
     limits: tuple[Required, ...]
     impact: ImpactModel | None
     predicted: BoolArray
+    unmitigated: SimulationResult
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> Outcomes:
         """Run encounters and appraise each.
@@ -127,29 +143,50 @@ class LoopProblem:
         found += [
             Requirement(name=limit.constraint.name, held=ratio <= 1 + _ROUNDING, probability=limit.probability)
             for limit, ratio in zip(self.limits, ratios, strict=True)
-            if ratio is not None
         ]
         return Outcomes(
             result=result,
             objective=self._objective(result, loop, gain),
             ratios=ratios,
             requirements=tuple(found),
+            effect=effect_of(result, self.unmitigated) if gain < 0 else None,
         )
 
-    def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray | None:
+    def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.impact)
-        if found is None:
-            return None
         return np.where(result.touched & np.isfinite(found), np.abs(found) / limit.constraint.limit, np.inf)
 
-    def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray | None:
+    def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         speed, value = self.draws.speed[: result.shape[0]], np.zeros(result.shape)
         for term in self.objective.terms:
             found = simulated_quantity(term.quantity, result, gain, loop, self.impact)
-            if found is None:
-                return None
             value = value + term.weight * (found / term.scale_for(speed)) ** 2
         return np.where(result.touched & np.isfinite(value), value, np.inf)
+
+
+def effect_of(result: SimulationResult, unmitigated: SimulationResult) -> Effect | None:
+    """Hold the speed at contact against that of the same runs without mitigation.
+
+    Args:
+        result: the runs, of the first encounters.
+        unmitigated: the encounters with D_p = 0.
+
+    Returns:
+        What mitigation does to it; None where no run comes to a contact both with and without.
+    """
+    n = result.shape[0]
+    both = result.touched & unmitigated.touched[:n]
+    if not both.any():
+        return None
+    speed, free = (np.abs(np.asarray(r.relative_velocity)[:n][both]) for r in (result, unmitigated))
+    difference, error = mean_and_error(speed - free)
+    return Effect(
+        speed=float(speed.mean()),
+        unmitigated=float(free.mean()),
+        difference=difference,
+        standard_error=error,
+        runs=len(speed),
+    )
 
 
 def mean_and_error(values: FloatArray) -> tuple[float, float]:

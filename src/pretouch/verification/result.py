@@ -12,7 +12,8 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
 
-from .parts import Change, Comparison, LimitCheck, Loss, Reached, StabilityCheck, VerdictStatus
+from .parts import Comparison, Effect, LimitCheck, Reached, StabilityCheck, VerdictStatus
+from .proposals import Change, Loss
 from .summary import verdict_as_dict, verdict_as_html, verdict_as_text
 from .wording import headline
 
@@ -30,6 +31,8 @@ class Verdict:
         design: the ideal design: continuous time, perfect sensor, nominal encounter.
         predicted: the nominal encounter at the gain in continuous time; None without a gain.
         reached: which runs came to a contact; None without a gain, as all that follows.
+        effect: what the gain does to the speed at contact beside no mitigation; None where it does not mitigate, or no
+            run comes to a contact both ways.
         comparisons: each quantity, predicted and simulated, with and without mitigation.
         limits: each limit.
         stability: the margin to instability; None where it is not known.
@@ -57,6 +60,7 @@ class Verdict:
     design: GainDesign
     predicted: ContactResult | None = None
     reached: Reached | None = None
+    effect: Effect | None = None
     comparisons: tuple[Comparison, ...] = ()
     limits: tuple[LimitCheck, ...] = ()
     stability: StabilityCheck | None = None

@@ -1,4 +1,4 @@
-"""What simulated runs say of the quantities that objectives and limits speak of, and of which they know nothing."""
+"""What simulated runs say of the quantities that objectives and limits speak of, and what these are called."""
 
 from __future__ import annotations
 
@@ -10,81 +10,67 @@ from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-__all__ = ["simulated_quantity", "source_of"]
+__all__ = ["QUANTITY_WORDS", "simulated_quantity", "source_of"]
 
-_PLAIN: Final = frozenset(
-    {
-        "time",
-        "position",
-        "velocity",
-        "acceleration",
-        "displacement",
-        "relative_velocity",
-        "virtual_force",
-        "largest_excursion",
-        "largest_travel",
-        "largest_speed",
-        "largest_acceleration",
-        "largest_virtual_force",
-    }
-)
-"""Quantities that go by the same name in a simulated run, where the simulation records them."""
+QUANTITY_WORDS: Final[dict[str, str]] = {
+    "time": "time of contact",
+    "position": "position at contact",
+    "velocity": "robot velocity at contact",
+    "acceleration": "robot acceleration at contact",
+    "displacement": "deviation from the reference at contact",
+    "relative_velocity": "speed at contact",
+    "virtual_force": "virtual force at contact",
+    "largest_excursion": "largest excursion",
+    "largest_travel": "largest travel",
+    "largest_speed": "largest robot speed",
+    "largest_acceleration": "largest robot acceleration",
+    "largest_virtual_force": "largest virtual force",
+    "drive_force": "largest drive force",
+    "impact_force": "impact force",
+    "peak_force": "largest contact force",
+    "gain": "gain",
+}
+"""What a verdict calls the magnitude of each quantity, in its text and on its page."""
 
 
 def simulated_quantity(
     name: str, result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
-) -> FloatArray | None:
+) -> FloatArray:
     """Read a quantity of every run.
 
     Args:
-        name: the quantity, as objectives and constraints name it.
+        name: the quantity, a key of QUANTITY_WORDS.
         result: the runs.
         gain: D_p of the runs [N s].
         loop: what they ran on.
-        impact: physical properties, where given.
+        impact: physical properties, where given; the ideal design has refused what needs them and has none.
 
     Returns:
-        The quantity in SI with its sign, NaN in runs without contact where it speaks of contact; None where the
-        simulation does not tell it.
+        The quantity in SI with its sign, NaN in runs without contact where it speaks of contact.
     """
     if name == "gain":
         return np.full(result.shape, gain)
+    known: Any = impact
+    if name == "impact_force" and loop.contact is None:
+        return np.asarray(known.peak_force(result.relative_velocity))
     if name == "impact_force":
-        if loop.contact is not None:
-            return np.where(result.touched, result.impact_force, np.nan)
-        return None if impact is None else np.asarray(impact.peak_force(result.relative_velocity))
+        return np.where(result.touched, result.impact_force, np.nan)
     if name == "drive_force":
-        mass, acceleration = _robot_mass(loop, impact), _recorded(result, "largest_acceleration")
-        return None if mass is None or acceleration is None else mass * acceleration
-    return _recorded(result, name) if name in _PLAIN else None
+        mass = loop.plant.coefficients()[0] or known.robot_mass  # an ideal robot has no mass of its own
+        return mass * np.asarray(result.largest_acceleration)
+    return np.asarray(getattr(result, name), dtype=np.float64)
 
 
-def source_of(name: str, loop: ClosedLoop, impact: ImpactModel | None, known: bool) -> str:
+def source_of(name: str, loop: ClosedLoop) -> str:
     """Say where a quantity of a run comes from.
 
     Args:
         name: the quantity.
         loop: what the runs ran on.
-        impact: physical properties, where given.
-        known: whether the simulation tells it.
 
     Returns:
         Words, such as `simulated contact force`.
     """
-    if not known:
-        return "not simulated: nothing is known of it on this loop"
     if name == "impact_force":
-        if loop.contact is not None:
-            return "simulated contact force"
-        return "impact model at the simulated speed of contact" if impact is not None else ""
+        return "impact model at the simulated speed of contact" if loop.contact is None else "simulated contact force"
     return "robot mass times largest simulated acceleration" if name == "drive_force" else "simulated"
-
-
-def _recorded(result: SimulationResult, name: str) -> FloatArray | None:
-    column: Any = getattr(result, name, None)
-    return None if column is None else np.asarray(column, dtype=np.float64)
-
-
-def _robot_mass(loop: ClosedLoop, impact: ImpactModel | None) -> float | None:
-    mass = loop.plant.coefficients()[0]
-    return mass if mass > 0 else None if impact is None else impact.robot_mass

@@ -100,20 +100,22 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
     return math.inf if gain == 0 or math.isinf(limit.strongest) else limit.strongest / gain
 
 
-def check_stability(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray, gain: float) -> StabilityCheck | None:
+def check_stability(
+    loop: ClosedLoop, sensor: SensorModel, distance: FloatArray, gain: float, limit: GainLimit | None
+) -> StabilityCheck | None:
     """Tell how far a loop is from oscillating.
 
     Args:
-        loop: the loop, whose law has been found to act as a damper.
+        loop: the loop.
         sensor: the sensor curve.
         distance: those that the encounter passes [m].
         gain: D_p [N s].
+        limit: the strongest stable gains; None where they are not known.
 
     Returns:
-        The check; None where the law is no controller, or the gain does not mitigate.
+        The check; None where no limit is known, or the gain does not mitigate.
     """
-    limit, law = limit_of(loop, sensor, distance), loop.law
-    margin = stability_margin(limit, gain)
+    law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
     told = told_period(law) * loop.chain.rate

@@ -7,12 +7,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pretouch._core.json_text import plain
+from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
 from pretouch.design.robust.wording import share_in_words
 from pretouch.design.summary import contact_as_dict
 
-from .parts import Change, LimitCheck, Spread, StabilityCheck
-from .wording import change_in_words, headline
+from .parts import LimitCheck, Spread, StabilityCheck
+from .proposals import Change
+from .wording import best_gain_in_words, change_in_words, headline, lacks_in_words
 
 if TYPE_CHECKING:
     from .result import Verdict
@@ -38,6 +40,7 @@ def verdict_as_dict(verdict: Verdict) -> dict[str, Any]:
             "design": {"status": v.design.status.value, "gain": v.design.gain, "objective": v.design.objective},
             "predicted": contact_as_dict(v.predicted),
             "reached": None if v.reached is None else asdict(v.reached),
+            "effect": None if v.effect is None else {**asdict(v.effect), "is_harder": v.effect.is_harder},
             "comparisons": [asdict(c) for c in v.comparisons],
             "limits": [_limit_as_dict(check) for check in v.limits],
             "stability": None if v.stability is None else _stability_as_dict(v.stability),
@@ -49,6 +52,7 @@ def verdict_as_dict(verdict: Verdict) -> dict[str, Any]:
                 "objective": loss.objective,
                 "standard_error": loss.standard_error,
                 "loop_gain": loss.loop_gain,
+                "sought_margin": loss.sought_margin,
                 "loop_objective": loss.loop_objective,
                 "loss": loss.loss,
                 "loss_error": loss.loss_error,
@@ -72,6 +76,7 @@ def verdict_as_dict(verdict: Verdict) -> dict[str, Any]:
 def _limit_as_dict(check: LimitCheck) -> dict[str, Any]:
     return {
         "name": check.name,
+        "label": check.label,
         "limit": check.limit,
         "unit": check.unit,
         "probability": check.required.probability,
@@ -106,10 +111,10 @@ def verdict_as_text(verdict: Verdict) -> str:
         lines += ["", "why", *(f"  {reason}" for reason in verdict.reasons)]
     lines += ["", *(f"warning: {w}" for w in verdict.warnings)] if verdict.warnings else []
     if verdict.comparisons:
-        lines += ["", *_columns([_HEAD, *_rows(verdict)])]
+        lines += ["", *aligned([_HEAD, *_rows(verdict)])]
     if verdict.limits:
         head = ("limit", "predicted", "on the loop", "margin", "held")
-        lines += ["", *_columns([head, *(_limit_row(check, verdict.confidence) for check in verdict.limits)])]
+        lines += ["", *aligned([head, *(_limit_row(check, verdict.confidence) for check in verdict.limits)])]
     if verdict.stability_text:
         lines += ["", verdict.stability_text]
     lines += _loss(verdict)
@@ -151,12 +156,10 @@ def _spread_cells(spread: Spread | None, unit: str) -> tuple[str, str, str]:
 
 def _limit_row(check: LimitCheck, confidence: float) -> tuple[str, ...]:
     shown = ["-" if v is None else format_quantity(v, check.unit) for v in (check.predicted, check.value, check.margin)]
-    if check.held is None:
-        said = check.source
-    else:
-        said = f"in {share_in_words(check.held)}, at least {share_in_words(check.low or 0.0)}"
-        said += f" at {100 * confidence:g} % confidence" + ("" if check.is_met else ": MISSED")
-    return check.required.label, *shown, said
+    said = f"in {share_in_words(check.held)}, at least {share_in_words(check.low)}"
+    said += f" at {100 * confidence:g} % confidence" + ("" if check.is_met else ": MISSED")
+    p = check.required.probability
+    return f"{check.statement} {'always' if p == 1 else f'with probability {p:g}'}", *shown, said
 
 
 def _loss(verdict: Verdict) -> list[str]:
@@ -167,17 +170,18 @@ def _loss(verdict: Verdict) -> list[str]:
     if loss.predicted is not None:
         text += f", {loss.predicted:.5g} predicted"
     lines = ["", text]
+    best = best_gain_in_words(loss)
+    kept = ", keeping the limits" if verdict.limits else ""
     if loss.loop_gain is None:
-        return [*lines, "no gain within the bounds keeps the limits on this loop"]
-    kept = " that keeps the limits" if verdict.limits else ""
-    best = f"best gain on this loop{kept}: {format_quantity(loss.loop_gain, 'N*s')}"
+        return [*lines, f"{best}{kept}: none"]
+    best += f"{kept}: {format_quantity(loss.loop_gain, 'N*s')}"
     if loss.loop_objective is None or loss.loss is None:
         return [*lines, best]
     error = "" if loss.loss_error is None else f" +- {100 * loss.loss_error / loss.loop_objective:.2g}"
     share = 100 * loss.loss / loss.loop_objective
-    said = f"is {share:.3g}{error} % worse" if share >= 0 else f"is {-share:.3g}{error} % better, and misses a limit"
-    if share < 0 and all(check.is_met for check in verdict.limits):
-        said = f"is as good ({-share:.2g}{error} % better)"  # a search over fewer runs cannot tell more
+    said = f"is {share:.3g}{error} % worse"
+    if share < 0:
+        said = f"is {-share:.3g}{error} % better{lacks_in_words(verdict)}"
     return [*lines, f"{best}, {loss.loop_objective:.5g}; the gain that was verified {said}"]
 
 
@@ -195,14 +199,3 @@ def _effect(change: Change) -> str:
     if change.improvement is not None:
         parts.append(f"objective {-100 * change.improvement:+.2f} %")
     return ", ".join(parts) or "-"
-
-
-def _columns(table: list[tuple[str, ...]]) -> list[str]:
-    """Align rows in columns, the first and the last to the left if it is text, the others to the right."""
-    width = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
-    return [
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, width, strict=True))
-        ).rstrip()
-        for row in table
-    ]

@@ -26,7 +26,7 @@ from .parts import VerdictStatus
 from .problem import LoopProblem
 from .request import Request, check_horizon, checked_request
 from .result import Verdict
-from .stability import acts_as_damper, check_stability, passed_distances
+from .stability import acts_as_damper, check_stability, limit_of, passed_distances
 from .wording import no_stability_in_words, stability_in_words
 
 __all__ = ["verify_gain"]
@@ -141,30 +141,37 @@ def _verdict(request: Request, design: GainDesign, gain: float, changes: bool) -
     draws = draw_encounters(
         r.scenario, r.sensor, r.uncertainty, count=r.runs, seed=loop.seed, method=r.method, horizon=r.horizon
     )
+    unmitigated = draws.run(loop, 0.0)
     problem = LoopProblem(
         draws=draws,
         objective=r.objective,
         limits=r.limits,
         impact=r.impact,
         predicted=draws.predicted(gain, r.method, r.horizon),
+        unmitigated=unmitigated,
     )
     outcomes = problem.appraise(loop, gain)
-    unmitigated = draws.run(loop, 0.0)
     distance = passed_distances(r.sensor, float(draws.distance.max()))
-    damper = acts_as_damper(loop)
-    stability = check_stability(loop, r.sensor, distance, gain) if damper else None
+    limit = limit_of(loop, r.sensor, distance) if acts_as_damper(loop) else None
+    stability = check_stability(loop, r.sensor, distance, gain, limit)
     reached = check_reached(outcomes.result, problem.predicted, r.confidence)
-    limits = check_limits(
-        r.limits, outcomes, predicted, gain, loop=loop, impact=impact, given=r.impact, confidence=r.confidence
-    )
-    status, reasons = judge(reached, limits, stability, r.runs, r.confidence)
+    limits = check_limits(r.limits, outcomes, predicted, gain, loop=loop, impact=impact, confidence=r.confidence)
+    status, reasons = judge(reached, outcomes.effect, limits, stability, runs=r.runs, confidence=r.confidence)
     comparisons = compare_quantities(outcomes.result, unmitigated, predicted, r.contact(0.0), loop=loop, impact=impact)
     found: dict[str, Any] = {}
     if changes:
         ends = np.abs(unmitigated.relative_velocity)
         fastest = float(max(np.max(ends, initial=0.0, where=np.isfinite(ends)), draws.approach.max()))
         found = find_improvements(
-            r, problem, outcomes, gain, design=design, distance=distance, fastest=fastest, damper=damper
+            r,
+            problem,
+            outcomes,
+            gain,
+            design=design,
+            stability=stability,
+            limit=limit,
+            distance=distance,
+            fastest=fastest,
         )
     return Verdict(
         status=status,
@@ -173,14 +180,17 @@ def _verdict(request: Request, design: GainDesign, gain: float, changes: bool) -
         design=design,
         predicted=predicted,
         reached=reached,
+        effect=outcomes.effect,
         comparisons=comparisons,
         limits=limits,
         stability=stability,
-        stability_text=no_stability_in_words(gain, damper) if stability is None else stability_in_words(stability),
+        stability_text=no_stability_in_words(gain, limit is not None)
+        if stability is None
+        else stability_in_words(stability),
         assumptions=assumptions_of(
             loop, r.sensor, r.uncertainty, impact=impact, runs=r.runs, compared=compared_runs(problem)
         ),
-        warnings=cautions_of(loop, draws, outcomes.result, comparisons, design),
+        warnings=cautions_of(loop, draws, (outcomes.result, unmitigated), comparisons, design),
         mitigated=outcomes.result,
         unmitigated=unmitigated,
         **found,

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from pretouch._core.units import format_quantity
 from pretouch.design.summary import headline as design_headline
 
 from .parts import Comparison, StabilityCheck, VerdictStatus
+from .proposals import Change, Loss
 
 if TYPE_CHECKING:
     from .result import Verdict
 
-__all__ = ["change_in_words", "headline", "no_stability_in_words", "stability_in_words"]
+__all__ = [
+    "best_gain_in_words",
+    "change_in_words",
+    "full_stop",
+    "headline",
+    "lacks_in_words",
+    "no_stability_in_words",
+    "rate_in_words",
+    "stability_in_words",
+]
+
+_MARGIN: Final = 2.0  # to instability: the usual 6 dB
 
 _HOLDS = {
     VerdictStatus.HOLDS: "holds on this loop",
@@ -25,7 +37,7 @@ _HOLDS = {
 def headline(verdict: Verdict) -> str:
     """Return the verdict in one sentence."""
     if verdict.gain is None:
-        return f"There is no gain to verify: {design_headline(verdict.design)}"
+        return f"There is no gain to verify: {full_stop(design_headline(verdict.design))}"
     text = f"D_p = {format_quantity(verdict.gain, 'N*s')} {_HOLDS[verdict.status]}"
     if verdict.reasons:
         text += f": {verdict.reasons[0]}"
@@ -57,6 +69,11 @@ def _speed(speed: Comparison) -> str:
     if speed.unmitigated is not None:
         text += f" instead of {format_quantity(speed.unmitigated.mean, 'm/s')} without mitigation"
     return text
+
+
+def full_stop(text: str) -> str:
+    """End a sentence, if it is not yet."""
+    return text if text.endswith(".") else f"{text}."
 
 
 def stability_in_words(check: StabilityCheck) -> str:
@@ -120,20 +137,83 @@ def change_in_words(verdict: Verdict) -> str:
     Returns:
         A sentence; empty where no change was tried.
     """
-    best = verdict.best_change
+    best, rate = verdict.best_change, rate_in_words(verdict)
     if best is None:
-        return (
-            "None of the changes that were tried helps by more than chance and 1 % of the objective."
-            if verdict.changes
-            else ""
-        )
+        text = "None of the changes that were tried helps by more than chance and 1 % of the objective."
+        return f"{text} {rate}".strip() if verdict.changes else ""
     effects = []
     start = "" if best.standing >= 1 else "no single change is enough; the most helpful: "
     if best.held is not None:
         effects.append(f"what was missed then holds in {100 * best.held:.4g} % of the runs")
+    if verdict.effect is not None and verdict.effect.is_harder and best.standing >= 1:
+        effects.append("contact is then no harder than without mitigation")
     if verdict.stability is not None and verdict.stability.margin < 1 and best.margin is not None:
         effects.append(f"the margin to instability becomes {best.margin:.3g}")
     if best.improvement is not None:
         word = "falls" if best.improvement >= 0 else "grows"
         effects.append(f"the objective {word} by {100 * abs(best.improvement):.3g} %")
-    return start + best.sentence.removesuffix(".") + (f": {', '.join(effects)}." if effects else ".")
+    text = start + best.sentence.removesuffix(".") + (f": {', '.join(effects)}." if effects else ".")
+    return f"{text} {rate}".strip()
+
+
+def rate_in_words(verdict: Verdict) -> str:
+    """Say which rate of the sensor the verified gain asks for, where no change that was tried is enough.
+
+    Args:
+        verdict: the verdict.
+
+    Returns:
+        A sentence; empty where the margin is 2, or a change is enough.
+    """
+    check = verdict.stability
+    if check is None or check.margin >= _MARGIN or _is_enough(verdict.best_change):
+        return ""
+    gain = f"With D_p = {format_quantity(verdict.gain or 0.0, 'N*s')}"
+    if math.isfinite(check.lowest_rate_with_margin):
+        return (
+            f"{gain} the sensor would have to be read {check.lowest_rate_with_margin:.3g} times a second for a margin "
+            "of 2 to instability."
+        )
+    text = f"{gain} no rate of the sensor is high enough for a margin of 2 to instability"
+    if math.isfinite(check.lowest_rate):
+        text += f", {check.lowest_rate:.3g} times a second at the limit"
+    return f"{text}: delay, filters or robot forbid it."
+
+
+def _is_enough(change: Change | None) -> bool:
+    return change is not None and change.standing >= 1 and (change.margin is None or change.margin >= _MARGIN)
+
+
+def best_gain_in_words(loss: Loss) -> str:
+    """Say among which gains the best one on the loop was sought.
+
+    Args:
+        loss: what the verified gain costs beside it.
+
+    Returns:
+        A phrase, such as `best gain on this loop with a margin of 2 to instability`.
+    """
+    if loss.sought_margin is None:
+        return "best gain on this loop"
+    if loss.sought_margin >= _MARGIN:
+        return f"best gain on this loop with a margin of {loss.sought_margin:g} to instability"
+    return "best stable gain on this loop, where none within the bounds has a margin of 2 to instability"
+
+
+def lacks_in_words(verdict: Verdict) -> str:
+    """Say what the verified gain lacks that the best one on the loop has, where it seems to be better.
+
+    Args:
+        verdict: the verdict.
+
+    Returns:
+        Words that go on from `better`; empty where it lacks nothing: a search over fewer runs cannot tell more.
+    """
+    if not all(check.is_met for check in verdict.limits):
+        return ", and misses a limit"
+    if verdict.effect is not None and verdict.effect.is_harder:
+        return ", and makes contact harder than without mitigation"
+    check, loss = verdict.stability, verdict.loss
+    if check is not None and loss is not None and check.margin < (loss.sought_margin or 0.0):
+        return f", with a margin of only {check.margin:.3g} to instability"
+    return ""

@@ -1,0 +1,132 @@
+"""What a verdict proposes keeps a margin to instability, and asks of a sensor the rate that gives it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pretouch.verification.candidates import Approach, candidates_of
+from pretouch.verification.stability import limit_of, passed_distances
+from verification_samples import BOUNDS, SENSOR, loop_of, velocity_limit, verdict
+
+LATE = loop_of(rate=30.0, delay=0.02)
+APPROACH = Approach(steepest=80.0, fastest=0.3, noise=0.0)
+DISTANCE = passed_distances(SENSOR, 0.0422)
+
+
+def test_the_best_gain_is_sought_among_those_with_a_margin_of_2() -> None:
+    found = verdict(LATE, gain=-0.3, runs=4)
+    assert found.stability is not None
+    assert found.loss is not None
+    assert found.loss.sought_margin == 2
+    assert found.loss.curve.gain.min() >= found.stability.strongest / 2 * (1 + 1e-12)
+    assert found.loss.loop_gain is not None
+    assert found.stability.strongest / found.loss.loop_gain >= 2 * (1 - 1e-12)
+    assert BOUNDS[0] < found.stability.strongest < 0
+    assert "best gain on this loop with a margin of 2 to instability: -0." in str(found)
+
+
+def test_where_no_gain_within_the_bounds_has_a_margin_of_2_the_stable_ones_are_searched_and_it_is_said() -> None:
+    limit = limit_of(LATE, SENSOR, DISTANCE)
+    assert limit is not None
+    found = verdict(LATE, gain=-0.3, runs=4, bounds=(-10.0, 0.75 * limit.strongest))
+    assert found.loss is not None
+    assert found.loss.sought_margin == 1
+    assert found.loss.curve.gain.min() >= limit.strongest * (1 + 1e-12)
+    assert found.loss.curve.gain.min() < limit.strongest / 2
+    assert "best stable gain on this loop, where none within the bounds has a margin of 2" in str(found)
+    none = verdict(LATE, gain=-0.3, runs=2, bounds=(-10.0, 1.1 * limit.strongest)).loss
+    assert none is not None
+    assert none.loop_gain is None
+    assert len(none.curve.gain) == 0
+    assert repr(none.curve) == "<LoopCurve: no gain>"
+
+
+def test_a_gain_that_is_better_for_lack_of_margin_is_said_to_lack_it() -> None:
+    """25 readings per second, each of an instant, are enough for a better gain 9 % below the limit of stability."""
+    found = verdict(loop_of(rate=25.0), gain=-0.7463, runs=2)
+    assert found.loss is not None
+    assert found.loss.loss is not None
+    assert found.loss.loss < 0
+    assert found.stability is not None
+    assert 1 < found.stability.margin < 2
+    assert f"% better, with a margin of only {found.stability.margin:.3g} to instability" in str(found)
+    weaker = next(c for c in found.changes if c.name == "gain")
+    assert not weaker.helps
+
+
+def test_the_rate_that_is_tried_gives_the_gain_its_margin() -> None:
+    """20 readings per second are too few; twice as many would have no margin of 2."""
+    slow = loop_of(rate=20.0, exposure=1 / 20)
+    found = verdict(slow, gain=-0.7463, runs=5)
+    assert found.stability is not None
+    wanted = found.stability.lowest_rate_with_margin
+    assert wanted > 40
+    rate = math.ceil(wanted)  # to two digits, since it has two before the point
+    assert wanted < 100
+    change = next(c for c in found.changes if c.name == "sensor-rate")
+    assert change.sentence == (
+        f"Read the sensor {rate} times a second instead of 20, with an exposure of {1e3 / rate:.4g} ms."
+    )
+    assert change.margin is not None
+    assert 2 <= change.margin < 2.2  # one step of rounding is at most a tenth of the rate
+    assert change.helps
+    # beyond the controller's own rate, the controller follows
+    quick = loop_of(period=0.05, rate=20.0)
+    asked = candidates_of(quick, replace(APPROACH, wanted_rate=123.0))[0]
+    assert asked.loop.chain.rate == 130
+    assert asked.loop.law.period == pytest.approx(1 / 130)
+    assert "and step the controller 130 times a second" in asked.sentence
+
+
+def test_a_change_after_which_the_loop_is_unstable_never_helps() -> None:
+    """Of a loop at 0.4 times the gain's need, less delay is a step, and not enough: it is not told as help."""
+    found = verdict(loop_of(rate=15.0, delay=0.03), gain=-0.7463, runs=5)
+    unstable = [c for c in found.changes if c.margin is not None and c.margin < 1]
+    assert {"delay", "controller-rate"} <= {c.name for c in unstable}
+    assert found.stability is not None
+    assert any(c.margin > found.stability.margin for c in unstable if c.margin is not None)
+    assert not any(c.helps for c in unstable)
+
+
+def test_where_no_change_is_enough_the_rate_that_would_be_is_named_or_what_forbids_it() -> None:
+    strict = [velocity_limit(0.03, 0.9)]
+    noisy = loop_of(rate=40.0, distance_noise=0.004, reports_distance=True)
+    found = verdict(noisy, gain=-0.7463, runs=20, constraints=strict)
+    assert found.stability is not None
+    assert 1 < found.stability.margin < 2
+    assert found.best_change is None or found.best_change.standing < 1
+    rate = found.stability.lowest_rate_with_margin
+    assert f"would have to be read {rate:.3g} times a second for a margin of 2" in str(found)
+    late = verdict(loop_of(rate=250.0, delay=0.1), gain=-0.7463, runs=2, constraints=strict)
+    assert late.stability is not None
+    assert late.stability.lowest_rate_with_margin == math.inf
+    assert "no rate of the sensor is high enough for a margin of 2 to instability: delay, filters" in str(late)
+
+
+def test_a_change_that_costs_margin_says_what_is_left_of_it() -> None:
+    noisy = loop_of(rate=250.0, relative_noise=2e-3)
+    found = verdict(noisy, gain=-0.7463, runs=5)
+    assert found.stability is not None
+    said = {c.name: c for c in found.changes}
+    before = found.stability.margin
+    for name in ("add-median", "add-low-pass"):
+        margin = said[name].margin
+        assert margin is not None
+        assert margin < 0.8 * before
+        assert said[name].sentence.endswith(f"; the margin to instability falls from {before:.3g} to {margin:.3g}.")
+    assert "margin" not in said["noise"].sentence
+    assert said["noise"].margin == before
+
+
+def test_stability_of_a_proposal_is_that_of_its_own_loop() -> None:
+    found = verdict(replace(LATE, seed=4), gain=-0.3, runs=2)
+    for change in found.changes:
+        if change.name in {"delay", "controller-rate"}:
+            (loop,) = (c.loop for c in candidates_of(LATE, APPROACH) if c.name == change.name)
+            limit = limit_of(loop, SENSOR, np.asarray(DISTANCE))
+            assert limit is not None
+            assert change.margin == pytest.approx(limit.strongest / -0.3)

@@ -1,0 +1,123 @@
+"""Verdicts of every status to draw and to print, each made once in a session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from loop_samples import BareLaw
+from pretouch._core.errors import ResultUnavailableError
+from pretouch.report import (
+    verdict_figure,
+    verdict_gain_figure,
+    verdict_run_figure,
+    verdict_stability_figure,
+)
+from pretouch.simulation import ClosedLoop
+from verification_samples import (
+    BOUNDS,
+    NOISY,
+    OBJECTIVE,
+    SCENARIO,
+    SENSOR,
+    controller,
+    loop_of,
+    velocity_limit,
+    verdict,
+)
+
+COUNTS = pt.InversePower(scale=0.13, distance_offset=0.0419, exponent=3.32)
+ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0, coulomb_friction=1.0)
+CONTACT = pt.HuntCrossley(stiffness=2e6, dissipation=1.0)
+SPEED = {"obstacle.velocity": pt.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
+DRAWERS = (verdict_figure, verdict_run_figure, verdict_stability_figure, verdict_gain_figure)
+STATUS = {"holds": "holds", "holds-narrowly": "holds narrowly", "does-not-hold": "does not hold", "no-gain": "no gain"}
+
+
+@dataclass(frozen=True)
+class TunedLaw(BareLaw):
+    """A law of somebody's own: no `Controller`, so that nothing is known of its stability."""
+
+    def with_gain(self, gain: float) -> TunedLaw:
+        return replace(self, gain=gain)
+
+
+def limit(name: str, size: float, probability: float = 1.0) -> pt.Required:
+    return pt.Required(constraint=pt.Constraint(name=name, limit=size), probability=probability)
+
+
+def pushing(part: str, sensor: Any, conditioning: dict[str, float], **options: Any) -> pt.Verdict:
+    """A part's data sheet, a robot behind an impedance controller, and a contact with a force."""
+    loop = ClosedLoop(
+        law=controller(1e-3, **conditioning), chain=pt.sensor_part(part).chain, plant=ROBOT, contact=CONTACT
+    )
+    given = {"bounds": BOUNDS, "runs": 40, **options}
+    return pt.verify_gain(SCENARIO, sensor, OBJECTIVE, loop, **given)
+
+
+def tof(part: str, rate: float, *limits: pt.Required, runs: int = 20) -> pt.Verdict:
+    return pushing(part, SENSOR, {"sensor_period": 1 / rate}, constraints=limits, runs=runs)
+
+
+CASES: dict[str, Callable[[], pt.Verdict]] = {
+    "VCNL4010 that pushes": lambda: pushing(
+        "VCNL4010",
+        COUNTS,
+        {"floor": 30.0, "sensor_period": 4e-3},
+        uncertainty=SPEED,
+        constraints=[
+            limit("relative_velocity", 0.12, 0.9),
+            limit("excursion", 0.2),
+            limit("impact_force", 400.0, 0.9),
+        ],
+    ),
+    "4x4 that oscillates": lambda: tof("VL53L5CX-4x4", 60.0, limit("excursion", 0.3), runs=80),
+    "8x8 that is too slow": lambda: tof("VL53L5CX-8x8", 15.0, limit("relative_velocity", 0.12, 0.9)),
+    "ideal robot": lambda: verdict(NOISY, constraints=[velocity_limit(0.1, 0.9)], runs=40),
+    "no gain": lambda: verdict(NOISY, constraints=[velocity_limit(0.001)]),
+    "a law of one's own": lambda: verdict(
+        ClosedLoop(
+            law=TunedLaw(gain=0.0, period=1e-3, hold=4e-3), chain=pt.SensorChain(rate=250.0, relative_noise=2e-3)
+        ),
+        runs=20,
+    ),
+    "one run, no changes": lambda: verdict(loop_of(), runs=1, changes=False),
+    "never in time": lambda: verdict(
+        replace(NOISY, horizon=0.47), runs=5, uncertainty={"obstacle.velocity": pt.Uniform(low=-0.22, high=-0.2)}
+    ),
+    "no mitigation at all": lambda: verdict(loop_of(), runs=3, gain=0.0, changes=False),
+    "a gain that drives on": lambda: verdict(loop_of(), runs=3, gain=0.05, bounds=(-2.0, 1.0)),
+    "limits of forces by an impact model": lambda: verdict(
+        NOISY,
+        runs=10,
+        constraints=[limit("drive_force", 30.0), limit("impact_force", 30.0, 0.5), limit("travel", 0.2)],
+        impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4),
+        changes=False,
+    ),
+}
+
+
+@cache
+def case(name: str) -> pt.Verdict:
+    return CASES[name]()
+
+
+def drawn(draw: Any, of: pt.Verdict) -> Any:
+    """The figure; None where there is nothing to draw, which must be for a reason that the verdict has."""
+    missing = {
+        verdict_figure: of.gain is None,
+        verdict_run_figure: of.gain is None,
+        verdict_stability_figure: of.stability is None,
+        verdict_gain_figure: not np.isfinite(of.design.trade_off.objective).any(),
+    }
+    if missing[draw]:
+        with pytest.raises(ResultUnavailableError):
+            draw(of)
+        return None
+    return draw(of)

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pretouch as pt
+from pretouch._core.json_text import as_json
 from pretouch.calibration import rank_models, read_calibration, read_calibrations
 from pretouch.sensors import check_sensor
 
@@ -72,3 +74,46 @@ def test_one_curve_is_read_by_its_labels():
     measured = read_calibration(FILE, select={"day": 5, "sensor": 7})
     assert measured.outputs.tolist() == [1020, 372, 256, 216, 200, 188, 184, 180, 176]
     assert measured.unit == "counts"
+
+
+LOOP = """\
+[sensor]
+calibration = "{file}"
+select = {{ day = 30, sensor = {sensor} }}
+minimum_distance = "0 mm"
+[admittance]
+mass = "1 kg"
+damping = "10 N*s/m"
+stiffness = "25 N/m"
+[obstacle]
+position = "20 mm"
+velocity = "-0.3 m/s"
+[objective]
+kind = "excursion"
+position_scale = "0.5 m"
+velocity_scale = "0.3 m/s"
+[gain]
+bounds = ["-10 N*s", "-0.01 N*s"]
+[chain]
+rate = "100 Hz"
+delay = "2 ms"
+[controller]
+rate = "1 kHz"
+"""
+
+
+@pytest.mark.parametrize("sensor", [0, 1, 2, 3])
+def test_a_real_sensor_comes_to_a_verdict_on_its_loop(tmp_path, sensor):
+    """The readings of the loop stand on the plateau, scatter and step as those of the calibration."""
+    (tmp_path / "loop.toml").write_text(LOOP.format(file=FILE.as_posix(), sensor=sensor))
+    problem = pt.load_scenario(tmp_path / "loop.toml")
+    fit, chain = problem.calibration.best, problem.loop.loop.chain
+    assert (chain.noise, chain.relative_noise, chain.offset) == (fit.noise.output, fit.noise.relative, fit.offset.value)
+    run = problem.simulate_encounter()
+    assert set(np.mod(run.trace.reading, 4)) == {0.0}  # steps of 4 counts
+    verdict = problem.verify(runs=200)
+    assert verdict.gain == pytest.approx(problem.design().gain, rel=1e-9)
+    speed = verdict.comparison("relative_velocity")
+    assert verdict.reached.simulated == 1
+    assert speed.simulated.mean < 0.5 * speed.unmitigated.mean == pytest.approx(0.15, rel=1e-6)
+    assert json.loads(as_json(verdict.to_dict()))["status"] == verdict.status.value

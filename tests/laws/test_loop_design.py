@@ -224,6 +224,31 @@ def test_a_design_on_a_loop_says_so() -> None:
     assert design.objective <= best  # refining never loses what the scan has found
 
 
+def test_a_design_on_a_loop_tells_what_the_ideal_gain_loses_there() -> None:
+    still = replace(SLOW, chain=replace(SLOW.chain, noise=0.0, relative_noise=0.0))
+    design = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still)
+    alone = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
+    found = design.ideal
+    assert found is not None
+    assert found.gain == pytest.approx(alone.gain, rel=1e-9)
+    value = OBJECTIVE.value(still(SCENARIO, SENSOR, found.gain).contact, 0.3, None)
+    assert found.objective == pytest.approx(value, rel=1e-9)
+    assert found.loss == pytest.approx(value / design.objective - 1, rel=1e-9)
+    assert found.loss > 0.01
+    assert found.feasible
+    assert "ideal design: -0.7463 N s, which here is" in str(design)
+    assert design.to_dict()["ideal"]["loss"] == found.loss
+    assert alone.ideal is None
+    assert "ideal design" not in str(alone)
+    slow = pt.Constraint(name="relative_velocity", limit=0.07)
+    held = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still, constraints=[slow]).ideal
+    free = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=[slow]).gain
+    assert held is not None
+    assert held.gain == pytest.approx(free, rel=1e-6)
+    ratio = abs(still(SCENARIO, SENSOR, held.gain).contact.relative_velocity) / slow.limit
+    assert held.feasible == (ratio <= 1)
+
+
 def test_a_scan_of_jumps_ends() -> None:
     calls = []
 

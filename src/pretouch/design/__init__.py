@@ -10,7 +10,7 @@ from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, ti
 from .pareto import pareto_front
 from .physical_bound import PhysicalBound, find_physical_bound
 from .quantities import QUANTITY_UNITS, quantity_of
-from .result import Certificate, ConstraintOutcome, DesignStatus, GainDesign, Sensitivity, TradeOff
+from .result import Certificate, ConstraintOutcome, DesignStatus, GainDesign, IdealDesign, Sensitivity, TradeOff
 
 __all__ = [
     "CONSTRAINT_NAMES",
@@ -30,6 +30,7 @@ __all__ = [
     "FrontStatus",
     "GainDesign",
     "HertzImpact",
+    "IdealDesign",
     "ImpactModel",
     "Objective",
     "ParetoFront",

@@ -13,7 +13,7 @@ from pretouch.motion import ContactResult
 
 from .constraints import Constraint
 from .problem import Problem
-from .result import Certificate, ConstraintOutcome, Sensitivity, TradeOff
+from .result import Certificate, ConstraintOutcome, IdealDesign, Sensitivity, TradeOff
 from .search import HELD, GainAxis, Minimum, Scan, refine, scan
 from .sensitivity import gain_sensitivities
 
@@ -200,6 +200,32 @@ class Evidence:
         """Tell whether the objective of somebody else's encounters is smooth as far as differences reach."""
         slope = None if self.best is None else _stationarity(self.problem, self.best)
         return slope is not None and slope < _SMOOTH
+
+    @cached_property
+    def ideal(self) -> IdealDesign | None:
+        """What the design of continuous time comes to where somebody else solves the encounters."""
+        p = self.problem
+        if p.evaluator is None or self.gain is None:
+            return None
+        from .gain import design_gain  # noqa: PLC0415 - it makes designs of evidence
+
+        found = design_gain(
+            p.scenario,
+            p.sensor,
+            p.objective,
+            bounds=p.axis.ends,
+            constraints=p.constraints,
+            impact=p.impact,
+            method=p.method,
+            horizon=p.horizon,
+        )
+        if found.gain is None:
+            return None
+        both = p.landscape(p.axis.coordinate(np.array([found.gain, self.gain])))
+        value, own = map(float, both.objective)
+        return IdealDesign(
+            gain=float(found.gain), objective=value, loss=value / own - 1, feasible=bool(both.feasible[0])
+        )
 
     def gradient(self, gain: float, name: str) -> Any:
         """Differentiate the optimal gain by one input.

@@ -16,7 +16,15 @@ from pretouch.sensors import SensorModel
 from .impact import ImpactModel
 from .objectives import Objective
 
-__all__ = ["Certificate", "ConstraintOutcome", "DesignStatus", "GainDesign", "Sensitivity", "TradeOff"]
+__all__ = [
+    "Certificate",
+    "ConstraintOutcome",
+    "DesignStatus",
+    "GainDesign",
+    "IdealDesign",
+    "Sensitivity",
+    "TradeOff",
+]
 
 
 class DesignStatus(StrEnum):
@@ -125,6 +133,24 @@ class Sensitivity:
     gain_change_per_percent: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdealDesign:
+    """The gain that is optimal in continuous time, where another was designed on a sampled loop.
+
+    Args:
+        gain: the optimal gain of L(1) with a perfect sensor [N s].
+        objective: what it comes to on the loop; infinite where it ends without contact.
+        loss: by how much that exceeds the objective of the design on the loop, as a share of the latter; below 0 only
+            where it breaks a limit.
+        feasible: whether it keeps the limits on the loop.
+    """
+
+    gain: float
+    objective: float
+    loss: float
+    feasible: bool
+
+
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class GainDesign:
     """What `design_gain` returns: the gain at once, its evidence when it is first read.
@@ -173,6 +199,15 @@ class GainDesign:
     def on_evaluator(self) -> bool:
         """Whether encounters were solved by what was given as `evaluate`, such as a ClosedLoop."""
         return self.evidence.problem.evaluator is not None
+
+    @property
+    def ideal(self) -> IdealDesign | None:
+        """What the ideal design, that of continuous time, loses where this one was made; None where they are the same.
+
+        None, too, where either of the two has no gain.
+        """
+        found: IdealDesign | None = self.evidence.ideal
+        return found
 
     @property
     def result(self) -> ContactResult | None:

@@ -15,9 +15,9 @@ from pretouch.motion import ContactResult, ContactStatus
 from .quantities import QUANTITY_UNITS
 
 if TYPE_CHECKING:
-    from .result import GainDesign
+    from .result import GainDesign, IdealDesign
 
-__all__ = ["contact_as_dict", "design_as_dict", "design_as_html", "design_as_text", "headline"]
+__all__ = ["contact_as_dict", "design_as_dict", "design_as_html", "design_as_text", "headline", "ideal_in_words"]
 
 _SHOWN = (
     ("time", "time of contact"),
@@ -59,6 +59,14 @@ def design_as_dict(design: GainDesign) -> dict[str, Any]:
         "contact": contact_as_dict(design.result),
         "no_mitigation": contact_as_dict(design.no_mitigation),
         "nearest": contact_as_dict(design.nearest),
+        "ideal": None
+        if design.ideal is None
+        else {
+            "gain": design.ideal.gain,
+            "objective": _number(design.ideal.objective),
+            "loss": _number(design.ideal.loss),
+            "feasible": design.ideal.feasible,
+        },
         "damping_at_contact": design.damping_at_contact,
         "bounds": list(design.bounds),
         "constraints": [
@@ -252,7 +260,27 @@ def _evidence(design: GainDesign) -> list[str]:
         lines += [f"motion: {design.method}, impulse balance met to {float(residual):.0e} of its largest term"]
     else:
         lines += [f"motion: {_METHODS.get(design.method, design.method)}"]
+    if design.ideal is not None:
+        lines += [f"ideal design: {ideal_in_words(design.ideal)}"]
     return lines
+
+
+def ideal_in_words(ideal: IdealDesign) -> str:
+    """Say what the gain of the ideal design comes to where another was designed.
+
+    Args:
+        ideal: the ideal design.
+
+    Returns:
+        Text such as `-0.7463 N s, which here is 24 % worse`.
+    """
+    text = f"{format_quantity(ideal.gain, 'N*s')}, which here "
+    if not math.isfinite(ideal.objective):
+        return text + "ends without contact"
+    share = abs(100 * ideal.loss)
+    text += f"is {share:.0f} % " if share >= 100 else f"is {share:.2g} % "
+    text += "worse" if ideal.loss >= 0 else "better"
+    return text if ideal.feasible else text + " and breaks a limit"
 
 
 def _number(value: Any) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 from pretouch.design.quantities import QUANTITY_UNITS, quantity_of
 from pretouch.design.result import ConstraintOutcome, DesignStatus, GainDesign
 from pretouch.design.robust.result import RobustDesign
-from pretouch.design.summary import headline
+from pretouch.design.summary import headline, ideal_in_words
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
@@ -196,6 +196,8 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
         yield "enclosed between", f"{quantity(low, 'N*s', 8)} and {quantity(high, 'N*s', 8)}"
         if known.stationarity is not None:
             yield "first-order residual |df / d ln|D_p|| / f", f"{known.stationarity:.1e}"
+    if design.ideal is not None:
+        yield "ideal design, in continuous time", ideal_in_words(design.ideal)
     run = _shown(design)
     if run is not None and solved_on(design) != "loop":
         residual = float(np.asarray(run.impulse_residual))

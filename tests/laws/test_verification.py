@@ -283,7 +283,7 @@ def test_what_a_controller_reports_is_said_in_words() -> None:
     assert any("of the runs the sensor was saturated" in text for text in found.warnings)
     blind = loop_of(conditioning={"floor": 0.1})
     found = verdict(blind, gain=-0.7463, runs=2, changes=False)
-    assert any("what it reads is not above the floor" in text for text in found.warnings)
+    assert any("farther away, what is read is not above the floor" in text for text in found.warnings)
     dropping = loop_of(dropout=0.3)
     found = verdict(dropping, gain=-0.7463, runs=20, changes=False)
     assert any("no reading that was due could be used in" in text for text in found.warnings)
@@ -326,3 +326,17 @@ def test_gains_that_do_not_mitigate_are_verified_as_they_are(gain: float, words:
     assert speed.simulated.mean == pytest.approx(0.3) if gain == 0.0 else speed.simulated.mean > 0.35
     assert found.best_change is not None
     assert found.best_change.name == "gain"
+
+
+def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
+    """At 60 Hz a reading is had after 8 ms of phase, 16 ms of exposure, half a step; the way to 20 mm takes 74 ms."""
+    slow: dict[str, Any] = {"rate": 60.0, "exposure": 0.016, "random_phase": True}
+
+    def said(distance: float, **chain: Any) -> str:
+        loop = loop_of(conditioning={"floor": float(SENSOR.output(distance))}, **chain)
+        found = verdict(loop, gain=-0.3, runs=40, changes=False)
+        return next(text for text in found.warnings if "first detected" in text)
+
+    assert said(0.05, **slow).endswith("for the sensor is that slow.")
+    assert said(0.02).endswith(": farther away, what is read is not above the floor.")
+    assert "a first reading takes 24.83 ms, and farther away" in said(0.02, **slow)

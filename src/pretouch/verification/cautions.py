@@ -21,6 +21,7 @@ from .wording import full_stop
 
 __all__ = ["cautions_of"]
 
+_SHARE: Final = 0.1  # of a late detection, below which a cause is not named
 _LATE: Final = 0.95  # of the distance at the start: nearer, a first detection is late
 _FORCE_APART: Final = 1.25  # times: beyond, a predicted impact force is another thing than the simulated one
 _ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
@@ -122,11 +123,14 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> list
 
 
 def _why_late(loop: ClosedLoop, late: float) -> str:
+    """Say how much of the time until an object is detected the sensor takes, and how much its floor."""
     chain = loop.chain
     phase = chain.period / 2 if chain.random_phase else chain.phase
-    if late <= phase + chain.exposure + chain.delay + loop.law.period:
+    wait = phase + chain.exposure + chain.delay + loop.law.period / 2
+    hidden = "farther away, what is read is not above the floor"
+    if late - wait < _SHARE * late:
         return "no reading can be had before, for the sensor is that slow"
-    return "farther away, what it reads is not above the floor"
+    return hidden if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {hidden}"
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> str:

@@ -102,3 +102,13 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     light = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
     assert not any(text.startswith("The largest force") for text in other.warnings)
+
+
+def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() -> None:
+    """So verdicts of neighboring seeds share no noise, and a run is the same whether its curve differs or not."""
+    known = {"sensor.exponent": pt.Uniform(low=3.3199999, high=3.3200001)}
+    own = verdict(NOISY, gain=-0.7463, runs=4, changes=False, uncertainty=known)
+    same = NOISY.run(SCENARIO, SENSOR, -0.7463, runs=4)
+    assert own.mitigated is not None
+    assert own.mitigated.time == pytest.approx(same.time, rel=1e-6)
+    assert np.ptp(same.time) > 1e-3 * same.time.mean()  # noise and phase alone make far more than that

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pretouch.simulation.stability import passed_distances
 from pretouch.verification.candidates import Approach, candidates_of
-from pretouch.verification.stability import limit_of, passed_distances
+from pretouch.verification.stability import limit_of
 from verification_samples import BOUNDS, SENSOR, loop_of, velocity_limit, verdict
 
 LATE = loop_of(rate=30.0, delay=0.02)

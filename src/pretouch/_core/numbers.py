@@ -1,4 +1,4 @@
-"""Checks of numbers at the public border: what was got, what must hold."""
+"""Numbers at the public border: what was got and what must hold, and what of a result has no value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InvalidInputError
 
-__all__ = ["BoolArray", "FloatArray", "IntArray", "finite", "nonnegative", "positive"]
+__all__ = ["BoolArray", "FloatArray", "IntArray", "finite", "finite_or_none", "nonnegative", "positive"]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -62,6 +62,19 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
         return checked
     _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative")
     return checked
+
+
+def finite_or_none(value: Any) -> float | None:
+    """Return a number for results, None where it is not finite: what has no value there, and null in JSON.
+
+    Args:
+        value: a number.
+
+    Returns:
+        The number as a float, or None.
+    """
+    number = float(value)
+    return number if math.isfinite(number) else None
 
 
 def _numbers(value: ArrayLike) -> FloatArray | None:

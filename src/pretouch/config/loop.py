@@ -28,6 +28,7 @@ from pretouch.simulation import (
     gain_limit,
     timing_of,
 )
+from pretouch.simulation.stability import passed_distances
 
 from .loop_law import controller_of, refuse_a_curve_below_the_floor
 from .loop_sections import LOOP_SECTIONS, ChainSection, ContactSection, ControllerSection, LoopSection, RobotSection
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LoopRequest", "loop_request"]
 
-_DISTANCES: Final = 65  # at which the stability of an encounter is looked at, contact and start included
 _PLANTS: Final[dict[str, type[PlantModel]]] = {
     "ideal": IdealPlant,
     "impedance": ImpedancePlant,
@@ -90,7 +90,7 @@ class LoopRequest:
             sensor,
             scenario.admittance,
             timing_of(self.loop.chain, controller),
-            distance=np.linspace(0.0, float(scenario.distance), _DISTANCES),
+            distance=passed_distances(sensor, float(scenario.distance)),
             plant=self.loop.plant,
         )
 

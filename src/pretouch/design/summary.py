@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pretouch._core.numbers import finite_or_none
 from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
 from pretouch.motion import ContactResult, ContactStatus
@@ -40,10 +41,10 @@ def contact_as_dict(result: ContactResult | None) -> dict[str, Any] | None:
     return {
         "status": ContactStatus(result.status).label,
         "gain": result.gain,
-        **{name: _number(value) for name, value in result.end.as_dict().items()},
-        "closest_distance": _number(result.closest_distance),
-        "settling_distance": _number(result.settling_distance),
-        "impulse_residual": _number(result.impulse_residual),
+        **{name: finite_or_none(value) for name, value in result.end.as_dict().items()},
+        "closest_distance": finite_or_none(result.closest_distance),
+        "settling_distance": finite_or_none(result.settling_distance),
+        "impulse_residual": finite_or_none(result.impulse_residual),
     }
 
 
@@ -63,8 +64,8 @@ def design_as_dict(design: GainDesign) -> dict[str, Any]:
         if design.ideal is None
         else {
             "gain": design.ideal.gain,
-            "objective": _number(design.ideal.objective),
-            "loss": _number(design.ideal.loss),
+            "objective": finite_or_none(design.ideal.objective),
+            "loss": finite_or_none(design.ideal.loss),
             "feasible": design.ideal.feasible,
         },
         "damping_at_contact": design.damping_at_contact,
@@ -107,7 +108,7 @@ def design_as_dict(design: GainDesign) -> dict[str, Any]:
         "sensor": {
             "model": design.sensor.name,
             "parameters": design.sensor.parameters,
-            "valid_range": [_number(v) for v in design.sensor.valid_range],
+            "valid_range": [finite_or_none(v) for v in design.sensor.valid_range],
         },
         "trade_off": _trade_off_as_dict(design),
         "warnings": list(design.warnings),
@@ -281,8 +282,3 @@ def ideal_in_words(ideal: IdealDesign) -> str:
     text += f"is {share:.0f} % " if share >= 100 else f"is {share:.2g} % "
     text += "worse" if ideal.loss >= 0 else "better"
     return text if ideal.feasible else text + " and breaks a limit"
-
-
-def _number(value: Any) -> float | None:
-    number = float(value)
-    return number if math.isfinite(number) else None

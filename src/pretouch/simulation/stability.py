@@ -19,9 +19,10 @@ from .linear_loop import LinearLoop, linear_loop
 from .plant import IdealPlant, PlantModel, linear_plant
 from .timing import LoopTiming
 
-__all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate"]
+__all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate", "passed_distances"]
 
 _LOWEST: Final = 1e-6  # of omega T: a crossover below has no meaning in an encounter of less than 10^6 periods
+_PLACES: Final = 65  # at which an encounter is linearized, contact and start included
 _TURN: Final = 0.2  # rad between two neighbors: a phase that turns less cannot cross unseen
 _POINTS: Final = 20_000
 _SILENT: Final = 1e-12  # of the largest response: below, as where a low-pass has its zeros, the phase is rounding
@@ -120,6 +121,21 @@ class GainLimit:
                 f"{strongest:g} N s, and 0; a faster sensor allows stronger gains"
             )
         return strongest, weakest
+
+
+def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
+    """Return distances that an encounter passes [m], from contact to its start, as far as the curve holds.
+
+    Args:
+        sensor: the sensor curve.
+        farthest: the farthest start [m].
+
+    Returns:
+        The distances, ascending.
+    """
+    low, high = sensor.valid_range
+    first = max(low, 0.0)
+    return np.linspace(first, max(min(farthest, high), first), _PLACES)
 
 
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,6 @@ from pretouch.simulation.kernels.layout import RESULT_COLUMNS
 from pretouch.uncertainty import Ensemble, Uncertainty, make_ensemble, sample_inputs
 
 __all__ = ["Draws", "draw_encounters"]
-
-_SEEDS = 2**64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,7 +78,7 @@ class Draws:
         if not self.own_sensors:
             several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
             return loop.run(several, self.sensor, gain)
-        return _joined([replace(loop, seed=(loop.seed + i) % _SEEDS).run(*self.ensemble.at(i), gain) for i in range(n)])
+        return _joined([loop.after(i).run(*self.ensemble.at(i), gain) for i in range(n)])
 
     def predicted(self, gain: float, method: str, horizon: float) -> BoolArray:
         """Tell which encounters come to a contact in continuous time with a perfect sensor.

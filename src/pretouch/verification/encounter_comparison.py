@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from pretouch._core.numbers import finite_or_none
 from pretouch.control import Status
 from pretouch.design.impact import ImpactModel
 from pretouch.motion import ContactResult, Scenario
@@ -201,17 +202,17 @@ def compare_contacts(
         )
 
     def solved(name: str) -> list[float | None]:
-        return [number(getattr(p.end, name)) if p.reached.all() else None for p in predictions]
+        return [finite_or_none(getattr(p.end, name)) if p.reached.all() else None for p in predictions]
 
     rows = [row(*quantity, [*_of_runs(runs, quantity[0]), *solved(quantity[0])]) for quantity in _AT_CONTACT]
     if not all(r.touched for r in runs) or not all(p.reached.all() for p in predictions):
-        nearest = [0.0 if r.touched else number(r.closest_distance) for r in runs]
+        nearest = [0.0 if r.touched else finite_or_none(r.closest_distance) for r in runs]
         rows.append(
             row(
                 "closest_distance",
                 "smallest distance",
                 "m",
-                [*nearest, *(number(p.closest_distance) for p in predictions)],
+                [*nearest, *(finite_or_none(p.closest_distance) for p in predictions)],
             )
         )
     rows += [row(*quantity, [*_of_runs(runs, quantity[0]), *solved(quantity[0])]) for quantity in _LARGEST]
@@ -219,22 +220,23 @@ def compare_contacts(
         elastic: list[float | None] = [None, None]
         if quantity[0] == "impact_force" and impact is not None:
             elastic = [
-                number(impact.peak_force(p.end.relative_velocity)) if p.reached.all() else None for p in predictions
+                finite_or_none(impact.peak_force(p.end.relative_velocity)) if p.reached.all() else None
+                for p in predictions
             ]
-        found = [number(getattr(r, quantity[0])) if r.touched else None for r in runs]
+        found = [finite_or_none(getattr(r, quantity[0])) if r.touched else None for r in runs]
         rows.append(row(*quantity, [*found, *elastic]))
     return tuple(rows)
 
 
 def _of_runs(runs: tuple[SimulationResult, SimulationResult], name: str) -> list[float | None]:
-    return [number(getattr(r, name)) for r in runs]
+    return [finite_or_none(getattr(r, name)) for r in runs]
 
 
 def contacts_of(run: SimulationResult, *, has_contact_force: bool) -> tuple[LoopContact, ...]:
     """Read the contacts of a single run, of which it tells 32 apart."""
     found = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
-        time, velocity, *rest = (number(v) for v in row)
+        time, velocity, *rest = (finite_or_none(v) for v in row)
         peak, impulse, rebound, duration = rest if has_contact_force else (None,) * 4
         found.append(
             LoopContact(
@@ -296,9 +298,3 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
         missed_share=min(max((seen - start) / whole, 0.0), 1.0) if whole else None,
         time_left=run.time - run.detection_time if run.touched else None,
     )
-
-
-def number(value: Any) -> float | None:
-    """Return a float, None where it is not finite."""
-    found = float(value)
-    return found if math.isfinite(found) else None

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from pretouch._core.numbers import finite_or_none
 from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
 from pretouch.design.summary import contact_as_dict
 from pretouch.motion import ContactStatus
 from pretouch.simulation import SimulationResult
 
-from .encounter_comparison import LoopContact, ReportedFlag, number
+from .encounter_comparison import LoopContact, ReportedFlag
 from .encounter_wording import (
     contact_end_in_words,
     detection_in_words,
@@ -80,7 +81,7 @@ _RUN: Final = (
 
 
 def _run_as_dict(run: SimulationResult) -> dict[str, Any]:
-    numbers = {name: number(getattr(run, name)) for name in _RUN}
+    numbers = {name: finite_or_none(getattr(run, name)) for name in _RUN}
     return {"status": _label(run), **numbers, "contacts": run.contacts, "flags": run.flags}
 
 
@@ -89,7 +90,7 @@ def _value_as_dict(value: object) -> dict[str, Any]:
     if not is_dataclass(value):
         return {}
     found = {f.name: getattr(value, f.name) for f in fields(value)}
-    return {name: number(v) if isinstance(v, float) else v for name, v in found.items()}
+    return {name: finite_or_none(v) if isinstance(v, float) else v for name, v in found.items()}
 
 
 def encounter_as_text(encounter: SimulatedEncounter) -> str:

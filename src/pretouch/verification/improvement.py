@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch.design import GainDesign
 from pretouch.simulation import GainLimit
 
@@ -91,13 +91,13 @@ def _loss(r: Request, outcomes: Outcomes, gain: float, optimum: LoopOptimum, bes
         loss, loss_error = mean_and_error(own - other)
     return Loss(
         predicted=ideal,
-        objective=_number(mean),
-        standard_error=_number(error),
+        objective=finite_or_none(mean),
+        standard_error=finite_or_none(error),
         loop_gain=optimum.gain,
         sought_margin=optimum.sought_margin,
-        loop_objective=_number(mean_and_error(other)[0]),
-        loss=_number(loss),
-        loss_error=_number(loss_error),
+        loop_objective=finite_or_none(mean_and_error(other)[0]),
+        loss=finite_or_none(loss),
+        loss_error=finite_or_none(loss_error),
         curve=optimum.curve,
     )
 
@@ -112,7 +112,3 @@ def compared_runs(problem: LoopProblem) -> int:
         The number.
     """
     return min(problem.draws.count, _COMPARED_SENSORS if problem.draws.own_sensors else _COMPARED)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
 from pretouch._core.numbers import FloatArray
 from pretouch.control import Controller, Sample
 from pretouch.motion import Admittance
@@ -16,28 +14,12 @@ from pretouch.simulation import ClosedLoop, GainLimit, LoopTiming, gain_limit, l
 from .parts import StabilityCheck
 from .timing import chain_at, controller_at, told_period
 
-__all__ = ["acts_as_damper", "check_stability", "limit_of", "passed_distances", "stability_margin"]
+__all__ = ["acts_as_damper", "check_stability", "limit_of", "stability_margin"]
 
-_PLACES: Final = 33
 _PROBE: Final = 1e-3  # change of ln xi: small beside any limit of the force, large beside rounding
 _WAIT: Final = 0.5  # s before and after the change, for ramps and filters to settle
 _READINGS: Final = 40
 _ALIKE: Final = 1e-3  # of the impulse: what is left of a low-pass after the wait is less
-
-
-def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return distances that an encounter passes [m], from contact to its start, as far as the curve holds.
-
-    Args:
-        sensor: the sensor curve.
-        farthest: the farthest start [m].
-
-    Returns:
-        The distances, ascending.
-    """
-    low, high = sensor.valid_range
-    first = max(low, 0.0)
-    return np.linspace(first, max(min(farthest, high), first), _PLACES)
 
 
 def acts_as_damper(loop: ClosedLoop) -> bool:

@@ -14,6 +14,7 @@ from pretouch.design.robust import Required
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
+from pretouch.simulation.stability import passed_distances
 from pretouch.uncertainty import Uncertainty
 
 from .assumptions import assumptions_of
@@ -26,7 +27,7 @@ from .parts import VerdictStatus
 from .problem import LoopProblem
 from .request import Request, check_horizon, checked_request
 from .result import Verdict
-from .stability import acts_as_damper, check_stability, limit_of, passed_distances
+from .stability import acts_as_damper, check_stability, limit_of
 from .wording import no_stability_in_words, stability_in_words
 
 __all__ = ["verify_gain"]

@@ -6,6 +6,7 @@ import math
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
+from pretouch._core.numbers import finite_or_none
 from pretouch._core.units import format_quantity
 
 from .wording import known_in_words, outcome_in_words, units_of
@@ -39,13 +40,13 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
         else {
             "samples": v.samples,
             "confidence": v.confidence,
-            "value": _number(v.value),
-            "low": _number(v.low),
-            "high": _number(v.high),
-            "nominal": None if v.nominal is None else _number(v.nominal),
+            "value": finite_or_none(v.value),
+            "low": finite_or_none(v.low),
+            "high": finite_or_none(v.high),
+            "nominal": None if v.nominal is None else finite_or_none(v.nominal),
             "loss_of_nominal": None
             if v.loss is None
-            else {"relative": _number(v.loss.relative), "standard_error": _number(v.loss.standard_error)},
+            else {"relative": finite_or_none(v.loss.relative), "standard_error": finite_or_none(v.loss.standard_error)},
             "reached": v.reached,
             "constraints": [
                 {
@@ -55,7 +56,7 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
                     "probability": o.required.probability,
                     "held": o.held,
                     "held_at_least": o.low,
-                    "magnitude": _number(o.magnitude),
+                    "magnitude": finite_or_none(o.magnitude),
                 }
                 for o in v.limits
             ],
@@ -75,10 +76,10 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
             {
                 "name": one.name,
                 "inputs": list(one.inputs),
-                "alone": _number(one.alone),
-                "alone_error": _number(one.alone_error),
-                "total": _number(one.total),
-                "total_error": _number(one.total_error),
+                "alone": finite_or_none(one.alone),
+                "alone_error": finite_or_none(one.alone_error),
+                "total": finite_or_none(one.total),
+                "total_error": finite_or_none(one.total_error),
                 "by_gradient": one.by_gradient,
             }
             for one in design.importance
@@ -263,7 +264,3 @@ def _worst(design: RobustDesign) -> list[str]:
 
 def _fields(known: Any) -> dict[str, Any]:
     return {f.name: getattr(known, f.name) for f in fields(known)}
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -1,6 +1,6 @@
 """Run every benchmark: `python -m benchmarks`."""
 
-from . import accuracy, controller, gradients, loops, solving, starting
+from . import accuracy, controller, gradients, loops, solving, starting, verdicts
 
 if __name__ == "__main__":
     starting.main()
@@ -8,4 +8,5 @@ if __name__ == "__main__":
     accuracy.main()
     controller.main()
     loops.main()
+    verdicts.main()
     gradients.main()

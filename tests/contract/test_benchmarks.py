@@ -126,6 +126,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
     ("name", "options", "printed"),
     [
         ("loops", ["--quick"], [r"[\d,]+ runs/s", r"200 contacts", r"largest difference 0\.\d\d%"]),
+        ("verdicts", ["--quick"], [r"verdicts over 20 runs", r"s with changes", r"which loses -?\d+\.\d\d \+- "]),
         (
             "gradients",
             ["--count", "300", "--seconds", "0.01"],

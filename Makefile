@@ -4,13 +4,24 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 JOBS ?= 2
+# what to test, as on which kind of processor (generic, avx2, native), and how (ORDER=shuffled: in another order each time)
+TESTS ?=
+PROCESSOR ?= native
+ORDER ?= fixed
+PYTEST = $(BIN)/python .ci/processor.py $(PROCESSOR) $(BIN)/python -m pytest -n $(JOBS) --dist worksteal \
+	$(if $(filter shuffled,$(ORDER)),-p randomly)
+# how many random cases `make fuzz` tries, and from which seed (none: another one each time, printed)
+ENCOUNTERS ?= 1000000
+FILES ?= 10000
+SEED ?=
 
-.PHONY: help demo check test benchmark clean
+.PHONY: help demo check test fuzz benchmark clean
 
 help:
 	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
 	@echo "make test       everything that CI runs: check, then all tests"
 	@echo "make check      formatting, lint, types, import contract"
+	@echo "make fuzz       random properties, encounters and files, for hours; what it finds becomes a test"
 	@echo "make benchmark  what benchmarks/ measures, on this machine"
 	@echo "make clean      remove what make made"
 
@@ -31,7 +42,7 @@ check: $(STAMP)
 	$(BIN)/lint-imports --no-logo --no-cache
 
 test: check
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+	$(PYTEST) $(TESTS)
 
 benchmark: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -8,6 +8,9 @@ import pytest
 
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
+from properties import register_profiles
+
+register_profiles(times=20)
 
 EXAMPLES = (
     ("xarray", "sweep", "pretouch.sweep.run.sweep"),

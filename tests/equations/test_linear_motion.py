@@ -6,12 +6,13 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact, solve_motion
 from pretouch.motion.kernels.response import respond
 from pretouch.sensors import ExponentialFirstOrder
+from properties import examples
 
 
 def printed_solution(scenario: Scenario, rate: float, gain: float, t: mpmath.mpf) -> mpmath.mpf:
@@ -83,7 +84,7 @@ def exact_response(m: float, d: float, k: float, start: tuple, force: tuple, t: 
 
 
 @pytest.mark.equation("L(8)", "L(10)", "L(13)", by="the exponential of a matrix in 60 digits")
-@settings(max_examples=50, deadline=None, derandomize=True)
+@examples(50)
 @given(
     mass=st.floats(0.1, 10),
     stiffness=st.sampled_from([0.0, 1e-12, 1e-6, 1e-3, 1.0, 25.0, 400.0]),

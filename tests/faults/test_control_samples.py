@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from control_samples import ADMITTANCE, LIMITS, controller, rows_of, run_plain, run_rows
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.machine_code import compiled
 from pretouch.control import Conditioning, Controller, Limits, Status, VirtualAdmittance, VirtualDamper
+from properties import examples
 
 POSITION, VELOCITY, ACCELERATION, FORCE, LEVEL, STATUS = range(6)
 HARD = {
@@ -108,7 +109,7 @@ samples = st.lists(
 )
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@examples(200)
 @given(fed=samples, name=st.sampled_from(sorted(HARD)), free=st.booleans())
 def test_any_sequence_of_samples_gives_outputs_within_limits(fed: list[Any], name: str, free: bool) -> None:
     limits = FREE if free else LIMITS

@@ -6,7 +6,7 @@ import math
 import tomllib
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from scenario_text import WHOLE
 
@@ -14,6 +14,7 @@ from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
 from pretouch.config.positions import key_lines
 from pretouch.config.quantities import Quantity
+from properties import examples
 
 
 @pytest.mark.parametrize("value", ["1e999 m", "((((m", "1 m^9999999", "1" * 400, "1 nm^-40", "\0", "1 m\n", "inf", "%"])
@@ -54,7 +55,7 @@ def paths_of(value, path=()):
         yield from paths_of(inner, (*path, key))
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(st.lists(STATEMENT, max_size=8).map("\n".join))
 def test_the_scan_finds_every_key_of_any_toml(text):
     try:
@@ -119,7 +120,7 @@ def mutated(mutations):
     return "\n".join(lines)
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(400, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(MUTATION, min_size=1, max_size=4).map(mutated))
 def test_a_damaged_file_is_read_or_refused_with_a_line_and_nothing_else(tmp_path, text):
     file = tmp_path / "damaged.toml"

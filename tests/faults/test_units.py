@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pretouch._core.errors import UnitError
 from pretouch._core.units import format_quantity, parse_unit, to_si
+from properties import examples
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 LENGTH, MASS, TIME, VOLT, COUNT = np.eye(5, dtype=int)
@@ -220,7 +221,7 @@ def _outcome(function: Callable, *arguments: object, **named: object) -> tuple[A
 GRAMMAR = st.text(st.sampled_from(list("mskgNVPaHz1209.eE+-*/^() %µ·²⁻in\t")), max_size=16)
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(text=st.text(max_size=20) | GRAMMAR)
 def test_any_text_is_a_unit_or_a_unit_error(text: str) -> None:
     unit, message = _outcome(parse_unit, text)
@@ -231,7 +232,7 @@ def test_any_text_is_a_unit_or_a_unit_error(text: str) -> None:
         assert {type(e) for e in unit.exponents} == {int}
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(
     text=st.text(max_size=20) | GRAMMAR | st.builds("{} {}".format, FINITE, GRAMMAR),
     unit=st.sampled_from(["m", "", "N*s/m", "1/m"]),

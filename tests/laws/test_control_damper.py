@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from control_samples import controller, rows_of, run_plain, run_rows
@@ -18,13 +18,14 @@ from pretouch.control import Conditioning, Controller, Output, Sample, Status, V
 from pretouch.control.drive import Push, drive
 from pretouch.control.log_slope import observe
 from pretouch.control.state import ControllerState
+from properties import examples
 
 FORCE, LEVEL, STATUS = 3, 4, 5
 levels = st.lists(st.floats(-6, 0), min_size=2, max_size=40)
 periods = st.floats(1e-4, 0.05)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@examples(150)
 @given(logs=levels, period=periods, gain=st.floats(-5, 5).map(lambda g: round(g, 6)))
 def test_the_impulse_is_the_gain_times_the_change_of_ln_xi(logs: list[float], period: float, gain: float) -> None:
     """L(2), integrated: exact at any sample time, whatever the steps are."""
@@ -35,7 +36,7 @@ def test_the_impulse_is_the_gain_times_the_change_of_ln_xi(logs: list[float], pe
     np.testing.assert_allclose(found[1:, FORCE], forces, rtol=1e-12, atol=abs(gain) * 5e-15 / period)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(logs=levels, ratio=st.floats(1.0, 8.0), gain=st.floats(-5, -0.1))
 def test_a_slow_sensor_gives_the_same_impulse(logs: list[float], ratio: float, gain: float) -> None:
     """One reading in several periods, also where that is no whole number of them.
@@ -68,7 +69,7 @@ def test_what_is_given_ahead_of_a_late_reading_is_taken_off_it() -> None:
     assert np.std(found[5:, FORCE]) < 0.5 * np.std(hard[5:, FORCE]), "and it is far smoother than stop and go"
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@examples(60)
 @given(logs=levels, factor=st.integers(-20, 20).map(lambda e: 2.0**e), offset=st.floats(-1, 1))
 def test_scale_and_offset_of_the_readings_change_nothing(logs: list[float], factor: float, offset: float) -> None:
     """Reflectance cancels in xi'/xi; an offset does not, and is therefore subtracted."""
@@ -81,7 +82,7 @@ def test_scale_and_offset_of_the_readings_change_nothing(logs: list[float], fact
     np.testing.assert_allclose(shifted[:, :STATUS], one[:, :STATUS], rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(logs=levels, ratio=st.integers(1, 4), drop=st.sets(st.integers(0, 39)))
 def test_damping_approaches_alone_never_pulls(logs: list[float], ratio: int, drop: set[int]) -> None:
     rows = np.repeat(rows_of(np.exp(logs)), ratio, axis=0)

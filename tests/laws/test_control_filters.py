@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.ndimage import median_filter
@@ -15,11 +15,12 @@ from pretouch.control import VirtualAdmittance
 from pretouch.control.admittance import advance_admittance, discretize
 from pretouch.control.butterworth import advance_low_pass, design_low_pass, fill_low_pass
 from pretouch.control.median import LONGEST_WINDOW, advance_median, fill_median
+from properties import examples
 
 readings = st.lists(st.one_of(st.floats(-1e6, 1e6), st.sampled_from([0.0, 1.0, 2.0])), min_size=1, max_size=60)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@examples(150)
 @given(length=st.integers(1, LONGEST_WINDOW), first=st.floats(-10, 10), values=readings)
 def test_the_median_is_that_of_the_last_readings(length: int, first: float, values: list[float]) -> None:
     """Bit by bit: no number is made but the mean of two."""
@@ -73,7 +74,7 @@ def _by_expm(mass: float, damping: float, stiffness: float, period: float) -> np
     return expm(whole * period)[:2]
 
 
-@settings(max_examples=400, deadline=None, derandomize=True)
+@examples(400)
 @given(
     mass=st.floats(0.05, 20),
     damping=st.one_of(st.just(0.0), st.floats(1e-6, 300)),

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from control_samples import controller
 from pretouch._core.errors import InvalidInputError
 from pretouch.control import Limits, Sample
 from pretouch.control.limits import NO_LIMIT, MotionLimits, limit_motion, stopping_distance
+from properties import examples
 
 limits = st.builds(
     MotionLimits,
@@ -24,7 +25,7 @@ wishes = st.lists(st.tuples(st.floats(-2, 2), st.floats(-10, 10)), min_size=1, m
 ROUNDING = 1e-12  # some sums of numbers that are each good to 2e-16
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@examples(300)
 @given(held=limits, wanted=wishes)
 def test_limits_hold_together_whatever_is_wanted(held: MotionLimits, wanted: list[tuple[float, float]]) -> None:
     position = velocity = 0.0
@@ -40,7 +41,7 @@ def test_limits_hold_together_whatever_is_wanted(held: MotionLimits, wanted: lis
         assert ahead + stopping_distance(held, abs(velocity)) <= held.excursion * (1 + ROUNDING) + ROUNDING
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@examples(200)
 @given(held=limits, speed=st.floats(0, 3))
 def test_the_way_to_rest_is_that_of_braking_period_by_period(held: MotionLimits, speed: float) -> None:
     step = held.acceleration * held.period

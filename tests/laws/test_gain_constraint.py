@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import pretouch as pt
+from properties import examples
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SCENARIO = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-0.3))
@@ -32,7 +33,7 @@ def design(constraints: Any = (), *, sensor: Any = EXPONENTIAL, bounds: Any = BO
     return pt.design_gain(scenario, sensor, OBJECTIVE, bounds=bounds, constraints=constraints, **changed)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(
     limit=st.floats(0.02, 9.0),
     speed=st.floats(-0.6, -0.1),

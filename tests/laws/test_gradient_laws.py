@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, assume, given
 from hypothesis import strategies as st
 
 from encounters import CURVES, Encounters, random_encounters
@@ -24,6 +24,7 @@ from pretouch.sensors import (
 )
 from pretouch.sensors.change import curve_change, parameter_units
 from pretouch.sensors.model import parameter
+from properties import examples
 from sensor_samples import SAMPLES
 
 DIMENSIONS = {  # of length and of time, the powers of SI units
@@ -159,7 +160,7 @@ def test_a_curve_that_inherits_is_asked_itself(letter: Scenario) -> None:
 
 @pytest.mark.parametrize("cls", SAMPLES, ids=lambda cls: cls.__name__)
 @given(data=st.data())
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@examples(12, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
 def test_every_sensor_says_how_its_parameters_change_its_slope(cls: type[SensorModel], data: st.DataObject) -> None:
     """The change by each parameter, where a class gives it, against curves with other values of it."""
     sensor = data.draw(SAMPLES[cls])

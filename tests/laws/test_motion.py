@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from encounters import CURVES, KINDS, random_encounters
@@ -22,6 +22,7 @@ from pretouch.motion import (
     solve_motion,
 )
 from pretouch.sensors import ExponentialFirstOrder, InversePower, SensorModel
+from properties import examples
 
 positive = st.floats(0.02, 1.0)
 encounters = st.builds(
@@ -43,7 +44,7 @@ gains = st.floats(0.001, 4).map(lambda g: -g)
 curves = st.sampled_from(sorted(CURVES))
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@examples(150)
 @given(scenario=encounters, gain=gains, name=curves)
 def test_impulse_balance(scenario: Scenario, gain: float, name: str) -> None:
     """M dx~' + D dx~ + K int x~ dt = D_p d ln xi for every curve: the certificate that each result carries."""
@@ -52,7 +53,7 @@ def test_impulse_balance(scenario: Scenario, gain: float, name: str) -> None:
     assert found.impulse_residual < 1e-11
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(scenario=encounters, gain=gains, name=curves)
 def test_every_run_has_an_end_that_fits_its_status(scenario: Scenario, gain: float, name: str) -> None:
     found = find_contact(scenario, CURVES[name], gain, horizon=30.0)
@@ -72,7 +73,7 @@ def test_every_run_has_an_end_that_fits_its_status(scenario: Scenario, gain: flo
     assert abs(end.virtual_force) <= end.largest_virtual_force * (1 + 1e-10) + 1e-13
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@examples(60)
 @given(scenario=encounters, gain=gains, factor=st.floats(1e-6, 1e6))
 def test_the_scale_of_the_output_changes_nothing(scenario: Scenario, gain: float, factor: float) -> None:
     """Reflectance and amplification cancel in xi'/xi."""
@@ -82,7 +83,7 @@ def test_the_scale_of_the_output_changes_nothing(scenario: Scenario, gain: float
     assert one.end == other.end
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@examples(60)
 @given(scenario=encounters, gain=gains, length=st.sampled_from([0.5, 2.0, 1000.0]), time=st.sampled_from([0.25, 4.0]))
 def test_units_rescale(scenario: Scenario, gain: float, length: float, time: float) -> None:
     """The same encounter in other units of length and time: D goes with 1/T, K with 1/T^2, D_p = F T with L/T."""
@@ -107,7 +108,7 @@ def test_units_rescale(scenario: Scenario, gain: float, length: float, time: flo
         assert there.end.largest_excursion == pytest.approx(here.end.largest_excursion * length, rel=1e-9, abs=1e-12)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(scenario=encounters, gain=st.floats(0.001, 2), more=st.floats(1.01, 3), name=curves)
 def test_more_gain_never_arrives_faster(scenario: Scenario, gain: float, more: float, name: str) -> None:
     """From rest at the reference, against an obstacle that approaches steadily: more damping never hastens contact."""
@@ -116,7 +117,7 @@ def test_more_gain_never_arrives_faster(scenario: Scenario, gain: float, more: f
     assert strong >= weak * (1 - 1e-12)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(
     mass=st.floats(0.1, 10),
     omega=st.floats(0, 20),
@@ -155,7 +156,7 @@ def test_a_stronger_gain_touches_later_where_the_designs_rely_on_it(
     assert (motion.relative_velocity <= 1e-9).all(), "l falls all along"
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@examples(40)
 @given(scenario=encounters, gain=gains, name=curves, shift=st.floats(-0.5, 0.5), speed=st.floats(-0.2, 0.2))
 def test_a_moving_frame_changes_nothing(scenario: Scenario, gain: float, name: str, shift: float, speed: float) -> None:
     """Galilean invariance: everything that moves, the reference included, shifted and set in motion alike."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
@@ -14,13 +14,14 @@ from pretouch._core.errors import InvalidInputError
 from pretouch.design import Constraint
 from pretouch.design.robust import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
 from pretouch.design.robust.validation import least_probability
+from properties import examples
 
 VALUES = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40)
 SHARES = st.floats(0.01, 0.99)
 EVERY = (Expected(), Quantile(probability=0.8), ConditionalValueAtRisk(probability=0.8), WorstCase())
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@examples(200)
 @given(values=VALUES, p=SHARES)
 def test_measures_are_those_of_numpy_and_of_rockafellar_and_uryasev(values: list[float], p: float) -> None:
     f = np.array(values)
@@ -45,7 +46,7 @@ def test_the_mean_of_the_tail_is_that_of_known_distributions() -> None:
     assert ConditionalValueAtRisk(probability=p).of(grid) == pytest.approx(direct.fun, rel=1e-6)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(values=VALUES, rises=st.data())
 def test_no_measure_falls_where_no_value_does(values: list[float], rises: st.DataObject) -> None:
     f = np.array(values)
@@ -83,7 +84,7 @@ def test_intervals_are_those_of_scipy() -> None:
     assert (low, high) == pytest.approx((ends.low, ends.high), rel=1e-12)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(count=st.integers(1, 5000), share=st.floats(0, 1), confidence=st.floats(0.5, 0.999))
 def test_the_lower_bound_of_a_probability_is_that_of_clopper_and_pearson(
     count: int, share: float, confidence: float

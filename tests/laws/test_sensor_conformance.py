@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from encounters import CURVES
@@ -22,6 +22,7 @@ from pretouch.sensors import (
     Table,
     check_sensor,
 )
+from properties import examples
 from sensor_samples import SAMPLES, concrete_sensors
 
 SHAPE = "ln xi and g take distances of any shape and keep it"
@@ -47,7 +48,7 @@ def test_every_curve_of_the_encounters_conforms(name: str) -> None:
 
 
 @pytest.mark.parametrize("kind", concrete_sensors(), ids=lambda cls: cls.__name__)
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(25, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_every_class_conforms_whatever_its_parameters(kind: type[SensorModel], data: st.DataObject) -> None:
     found = check_sensor(data.draw(SAMPLES[kind]))
@@ -177,7 +178,7 @@ def test_a_curve_that_breaks_one_law_is_told_which(sensor: SensorModel, law: str
     assert _broken(sensor) == [law]
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(error=st.floats(1e-4, 1) | st.floats(-1, -1e-4), rate=st.floats(-300, -5))
 def test_no_error_of_the_slope_beyond_a_ten_thousandth_goes_unnoticed(error: float, rate: float) -> None:
     """A thousandth of what matters to a motion, a hundred times what the check allows."""

@@ -10,7 +10,7 @@ from dataclasses import FrozenInstanceError, fields, replace
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import Phase, assume, given, settings
+from hypothesis import Phase, assume, given
 from hypothesis import strategies as st
 from scipy.special import erfcx
 
@@ -28,12 +28,13 @@ from pretouch.sensors import (
     Table,
     mittag_leffler,
 )
+from properties import examples
 from sensor_samples import RATE, SAMPLES, SCALE, concrete_sensors, distances, looked_at, rescaled
 
 EPS = 2.0**-53
 MITTAG_LEFFLER = 1e-13  # relative, as its docstring promises
 EVERY_SENSOR = pytest.mark.parametrize("kind", concrete_sensors(), ids=lambda cls: cls.__name__)
-LAW = settings(max_examples=40, deadline=None)
+LAW = examples(40)
 TABLE_I = ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0)
 
 
@@ -234,7 +235,7 @@ def test_parameters_are_the_declared_fields_in_si(kind: type[SensorModel], data:
 
 
 @EVERY_SENSOR
-@settings(max_examples=40, deadline=None, phases=(Phase.explicit, Phase.generate))  # noise takes minutes to shrink
+@examples(40, phases=(Phase.explicit, Phase.generate))  # noise takes minutes to shrink
 @given(data=st.data())
 def test_every_curve_is_smooth_enough_for_the_integrator(kind: type[SensorModel], data: st.DataObject) -> None:
     """The noise of g must stay below the 1e-13 of its largest value to which polynomials have to fit it."""
@@ -334,7 +335,7 @@ class TestMittagLeffler:
         assert (np.abs(value - np.exp(-x)) <= (1 - order) + MITTAG_LEFFLER * value).all()
 
     # the series needs |z|^(1/alpha) / ln 10 digits more than are left of its largest term
-    @settings(max_examples=60, deadline=None)
+    @examples(60)
     @given(
         order=st.floats(0.1, 1, exclude_max=True) | st.floats(-12, -2).map(lambda e: 1 - 10**e), root=st.floats(0, 55)
     )

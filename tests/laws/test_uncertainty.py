@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -21,6 +21,7 @@ from pretouch.uncertainty import (
     Uniform,
     sample_inputs,
 )
+from properties import examples
 
 KNOWN: dict[str, tuple[Distribution, object]] = {
     "uniform": (Uniform(low=-0.5, high=-0.1), stats.uniform(-0.5, 0.4)),
@@ -48,7 +49,7 @@ def test_quantiles_and_means_are_those_of_scipy(name: str) -> None:
     assert (ours.quantile(0.0), ours.quantile(1.0)) == ours.support
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@examples(50)
 @given(samples=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=30), p=st.floats(0, 1))
 def test_an_empirical_quantile_is_one_of_the_values(samples: list[float], p: float) -> None:
     known = Empirical(samples=tuple(samples))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sympy
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from pretouch.letter import reproduce
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, solve_motion
 from pretouch.sensors import ExponentialSecondOrder
+from properties import examples
 
 SENSOR = ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0)
 ADMITTANCE = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -40,7 +41,7 @@ def test_the_stiffness_of_the_deviation_tells_the_roots_apart() -> None:
         assert sympy.simplify(a.subs(k, 8 * b2 * gain * v / (s**2 - 1)) - 2 * v / (1 + sign * s)) == 0
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@examples(40)
 @given(
     speed=st.floats(0.02, 1.0),
     gain=st.floats(-5.0, -0.05),

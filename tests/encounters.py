@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -101,3 +102,18 @@ def random_encounters(kind: str, count: int, seed: int, farthest: float = 0.055)
     gain = -(10 ** rng.uniform(-2, 0.7, count))
     gain[rng.random(count) < 0.03] = 0.0
     return Encounters(kind=kind, scenario=scenario, gain=gain)
+
+
+def together(batches: Iterable[Encounters]) -> Encounters:
+    """Put batches one behind the other, so that what is paid per call is paid once."""
+    parts = list(batches)
+
+    def joined(body: str) -> object:
+        bodies = [(getattr(part.scenario, body), len(part.gain)) for part in parts]
+        names = [field.name for field in fields(bodies[0][0])]
+        columns = {n: [np.broadcast_to(getattr(b, n), count) for b, count in bodies] for n in names}
+        return type(bodies[0][0])(**{n: np.concatenate(column) for n, column in columns.items()})
+
+    scenario = Scenario(**{body: joined(body) for body in ("admittance", "obstacle", "plant", "reference")})
+    kind = " and ".join(part.kind for part in parts)
+    return Encounters(kind=kind, scenario=scenario, gain=np.concatenate([part.gain for part in parts]))

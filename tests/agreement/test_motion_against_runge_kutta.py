@@ -7,13 +7,14 @@ that are left are stiff, and are checked against an implicit method.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from encounters import CURVES, KINDS, random_encounters
+from encounters import CURVES, KINDS, Encounters, random_encounters, together
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact, solution
 from pretouch.sensors import ExponentialFirstOrder, SensorModel
 from reference_integrator import integrate, integrate_over_distance
@@ -35,15 +36,19 @@ def _part(scenario: Scenario, index: np.ndarray) -> Scenario:
     return Scenario(**{name: pick(getattr(scenario, name)) for name in parts})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+def _all_kinds(kinds: Sequence[str]) -> Encounters:
+    """200 of each kind, in one batch: NumPy takes as long for one step of 200 as of 1,600."""
+    return together(random_encounters(kind, PER_CASE, seed=20261121) for kind in kinds)
+
+
 @pytest.mark.parametrize("name", [n for n in CURVES if n != "table"])
-def test_contact_agrees_with_an_independent_integration(name: str, kind: str) -> None:
-    sensor, batch = CURVES[name], random_encounters(kind, PER_CASE, seed=20261121)
+def test_contact_agrees_with_an_independent_integration(name: str) -> None:
+    sensor, batch = CURVES[name], _all_kinds(KINDS)
     found = find_contact(batch.scenario, sensor, batch.gain, horizon=HORIZON)
     assert np.isin(found.status, [0, 1, 2, 3]).all(), "every encounter is followed to an end"
     for field, value in found.end.as_dict().items():
         assert np.isfinite(value).all(), field
-    todo, checked = np.flatnonzero(found.reached), 0
+    todo = np.flatnonzero(found.reached)
     for steps in (150, 600, 2400):
         part, gain = _part(batch.scenario, todo), batch.gain[todo]
         end, speed = found.end.time[todo], found.end.relative_velocity[todo]
@@ -59,12 +64,14 @@ def test_contact_agrees_with_an_independent_integration(name: str, kind: str) ->
         for field in ("excursion", "speed"):
             least = fine[field][trusted] * (1 - CLAIM) - 1e-13
             assert (getattr(found.end, f"largest_{field}")[todo][trusted] >= least).all(), field
-        checked += int(trusted.sum())
         todo = todo[~trusted]
         if not len(todo):
             break
-    assert checked >= 0.93 * found.reached.sum(), f"only {checked} of {found.reached.sum()} could be checked"
-    for i in todo[:2]:
+    reached, left = (
+        np.histogram(i, len(KINDS), (0, len(found.reached)))[0] for i in (np.flatnonzero(found.reached), todo)
+    )
+    assert (left <= 0.07 * reached).all(), f"of {reached} contacts per kind, {left} could not be checked"
+    for i in dict(zip(todo // PER_CASE, todo, strict=True)).values():
         _check_stiff(_part(batch.scenario, np.array([i])), sensor, float(batch.gain[i]), found.end.time[i])
 
 
@@ -104,13 +111,13 @@ def test_contact_of_a_table_agrees_from_knot_to_knot(kind: str) -> None:
     assert (np.abs(found.end.relative_velocity / fine["relative_velocity"] - 1)[trusted] < 1e-7).all()
 
 
-@pytest.mark.parametrize("kind", ["accelerated", "tracking", "everything"])
 @pytest.mark.parametrize("name", CURVES)
-def test_no_contact_is_reported_only_where_there_is_none(name: str, kind: str) -> None:
-    sensor, batch = CURVES[name], random_encounters(kind, PER_CASE, seed=20261121)
+def test_no_contact_is_reported_only_where_there_is_none(name: str) -> None:
+    kinds = ("accelerated", "tracking", "everything")
+    sensor, batch = CURVES[name], _all_kinds(kinds)
     found = find_contact(batch.scenario, sensor, batch.gain, horizon=HORIZON)
     without = np.flatnonzero(~found.reached)
-    assert len(without), "this kind must hold encounters without contact"
+    assert set(without // PER_CASE) == set(range(len(kinds))), "each kind must hold encounters without contact"
     part, gain = _part(batch.scenario, without), batch.gain[without]
     coarse, fine = (integrate(part, sensor, gain, found.end.time[without], n) for n in (1500, 3000))
     scale = np.abs(found.end.distance[without])

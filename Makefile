@@ -44,6 +44,11 @@ check: $(STAMP)
 test: check
 	$(PYTEST) $(TESTS)
 
+fuzz: $(STAMP)
+	$(PYTEST) -m hypothesis --hypothesis-profile=random $(if $(SEED),--hypothesis-seed=$(SEED)) $(TESTS)
+	PYTHONPATH=tests $(BIN)/python -m fuzz.encounters --count $(ENCOUNTERS) $(if $(SEED),--seed $(SEED))
+	PYTHONPATH=tests $(BIN)/python -m fuzz.files --count $(FILES) $(if $(SEED),--seed $(SEED))
+
 benchmark: $(STAMP)
 	$(BIN)/python -m benchmarks
 

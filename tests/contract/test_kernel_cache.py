@@ -64,7 +64,6 @@ def _solve(**environment: str) -> tuple[str, str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
         env=kept | environment,
     )
     assert answer.returncode == 0, answer.stderr

@@ -358,7 +358,7 @@ def test_a_file_without_a_loop_loads_no_simulation():
         "import sys; from pretouch.config import load_scenario; "
         f"load_scenario({str(ROOT / 'examples' / 'approach.toml')!r}); print(*sys.modules)"
     )
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(answer.stdout.split())
     assert "pretouch.config.loop_sections" in loaded
     assert not loaded & {"pretouch.simulation", "pretouch.control", "pretouch.config.loop", "scipy", "numba"}
@@ -368,7 +368,7 @@ def test_a_file_with_a_loop_loads_neither_scipy_nor_numba(tmp_path):
     file = tmp_path / "loop.toml"
     file.write_text(ENCOUNTER + CHAIN + CONTROLLER + "[loop]\nstability_margin = 2.0\n")
     code = f"import sys; from pretouch.config import load_scenario; load_scenario({str(file)!r}); print(*sys.modules)"
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(answer.stdout.split())
     assert "pretouch.simulation" in loaded
     assert not loaded & {"scipy", "numba"}

@@ -86,7 +86,7 @@ def test_machine_code_is_kept_per_binding_and_source(tmp_path: Path) -> None:
         code = COUNTING.format(folder=str(folder), inner=f"counted.{name}")
         environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
         answer = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120, env=environment
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
         )
         return answer.stdout.split()
 
@@ -107,7 +107,6 @@ def test_a_step_of_the_controller_allocates_nothing() -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=200,
         cwd=Path(__file__).parents[1],
         env=os.environ | {"NUMBA_NRT_STATS": "1"},
     )

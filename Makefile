@@ -47,7 +47,7 @@ test: check
 fuzz: $(STAMP)
 	$(PYTEST) -m hypothesis --hypothesis-profile=random $(if $(SEED),--hypothesis-seed=$(SEED)) $(TESTS)
 	PYTHONPATH=tests $(BIN)/python -m fuzz.encounters --count $(ENCOUNTERS) $(if $(SEED),--seed $(SEED))
-	PYTHONPATH=tests $(BIN)/python -m fuzz.files --count $(FILES) $(if $(SEED),--seed $(SEED))
+	PYTHONPATH=tests $(BIN)/python -m fuzz.mutated_files --count $(FILES) $(if $(SEED),--seed $(SEED))
 
 benchmark: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -1,13 +1,21 @@
 """How long a robust design takes: four uncertain inputs, 10,000 samples and as many fresh ones, a chance constraint.
 
-Run with `python -m benchmarks.robust_design`. The shortest of three runs counts; the first compiles.
+And what an uncertain parameter of the sensor costs, kind by kind, beside that of an inverse power.
+
+Run with `python -m benchmarks.robust_design`; `--families` for the second part alone. The shortest of three runs
+counts, of five in the second part, in turn with the inverse power; the first compiles.
 """
 
 from __future__ import annotations
 
+import argparse
 import time
+from dataclasses import dataclass
+
+import numpy as np
 
 import pretouch as pt
+from pretouch.sensors.model import parameter
 
 SCENARIO = pt.Scenario(
     admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
@@ -42,7 +50,90 @@ MEASURES = (pt.Expected(), pt.Quantile(probability=0.9), pt.ConditionalValueAtRi
 COUNT = 10_000
 
 
-def main() -> None:
+ROUNDS = 5
+SIZES = (64, 1000)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gaussian(pt.SensorModel):
+    """A curve of somebody else's."""
+
+    width: float = parameter("w", "m")
+    offset: float = parameter("l_0", "m")
+    name = "gaussian"
+
+    def _log_output(self, distance: np.ndarray) -> np.ndarray:
+        return -(((distance + self.offset) / self.width) ** 2)
+
+    def _log_slope(self, distance: np.ndarray) -> np.ndarray:
+        return -2 * (distance + self.offset) / self.width**2
+
+
+BELL = Gaussian(width=0.05, offset=0.03)
+TABLE = pt.Table(
+    distances=(0.0, 0.005, 0.012, 0.02, 0.03, 0.045, 0.06), outputs=(0.46, 0.31, 0.205, 0.13, 0.083, 0.041, 0.022)
+)
+CUSTOM = pt.CustomSensor(
+    log_output_function=lambda d: -40 * d - 3 * np.tanh(d / 0.02),
+    log_slope_function=lambda d: -40 - 3 / 0.02 / np.cosh(d / 0.02) ** 2,
+    maximum_distance=2.0,
+)
+MITTAG_LEFFLER = pt.MittagLeffler(scale=1.0, rate=-80.0, order=0.8)
+RECESS = {"sensor.recess": pt.Uniform(low=0.004, high=0.006)}
+FAMILIES = {
+    "inverse-power, exponent": CASES["inverse-power"],
+    "gaussian, width": (BELL, {"sensor.width": pt.Normal(mean=0.05, deviation=0.002)}),
+    "gaussian, width and offset": (
+        BELL,
+        {
+            "sensor.width": pt.Normal(mean=0.05, deviation=0.002),
+            "sensor.offset": pt.Uniform(low=0.029, high=0.031),
+        },
+    ),
+    "mittag-leffler, rate": (MITTAG_LEFFLER, {"sensor.rate": pt.Normal(mean=-80.0, deviation=2.0)}),
+    "mittag-leffler, order": (MITTAG_LEFFLER, {"sensor.order": pt.Uniform(low=0.75, high=0.85)}),
+    "recessed table": (pt.Recessed(sensor=TABLE, recess=0.005), RECESS),
+    "recessed custom": (pt.Recessed(sensor=CUSTOM, recess=0.005), RECESS),
+    "recessed gaussian": (pt.Recessed(sensor=BELL, recess=0.005), RECESS),
+    "recessed mittag-leffler": (pt.Recessed(sensor=MITTAG_LEFFLER, recess=0.005), RECESS),
+}
+
+
+def seconds(sensor: pt.SensorModel, uncertainty: dict[str, object], count: int) -> tuple[float, float]:
+    """Time a design, by the clock and by the processors."""
+    start, used = time.perf_counter(), time.process_time()
+    pt.design_robust_gain(
+        SCENARIO,
+        sensor,
+        OBJECTIVE,
+        bounds=(-10.0, -0.01),
+        uncertainty={"obstacle.velocity": COMMON["obstacle.velocity"], **uncertainty},
+        samples=count,
+        validation=count,
+    )
+    return time.perf_counter() - start, time.process_time() - used
+
+
+def families() -> None:
+    """Print a line per kind of sensor and number of samples."""
+    print(f"\n{'uncertain parameter':28s} samples     clock  over  processors  over")
+    for count in SIZES:
+        times: dict[str, list[tuple[float, float]]] = {name: [] for name in FAMILIES}
+        for sensor, own in FAMILIES.values():
+            seconds(sensor, own, 16)  # compiles
+        for _ in range(ROUNDS):
+            for name, (sensor, own) in FAMILIES.items():
+                times[name].append(seconds(sensor, own, count))
+        base = np.min(times["inverse-power, exponent"], axis=0)
+        for name, found in times.items():
+            clock, used = np.min(found, axis=0)
+            print(
+                f"{name:28s} {count:7d} {1e3 * clock:6.0f} ms {clock / base[0]:5.1f} {1e3 * used:8.0f} ms "
+                f"{used / base[1]:5.1f}"
+            )
+
+
+def designs() -> None:
     """Print a line per curve and measure."""
     for name, (sensor, own) in CASES.items():
         for measure in MEASURES:
@@ -62,6 +153,15 @@ def main() -> None:
                 )
                 shortest = min(shortest, time.perf_counter() - start)
             print(f"{name:15s}  {measure.label:24s}  {shortest:6.2f} s  D_p = {design.gain:.4f} N s")
+
+
+def main() -> None:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--families", action="store_true", help="only what an uncertain sensor costs")
+    if not parser.parse_args().families:
+        designs()
+    families()
 
 
 if __name__ == "__main__":

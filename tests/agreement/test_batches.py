@@ -116,7 +116,6 @@ def test_what_ends_without_contact_has_the_demands_of_the_guaranteed_path() -> N
 def test_a_constant_slope_takes_the_lanes_where_the_closed_form_leaves_a_contact_open(kind: str) -> None:
     batch = random_encounters(kind, 2000, seed=14)
     request = make_request(batch.scenario, SENSORS["exponential-1"], batch.gain, "auto", 20.0)
-    find_contact(batch.scenario, SENSORS["exponential-1"], batch.gain)  # the compiled core is there
     path = fast_path.FastPath(request)
     sure = ContactResult(Solution(request, whole=True), request.method)
     proved = path.status == ContactStatus.CONTACT
@@ -169,6 +168,7 @@ def test_no_mixture_of_inputs_compiles_a_kernel_again() -> None:
     """Numba compiles for each type of array, and a read-only one is a type of its own."""
     code = """
 import numpy as np, pretouch as pt
+from pretouch.uncertainty import make_ensemble
 from pretouch.motion.kernels import (
     linear, linear_block, linear_block_peaks, linear_block_states, series, series_block, series_demands
 )
@@ -190,6 +190,13 @@ for mass, speed, gain in mixtures:
         obstacle=pt.Obstacle(position=0.0422, velocity=-0.3 * speed),
     )
     end = pt.find_contact(under, sensors[0], 0.1 * np.asarray(gain)).end
+    end.position, end.largest_excursion
+still = pt.Scenario(
+    admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=pt.Obstacle(position=0.04, velocity=-0.3)
+)
+for own in ("sensor.rate", "sensor.order"):
+    values = {own: np.linspace(-70.0, -60.0, 20) if own == "sensor.rate" else np.linspace(0.8, 0.9, 20)}
+    end = make_ensemble(still, pt.MittagLeffler(scale=1.0, rate=-60.0, order=0.9), values).contacts(-0.5).end
     end.position, end.largest_excursion
 kernels = (
     linear_block.contact_times, linear_block_states.contact_states, linear_block_peaks.largest_demands,

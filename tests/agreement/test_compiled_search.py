@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import replace
 
 import numpy as np
@@ -25,8 +24,6 @@ from pretouch.sensors import (
     Recessed,
     Table,
 )
-
-importlib.import_module("pretouch.motion.kernels.compiler")  # one closed form would not wait for the compiled core
 
 FIRST = ExponentialFirstOrder(scale=0.458, rate=-61.0)
 POWER = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)

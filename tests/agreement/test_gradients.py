@@ -19,7 +19,6 @@ from encounters import CURVES, KINDS, Encounters, random_encounters
 from gradient_scales import scales_of, sizes_of
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.motion.gradient_rows import RELATIVE_INPUTS, GradientRows
-from pretouch.motion.over_damped_gradients import over_damped_gradients
 from pretouch.motion.request import make_request
 from pretouch.motion.solution import Solution
 from pretouch.sensors import ExponentialFirstOrder, Recessed, SensorModel
@@ -185,8 +184,6 @@ def rows_by_every_way(kind: str, sensor: SensorModel, count: int) -> Ways:
     others = {}
     ways: dict[str, Callable[..., Any]] = {"lanes": rows._in_lanes}
     if sensor.constant_log_slope is not None:
-        found, done = over_damped_gradients(solution.request.columns, sensor.constant_log_slope, solution.raw("time"))
-        others["numpy"] = (found, done & reached)
         ways["closed form"] = rows._linear
     for name, way in ways.items():
         found = np.full((2, 9, count), np.nan)
@@ -205,11 +202,14 @@ def rows_by_every_way(kind: str, sensor: SensorModel, count: int) -> Ways:
 def test_all_ways_give_the_same(curve: str, kind: str) -> None:
     """The path that uses no identity and no closed form against those that do."""
     ways = rows_by_every_way(kind, CURVES[curve], 200)
-    for name, (found, done) in ways.others.items():
+    taken = np.isfinite(ways.followed).all(axis=(0, 1))  # what is too stiff to be followed is not compared
+    assert taken.sum() >= 0.95 * max(done.sum() for _, done in ways.others.values())
+    for name, (found, possible) in ways.others.items():
+        done = possible & taken
         change = np.abs(found - ways.followed) * ways.scale
         error = (change / (ways.size + np.abs(ways.followed) * ways.scale))[:, :, done]
         if name == "lanes":
-            # l is known to 1e-13 of its start, l' to 500 time constants more, and steps leave 1e-10 of a response
-            assert error.max(initial=0.0) < 2 * WANTED
+            # l is known to 1e-15 of its start, l' to 500 time constants more, and steps leave 1e-10 of a response
+            assert error.max(initial=0.0) < WANTED
         else:
             assert error.max(initial=0.0) < 1e-10, name

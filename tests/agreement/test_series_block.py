@@ -15,7 +15,7 @@ from pretouch.motion.curve import curve_pieces
 from pretouch.motion.kernels.lanes import LANES
 from pretouch.motion.kernels.series import solve_series
 from pretouch.motion.kernels.series_block import CONTACT, OPEN, contact_gradients, contact_times
-from pretouch.motion.windows import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, curve_windows
+from pretouch.motion.windows import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, alone, curve_windows
 from pretouch.sensors import ExponentialSecondOrder, InversePower, MittagLeffler, SensorModel, Table
 
 SENSORS: dict[str, SensorModel] = {
@@ -61,7 +61,7 @@ def letter(count: int, seed: int) -> list[np.ndarray]:
 def solve(inputs: list[np.ndarray], windows: np.ndarray, horizon: float = HORIZON) -> tuple[np.ndarray, np.ndarray]:
     count = max(len(values) for values in inputs)
     out, status = np.empty((6, count)), np.empty(count, dtype=np.int8)
-    contact_times(tuple(inputs), windows, horizon, out, status)
+    contact_times(tuple(inputs), alone(windows), horizon, out, status)
     return out, status
 
 
@@ -238,7 +238,7 @@ def test_gradients_agree_with_differences_of_the_guaranteed_path(name: str) -> N
     out, status = solve(inputs, table(name))
     again, gradients = np.empty((6, 3 * count)), np.empty((3, 9, 3 * count))
     again_status = np.empty(3 * count, dtype=np.int8)
-    contact_gradients(tuple(inputs), table(name), HORIZON, again, gradients, again_status)
+    contact_gradients(tuple(inputs), alone(table(name)), HORIZON, again, gradients, again_status)
     settled = again_status == CONTACT
     assert (status[settled] == CONTACT).all()
     assert settled.sum() > 0.95 * (status == CONTACT).sum(), "what is very stiff has a contact but no gradient here"

@@ -187,7 +187,10 @@ def test_a_reader_that_leaves_is_no_error(folder):
 def test_ctrl_c_ends_with_130_and_no_traceback(folder):
     os.mkfifo("slow.toml")
     command = [sys.executable, "-m", "pretouch", "design", "slow.toml"]
+    # what a shell runs in the background ignores the signal, and so would what is started here
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        signal.signal(signal.SIGINT, before)
         writer = os.open("slow.toml", os.O_WRONLY)  # returns once pretouch has opened it for reading, and waits
         time.sleep(0.2)
         process.send_signal(signal.SIGINT)

@@ -51,14 +51,18 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, page: str) -> 
     assert runner.summarize().failed == 0
 
 
-@pytest.mark.parametrize("page", ["gradients.md", "verification.md"])
+@pytest.mark.parametrize("page", ["design.md", "gradients.md", "verification.md"])
 def test_the_examples_of_a_page_run(page: str) -> None:
+    """Block by block, later ones with the names of earlier ones."""
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=flags)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.DOTALL)
     assert blocks
+    names: dict[str, Any] = {}
     for block in blocks:
-        runner.run(parser.get_doctest(block, {}, page, page, 0))
+        test = parser.get_doctest(block, names, page, page, 0)
+        runner.run(test, clear_globs=False)
+        names |= test.globs
     assert runner.summarize().failed == 0
 
 

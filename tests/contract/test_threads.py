@@ -30,6 +30,17 @@ def test_every_encounter_is_worked_on_once(cores: int, size: int, monkeypatch: p
     assert longest[0] <= 1000
 
 
+@pytest.mark.parametrize("size", [0, 1, 99, 101, 1000, 12_345, 1_000_000])
+def test_where_stretches_end_does_not_depend_on_the_number_of_cores(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for cores in (1, 2, 5, 100):
+        monkeypatch.setattr(parallel, "_cores", lambda cores=cores: cores)
+        stretches: list[tuple[int, int]] = []
+        for_stretches(lambda start, stop, own=stretches: own.append((start, stop)), size, least=100, most=1000)
+        found.append(sorted(stretches))
+    assert found[0] == found[1] == found[2] == found[3]
+
+
 def test_a_mistake_in_a_thread_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parallel, "_cores", lambda: 3)
 

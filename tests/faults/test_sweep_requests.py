@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,10 @@ import pytest
 
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, MissingExtraError
+from pretouch.cli.sweep import _Teller
+from pretouch.config.axis_text import read_axis
 from pretouch.sweep import executors
+from pretouch.sweep.executors import Progress
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
 
 DESIGN: dict[str, Any] = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01)}
@@ -137,3 +141,35 @@ def test_a_library_that_is_not_installed_is_named_with_what_installs_it(
             dask="tcp://127.0.0.1:9" if library == "distributed" else None,
         )
     assert not (tmp_path / "out.zarr").exists()
+
+
+def test_results_beyond_memory_are_refused_before_anything_is_allocated() -> None:
+    pytest.importorskip("xarray", reason="needs the extra 'sweep'")
+    axes = {"gain": np.linspace(-2.0, -0.1, 100_000), "obstacle.velocity": np.linspace(-1.0, -0.1, 100_000)}
+    with pytest.raises(InvalidInputError, match=r"found 10,000,000,000 encounters.*expected at most .* in memory"):
+        pt.sweep(SCENARIO, CURVED, axes)
+
+
+@pytest.mark.parametrize("count", ["0", "100000000", "9" * 5000, "x"])
+def test_an_axis_has_as_many_values_as_make_sense(count: str) -> None:
+    with pytest.raises(InvalidInputError, match="expected a whole number from 1 to 10,000,000"):
+        read_axis(f"gain=-1:-0.1:{count}", {"gain": "N*s"})
+
+
+@pytest.mark.parametrize("end", ["inf", "1e308", "-5e-324"])
+def test_an_axis_ends_at_numbers_that_arithmetic_goes_with(end: str) -> None:
+    with pytest.raises(InvalidInputError, match="expected"):
+        read_axis(f"gain={end}:-0.1:3", {"gain": "N*s"})
+
+
+def test_how_long_a_sweep_takes_is_said_when_it_is_known(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    teller = _Teller()
+    for computed in (0, 500):
+        teller._last = -math.inf
+        teller.tell(Progress(finished=1000, total=4000, seconds=2.0, computed=computed))
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "pretouch: 1,000 of 4,000 encounters (25 %)"
+    assert second == "pretouch: 1,000 of 4,000 encounters (25 %), about 12 s left"

@@ -201,4 +201,5 @@ def test_another_law_runs_in_the_same_controller_and_loop() -> None:
     assert found[-1, 0] == pytest.approx(-2.0 / 25.0, rel=1e-9)
     fast = np.empty((8000, 6))
     compiled(run_rows, step=made.step)(made.parameters(), made.start(), rows, fast)
-    np.testing.assert_array_equal(fast, found)
+    # the same 8000 sums of numbers up to 2; the logarithm of another library may differ in its last bit
+    np.testing.assert_allclose(fast, found, rtol=0, atol=2 * 8000 * np.finfo(float).eps)

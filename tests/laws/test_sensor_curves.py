@@ -245,6 +245,17 @@ def test_every_curve_is_smooth_enough_for_the_integrator(kind: type[SensorModel]
     assert len(pieces) < 400  # halved by noise, they come to twenty thousand and an error
 
 
+@pytest.mark.parametrize("recess", [5e-324, 2.225073858507203e-309, 1e-30, 1e-12])
+def test_a_recess_far_below_the_distances_of_a_table_needs_no_more_pieces(recess: float) -> None:
+    """Tables as a random search has found them: l + recess has few digits where it starts, and g is noise there."""
+    distances = (0.00811326182989237, 0.017166331273051326, 0.026219, 0.0375, 0.0577)
+    table = Table(distances=distances, outputs=(1.0, 0.99996, 0.0030318925335737776, 8.4e-4, 1.8e-4))
+    whole = Table(distances=tuple(d - distances[0] for d in distances), outputs=table.outputs)
+    for sensor in (Recessed(sensor=table, recess=recess + distances[0]), Recessed(sensor=whole, recess=recess)):
+        low, high = looked_at(sensor)
+        assert len(curve_pieces(sensor, max(low, 0.0), high)) < 400
+
+
 class TestLetterCurves:
     """The curves of the letter against their formulas at 40 digits."""
 

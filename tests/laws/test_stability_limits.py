@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import butter
 
 import pretouch as pt
+from lifted_loop import lifted_radius
 from pretouch import control
 from pretouch.simulation.linear_loop import linear_loop
 from pretouch.simulation.plant import linear_plant
@@ -31,6 +32,91 @@ def test_a_mass_alone_is_stable_up_to_twice_mass_times_rate(rate: float) -> None
     assert limit.damping == pytest.approx(2 * 1.3 * rate, rel=1e-9)
     assert limit.frequency == pytest.approx(rate / 4, rel=1e-6)  # z^2 + 1 = 0 there
     assert limit.is_certified
+
+
+@pytest.mark.parametrize("delay", range(7))
+@pytest.mark.parametrize("hold", range(1, 6))
+def test_a_mass_behind_whole_periods_of_delay_and_hold(delay: int, hold: int) -> None:
+    """1 + d T / (2 q M) (z + 1)(1 - z^-q) z^-p / (z - 1)^2 = 0 for p periods of delay and q of hold.
+
+    On the unit circle its phase is -pi/2 - omega T (p + (q + 1)/2), which is -pi at omega T = pi / (2 p + q + 1).
+    """
+    rate = 100.0
+    limit = pt.largest_damping(MASS, pt.LoopTiming(rate=rate, delay=delay / rate, hold=hold / rate))
+    w = math.pi / (2 * delay + hold + 1)
+    expected = 2 * hold * 1.3 * rate * math.tan(w / 2) * math.sin(w / 2) / math.sin(hold * w / 2)
+    assert limit.damping == pytest.approx(expected, rel=1e-9)  # rounding of the root, some 1e-14 / w
+    assert limit.frequency == pytest.approx(w * rate / (2 * math.pi), rel=1e-9)
+    assert limit.is_certified
+
+
+RNG = np.random.default_rng(20)
+PARTS = [
+    (8 / 3, 2 / 3),
+    *((p / q, h / q) for q in (2, 3, 5, 7) for p, h in ((0, 1), (1, 2), (q, q - 1), (3 * q + 1, q))),
+]
+PARTS += [tuple(pair) for pair in RNG.uniform((0.0, 0.05), (5.0, 3.0), (8, 2))]
+
+
+@pytest.mark.parametrize(
+    ("rate", "delay", "hold"),
+    [*((100.0, *parts) for parts in PARTS), (0.2, 1.3, 0.9), (2e4, 2.0, 1.0), (2e4, 3.4, 0.3)],
+)
+@pytest.mark.parametrize(("damping", "stiffness"), [(0.0, 0.0), (0.0, 0.04), (0.5, 0.0), (0.5, 0.04)])
+def test_the_loop_put_together_anew_is_stable_below_the_limit_and_not_above(
+    damping: float, stiffness: float, rate: float, delay: float, hold: float
+) -> None:
+    """Damping and stiffness in units of M / T and M / T^2; eigenvalues of matrices of this size are good to 1e-10."""
+    admittance = pt.Admittance(mass=1.3, damping=1.3 * rate * damping, stiffness=1.3 * rate**2 * stiffness)
+    exposure = min(2 * delay, 1.0) / 2
+    timing = pt.LoopTiming(rate=rate, delay=delay / rate, hold=hold / rate, exposure=exposure / rate)
+    limit = pt.largest_damping(admittance, timing)
+    assert limit.is_certified
+    if limit.damping == 0:
+        assert lifted_radius(admittance, timing, 1e-6 * 1.3 * rate) > 1
+        return
+    for share in (1e-3, 0.1, 0.5, 0.9, 0.999):
+        assert lifted_radius(admittance, timing, share * limit.damping) < 1 + 1e-10
+    assert lifted_radius(admittance, timing, 1.001 * limit.damping) > 1
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.0, 2.0, 2.5, 3.9, 4.2, 6.0, 9.0, 11.9, 12.1, 14.5])
+def test_a_spring_without_damping_must_be_pushed_in_time(delay: float) -> None:
+    """A weak force -d x'(t - theta) takes energy from x = cos(omega t) in proportion to cos(omega theta).
+
+    Difference and hold delay by half a period each, exactly: both are symmetric. Beyond a quarter of the oscillation
+    any force of a reading feeds it, beyond three quarters it damps again.
+    """
+    rate, turn = 100.0, 0.3  # omega T
+    spring = pt.Admittance(mass=2.0, damping=0.0, stiffness=2.0 * (turn * rate) ** 2)
+    limit = pt.largest_damping(spring, pt.LoopTiming(rate=rate, delay=delay / rate))
+    assert (limit.damping > 0) == (math.cos(turn * (delay + 1)) > 0)
+    assert limit.is_certified
+    if limit.damping == 0:
+        assert limit.frequency == pytest.approx(turn * rate / (2 * math.pi), rel=1e-12)
+
+
+def test_a_robot_that_is_unstable_by_itself_has_a_limit_of_zero(letter_power: pt.InversePower) -> None:
+    """Routh: m s^2 + (D s + K) / (1 + s / b) is stable for D b > K; feedforward is outside of that loop."""
+    plant = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=3.0)
+    assert 180.0 * 2 * math.pi * 3.0 < 4000.0
+    limit = pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=250.0), distance=[0.0, 0.02], plant=plant)
+    assert limit.damping.damping == 0
+    assert limit.damping.is_certified
+    assert limit.strongest == 0
+    with pytest.raises(pt.InvalidInputError, match="weakest"):
+        limit.bounds()
+    assert pt.lowest_rate(letter_power, LETTER, -0.1, distance=0.0, plant=plant) == math.inf
+
+
+@pytest.mark.parametrize("rate", [1e5, 1e7, 1e9])
+def test_a_delay_of_thousands_of_periods_costs_no_more_than_a_short_one(rate: float) -> None:
+    """What is left of the delay-differential limit is of the second order in T / tau = 1 / (0.02 rate)."""
+    limit = pt.largest_damping(MASS, pt.LoopTiming(rate=rate, delay=0.02))
+    assert limit.damping == pytest.approx(math.pi / 2 * 1.3 / (0.02 + 1 / rate), rel=(50 / rate) ** 2 + 1e-9)
+    assert limit.is_certified  # by the one eigenvalue that crosses: the matrix would have 400 million rows
+    spring = pt.Admittance(mass=1.3, damping=0.0, stiffness=30.0)
+    assert 0 < pt.largest_damping(spring, pt.LoopTiming(rate=rate, delay=0.02)).damping < limit.damping
 
 
 @pytest.mark.parametrize("delay", [0.002, 0.05])
@@ -97,6 +183,26 @@ def test_the_lowest_rate_is_where_the_gain_limit_is_the_gain(letter_power: pt.In
             assert limit.strongest == pytest.approx(-0.75 * margin, rel=1e-6)
 
 
+@pytest.mark.parametrize("gain", [-0.3, -0.4086, -0.5])
+def test_above_the_lowest_rate_every_rate_is_stable(letter_power: pt.InversePower, gain: float) -> None:
+    """The limit has minima over the rate: at 1.5 and 6.0 Hz for this loop, where -0.1484 and -0.4085 N s are the limit.
+
+    So a gain a little stronger than the second is unstable from 5.8 to 6.1 Hz, and stable again below.
+    """
+    strongest = lambda rate: pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=rate, delay=5e-4), distance=0.0)  # noqa: E731
+    timing_at = lambda rate: pt.LoopTiming(rate=rate, delay=5e-4)  # noqa: E731
+    lowest = pt.lowest_rate(letter_power, LETTER, gain, distance=0.0, timing_at=timing_at)
+    assert strongest(lowest * (1 - 1e-6)).strongest > gain  # the limit changes by some of itself per octave
+    rates = lowest * np.geomspace(1 + 1e-6, 30.0, 40)
+    assert max(strongest(float(rate)).strongest for rate in rates) < gain
+
+
+def test_no_rate_makes_up_for_a_strong_gain_and_a_delay(letter_power: pt.InversePower) -> None:
+    """At the fastest rate that is looked at, 4 MHz, the delay is 200,000 periods long."""
+    timing_at = lambda rate: pt.LoopTiming(rate=rate, delay=0.05)  # noqa: E731
+    assert pt.lowest_rate(letter_power, LETTER, -1e3, distance=0.0, timing_at=timing_at) == math.inf
+
+
 def test_no_rate_makes_up_for_a_long_delay(letter_power: pt.InversePower) -> None:
     """d tau / M = 59 x 0.1 > pi/2, and the damping of 10 N s/m does not save it."""
     timing_at = lambda rate: pt.LoopTiming(rate=rate, delay=0.1)  # noqa: E731
@@ -128,3 +234,15 @@ def test_a_timing_follows_from_chain_and_controller() -> None:
     assert np.array(timing.sections) == pytest.approx(butter(2, 20.0, fs=100.0, output="sos"))
     loose = pt.timing_of(pt.SensorChain(rate=97.3, delay=0.0004), controller)
     assert loose.delay == pytest.approx(0.0009)  # half a step on average
+
+
+@pytest.mark.parametrize(("gain", "rate"), [(-1e4, 305e3), (-1e6, math.inf)])
+def test_rates_are_sought_up_to_a_megahertz(gain: float, rate: float) -> None:
+    """|D_p g| / (2 M) of a mass without delay; what is held for a millisecond has a thousand parts at a megahertz."""
+    sensor = pt.ExponentialFirstOrder(scale=1.0, rate=-61.0)
+    mass = pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0)
+    assert pt.lowest_rate(sensor, mass, gain, distance=0.0) == pytest.approx(
+        rate, rel=1e-6
+    )  # the root is sought to 1e-9
+    held = pt.lowest_rate(sensor, mass, -1e6, distance=0.0, timing_at=lambda r: pt.LoopTiming(rate=r, hold=1e-3))
+    assert held == math.inf

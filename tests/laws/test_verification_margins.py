@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import pretouch as pt
+from pretouch.control import VirtualAdmittance
+from pretouch.report.verdict_html import verdict_report_html
 from pretouch.simulation.stability import passed_distances
 from pretouch.verification.candidates import Approach, candidates_of
-from pretouch.verification.stability import limit_of
-from verification_samples import BOUNDS, SENSOR, loop_of, velocity_limit, verdict
+from pretouch.verification.stability import check_stability, limit_of
+from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 LATE = loop_of(rate=30.0, delay=0.02)
 APPROACH = Approach(steepest=80.0, fastest=0.3, noise=0.0)
@@ -131,3 +134,58 @@ def test_stability_of_a_proposal_is_that_of_its_own_loop() -> None:
             limit = limit_of(loop, SENSOR, np.asarray(DISTANCE))
             assert limit is not None
             assert change.margin == pytest.approx(limit.strongest / -0.3)
+
+
+def test_an_exposure_that_comes_to_fill_the_period_changes_no_lowest_rate_suddenly() -> None:
+    """Of 39.9 ms at 25 Hz it is as much a time of the sensor as of 40 ms: read more slowly, it stays.
+
+    The delay in the loop is half an exposure: the lowest rate changes no more than tenfold as much as that does.
+    """
+
+    def lowest(exposure: float) -> tuple[float, float]:
+        loop = loop_of(rate=25.0, exposure=exposure, random_phase=True)
+        found = check_stability(loop, SENSOR, DISTANCE, -0.3, limit_of(loop, SENSOR, DISTANCE))
+        assert found is not None
+        return found.lowest_rate, found.lowest_rate_with_margin
+
+    full = lowest(0.04)
+    for exposure in (0.0399, 0.04 * (1 - 1e-6)):
+        assert lowest(exposure) == pytest.approx(full, rel=10 * (1 - exposure / 0.04) + 1e-8)
+
+
+def test_a_rate_that_is_stable_below_the_lowest_one_is_said_to_be() -> None:
+    """-0.23 N s are stable with 0.5 readings per second, not with 1.5, and from 3.1 on with any number."""
+    loop = loop_of(rate=3.3, random_phase=True)
+    found = verdict(loop, gain=-0.23, runs=2)
+    check = found.stability
+    assert check is not None
+    assert check.margin > 1
+    assert check.lowest_rate < check.rate
+    assert "at some rates" not in str(found)
+    slow = loop_of(rate=0.5, random_phase=True)
+    found = verdict(slow, gain=-0.23, runs=2)
+    check = found.stability
+    assert check is not None
+    assert check.margin > 1
+    assert check.lowest_rate > check.rate
+    assert "below that it is stable at some rates, as at this one, and unstable at others" in " ".join(
+        str(found).split()
+    )
+
+
+def test_where_no_gain_is_stable_the_verdict_says_so() -> None:
+    """A spring of 8 Hz without damping, and a force that comes more than a quarter of its 126 ms late."""
+    ringing = VirtualAdmittance(mass=1.0, damping=0.0, stiffness=2500.0)
+    late = loop_of(delay=0.05)
+    loop = replace(late, law=replace(late.law, admittance=ringing))
+    scenario = replace(SCENARIO, admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=2500.0))
+    found = pt.verify_gain(scenario, SENSOR, OBJECTIVE, loop, gain=-0.3, bounds=BOUNDS, runs=2)
+    assert found.stability is not None
+    assert found.stability.margin == 0
+    assert found.stability.lowest_rate == math.inf
+    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert "No gain is stable on this loop, however weak" in " ".join(str(found).split())
+    assert found.loss is None or found.loss.loop_gain is None
+    assert "the loop is unstable with any gain, however weak" in str(found)
+    page = verdict_report_html(found)
+    assert "No gain is stable on this loop" in page

@@ -12,8 +12,9 @@ from fractions import Fraction
 from typing import Final, NamedTuple
 
 from .errors import UnitError
+from .magnitudes import WORKABLE, has_workable_magnitude
 
-__all__ = ["Unit", "format_quantity", "parse_unit", "to_si"]
+__all__ = ["Unit", "format_quantity", "parse_unit", "read_quantity", "to_si"]
 
 
 class Unit(NamedTuple):
@@ -232,6 +233,30 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
             raise UnitError(f"{name}: found an integer beyond the largest number, expected {expected}") from None
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
+    return number
+
+
+def read_quantity(value: float | str, unit: str, *, name: str) -> float:
+    """Read a quantity that somebody has written down, as `to_si` does, and refuse one that no arithmetic goes with.
+
+    Args:
+        value: a number, or text with a unit.
+        unit: the SI unit that is expected.
+        name: what the quantity is called in messages.
+
+    Returns:
+        The value in SI; it may be infinite.
+
+    Raises:
+        UnitError: it is no such quantity, or beyond MAGNITUDES.
+
+    Examples:
+        >>> read_quantity("-0.7 N*s", "N*s", name="gain")
+        -0.7
+    """
+    number = to_si(value, unit, name=name)
+    if not (math.isinf(number) or has_workable_magnitude(number)):
+        raise UnitError(f"{name}: found {value!r}, expected a quantity in {unit or 'a pure number'} {WORKABLE}")
     return number
 
 

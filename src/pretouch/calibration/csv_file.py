@@ -9,9 +9,11 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 from pretouch._core.errors import CalibrationDataError, UnitError
+from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit
 
 __all__ = [
@@ -139,29 +141,35 @@ def _uses_commas(rows: list[tuple[int, tuple[str, ...]]]) -> bool:
     return any("," in cell and _COMMAED.fullmatch(cell) for cell in cells)
 
 
-def number(table: TextTable, line: int, cell: str, column: str) -> float:
+def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     """Read one cell as a number, in the decimal mark of its file and no locale's.
 
     Args:
         table: the file.
         line: number of the line.
         cell: the text.
-        column: header of the column, for the message.
+        column: the column, whose unit is applied.
 
     Returns:
-        The number.
+        The number in the unit of the calibration; 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not.
 
     Raises:
-        CalibrationDataError: the text is no finite number.
+        CalibrationDataError: the text is no finite number, or one whose products with others are none.
     """
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
     plain = cell.replace("\N{MINUS SIGN}", "-")
     if pattern.fullmatch(plain) or _DOTTED.fullmatch(plain):
         value = float(plain.replace(",", "."))
         if math.isfinite(value):
-            return value
+            scaled = float(Decimal(repr(value)) * Decimal(repr(column.factor)))
+            if has_workable_magnitude(scaled):
+                return scaled
+            raise CalibrationDataError(
+                f"{table.file}, line {line}: found {cell!r} in column {column.title!r}, expected a number {WORKABLE} "
+                f"(in {column.unit or 'its unit'}): the arithmetic of a fit ends there"
+            )
     raise CalibrationDataError(
-        f"{table.file}, line {line}: found {cell!r} in column {column!r}, expected a number such as 12"
+        f"{table.file}, line {line}: found {cell!r} in column {column.title!r}, expected a number such as 12"
         f"{table.decimal_mark}5"
     )
 

@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import CalibrationDataError
+from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.values import Value
 
 __all__ = ["Calibration", "Provenance"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Provenance:
+class Provenance(Value):
     """Where a calibration was read from, and every decision that reading it took.
 
     Args:
@@ -44,8 +46,8 @@ class Provenance:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Calibration:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Calibration(Value):
     """Readings of one sensor in front of one object, at known distances.
 
     Args:
@@ -57,8 +59,8 @@ class Calibration:
         source: the file it was read from; None for numbers that came from Python.
 
     Raises:
-        CalibrationDataError: the columns differ in length, are empty, or hold numbers that are not finite, or a
-            distance is negative.
+        CalibrationDataError: the columns differ in length, are empty, or hold numbers that are not finite or beyond
+            MAGNITUDES, or a distance is negative.
 
     Examples:
         >>> measured = Calibration(distances=[0.0, 0.01, 0.01], outputs=[2.0, 1.0, 1.2], unit="V")
@@ -110,5 +112,10 @@ def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
     if column.ndim != 1:
         raise CalibrationDataError(f"{name}: found an array of shape {column.shape}, expected one column")
     column = np.array(column, dtype=np.float64)
+    beyond = [float(value) for value in column if not has_workable_magnitude(value)]
+    if beyond:
+        raise CalibrationDataError(
+            f"{name}: found {beyond[0]:g}{f' {unit}' if unit else ''}, expected numbers {WORKABLE}"
+        )
     column.setflags(write=False)
     return column

@@ -101,6 +101,7 @@ class _Problem:
         steep = min(float(np.polyfit(d[:third], np.log(xi[:third]), 1)[0]), -0.1 / self.family.span)
         u = self.family.start(log_middle, 0.6 * steep, 0.3 * (0.6 * steep) ** 2)
         u[1] = -np.log(-steep)
+        u = np.clip(u, *self.family.bounds)  # beyond, a curve may end within the window
         return np.append(u, guess) if self.offset is None else u
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from decimal import Decimal
 from pathlib import Path
 from typing import TypeAlias
 
@@ -155,7 +154,7 @@ def _curve(
     for line, row in rows:
         place = row[distance.index]
         absent = is_no_object(place)
-        where = 0.0 if absent else _scaled(number(table, line, place, distance.title), distance.factor)
+        where = 0.0 if absent else number(table, line, place, distance)
         if where < 0:
             raise CalibrationDataError(
                 f"{table.file}, line {line}: found the distance {place}, which must not be negative"
@@ -163,7 +162,7 @@ def _curve(
         if is_missing(row[output.index]):
             dropped += 1
             continue
-        value = _scaled(number(table, line, row[output.index], output.title), output.factor)
+        value = number(table, line, row[output.index], output)
         if absent:
             no_object.append(value)
         else:
@@ -195,11 +194,6 @@ def _curve(
             notes=notes,
         ),
     )
-
-
-def _scaled(value: float, factor: float) -> float:
-    """Apply a unit in decimal arithmetic: 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not."""
-    return float(Decimal(repr(value)) * Decimal(repr(factor)))
 
 
 def _label(calibration: Calibration) -> dict[str, str]:
@@ -237,8 +231,4 @@ def _no_object_readings(no_object: NoObject, output: Column) -> list[float]:
     column = output_column(table, index, output)
     if not any(c.isalpha() for c in column.title):  # a bare list of numbers has no header
         rows.insert(0, (table.header_line, table.header))
-    return [
-        _scaled(number(table, line, row[index], column.title), column.factor)
-        for line, row in rows
-        if not is_missing(row[index])
-    ]
+    return [number(table, line, row[index], column) for line, row in rows if not is_missing(row[index])]

@@ -8,6 +8,7 @@ from typing import Any
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .data import Calibration
@@ -16,7 +17,7 @@ __all__ = ["CalibrationReport", "Estimate", "NoiseEstimate", "OffsetEstimate", "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class Estimate(Value):
     """A number with its uncertainty.
 
     Args:
@@ -35,7 +36,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OffsetEstimate:
+class OffsetEstimate(Value):
     """The output with no object in range: what has to be subtracted before a logarithm is taken.
 
     Args:
@@ -54,7 +55,7 @@ class OffsetEstimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseEstimate:
+class NoiseEstimate(Value):
     """The noise that weighs the readings: variance of y = output^2 + (relative xi)^2.
 
     Args:
@@ -73,7 +74,7 @@ class NoiseEstimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UsableWindow:
+class UsableWindow(Value):
     """The distances at which the sensor can be used, and why they end where they do.
 
     Args:
@@ -107,8 +108,8 @@ class UsableWindow:
         return self.distances[0], self.distances[-1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SensorFit:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SensorFit(Value):
     """One model fitted to one calibration. Residual quantities are over the points that were used.
 
     Args:
@@ -191,8 +192,8 @@ class SensorFit:
         return fit_text(self)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class CalibrationReport:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CalibrationReport(Value):
     """All models on one calibration, ranked, and the verdict on the sensor.
 
     Args:

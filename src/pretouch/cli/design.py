@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import Force, Json, Output, Report
-from .terminal import NO_RESULT, OK, Presentation, conclude
+from .terminal import NO_RESULT, OK, Presentation, conclude, print_progress
 
 __all__ = ["design"]
 
@@ -35,6 +35,7 @@ def _run(file: Path, presentation: Presentation) -> int:
     from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
     problem = load_scenario(file)
+    print_progress(f"{file}: searching gains")
     found = problem.design_admittance() if problem.is_admittance_free else problem.design()
 
     def write(path: Path, overwrite: bool) -> object:

@@ -10,7 +10,7 @@ import typer
 
 from pretouch._core.errors import InvalidInputError, UnitError
 from pretouch._core.json_text import as_json
-from pretouch._core.units import to_si
+from pretouch._core.units import read_quantity
 
 from .options import (
     FloorSigmas,
@@ -69,7 +69,7 @@ def fit(
             saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
             near_field_peak=near_field_peak
             if near_field_peak in {"auto", "none"}
-            else to_si(near_field_peak, "m", name="--near-field-peak"),
+            else read_quantity(near_field_peak, "m", name="--near-field-peak"),
             models=tuple(model or ()),
             floor_sigmas=floor_sigmas,
         )

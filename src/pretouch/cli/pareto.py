@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .options import Force, Json, Output, Report
-from .terminal import NO_RESULT, OK, Presentation, conclude
+from .terminal import NO_RESULT, OK, Presentation, conclude, print_progress
 
 __all__ = ["pareto"]
 
@@ -35,6 +35,7 @@ def _run(file: Path, presentation: Presentation) -> int:
     from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
     problem = load_scenario(file)
+    print_progress(f"{file}: tracing what can be traded")
     found = problem.trade_off()
 
     def write(path: Path, overwrite: bool) -> object:

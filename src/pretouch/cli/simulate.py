@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pretouch._core.units import to_si
+from pretouch._core.units import read_quantity
 
 from .options import Force, Json, LoopGain, LoopSeed, Output, Report
 from .terminal import NO_RESULT, OK, Presentation, conclude, print_progress
@@ -43,7 +43,7 @@ def simulate(
 def _run(file: Path, gain: str | None, seed: int | None, presentation: Presentation) -> int:
     from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
-    fixed = None if gain is None else to_si(gain, "N*s", name="--gain")
+    fixed = None if gain is None else read_quantity(gain, "N*s", name="--gain")
     problem = load_scenario(file)
     print_progress(f"{file}: running the loop")
     found = problem.simulate_encounter(gain=fixed, seed=seed)

@@ -11,7 +11,7 @@ import typer
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.json_text import as_json
-from pretouch._core.units import to_si
+from pretouch._core.units import read_quantity
 
 from .options import AxisTexts, DaskAddress, DataOutput, FigurePath, FixedGain, Replace, ResultNames, SweepJson
 from .terminal import NO_RESULT, OK, conclude, print_message, print_progress, print_text
@@ -53,7 +53,7 @@ def sweep(
         from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
         problem = load_scenario(file)
-        fixed = None if gain is None else to_si(gain, "N*s", name="--gain")
+        fixed = None if gain is None else read_quantity(gain, "N*s", name="--gain")
         axes = _axes(problem, axis, fixed)
         if figure is not None:
             _check_figure(figure, axes, force=force)
@@ -119,9 +119,10 @@ class _Teller:
         now = time.monotonic()
         if now - self._last >= _SECONDS and progress.finished < progress.total:
             self._last = now
+            known = f", about {progress.remaining:.0f} s left" if progress.computed else ""
             print_progress(
                 f"{progress.finished:,} of {progress.total:,} encounters "
-                f"({100 * progress.finished / progress.total:.0f} %), about {progress.remaining:.0f} s left"
+                f"({100 * progress.finished / progress.total:.0f} %){known}"
             )
 
 

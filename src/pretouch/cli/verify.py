@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pretouch._core.units import to_si
+from pretouch._core.units import read_quantity
 
 from .options import Force, Json, LoopGain, LoopSeed, Output, Report
 from .terminal import NO_RESULT, OK, Presentation, conclude, print_progress
@@ -53,7 +53,7 @@ def verify(
 def _run(file: Path, gain: str | None, asked: dict[str, Any], presentation: Presentation) -> int:
     from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
-    fixed = None if gain is None else to_si(gain, "N*s", name="--gain")
+    fixed = None if gain is None else read_quantity(gain, "N*s", name="--gain")
     problem = load_scenario(file)
     print_progress(f"{file}: running encounters on the loop")
     found = problem.verify(gain=fixed, **asked)

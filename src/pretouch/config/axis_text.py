@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from difflib import get_close_matches
 
@@ -9,10 +10,12 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.units import to_si
+from pretouch._core.units import read_quantity
 
 __all__ = ["read_axis"]
 
+_MOST = 10_000_000  # values of one axis: 80 MB
+_DIGITS = 20
 _FORM = "expected NAME=START:STOP:COUNT, with :log for equal ratios, or NAME=VALUE,VALUE,..."
 
 
@@ -44,14 +47,19 @@ def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
         raise InvalidInputError(f"--axis: found {name!r}, which is no input of this sweep; {hint}")
     parts = [part.strip() for part in given.split(":")]
     if len(parts) == 1:
-        return name, np.array([to_si(part.strip(), units[name], name=name) for part in given.split(",")])
+        return name, np.array([read_quantity(part.strip(), units[name], name=name) for part in given.split(",")])
     if len(parts) not in {3, 4} or parts[3:] not in ([], ["log"]):
         raise InvalidInputError(f"--axis: found {text!r}, {_FORM}")
-    start, stop = (to_si(part, units[name], name=name) for part in parts[:2])
-    if not parts[2].isdecimal() or int(parts[2]) < 1:
-        raise InvalidInputError(f"--axis: found {parts[2]!r} values of {name}, expected a whole number, 1 or more")
+    start, stop = (read_quantity(part, units[name], name=name) for part in parts[:2])
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        raise InvalidInputError(f"--axis: found {text!r}, expected finite ends")
+    count = int(parts[2]) if parts[2].isdecimal() and len(parts[2]) < _DIGITS else 0
+    if not 1 <= count <= _MOST:
+        raise InvalidInputError(
+            f"--axis: found {parts[2]!r} values of {name}, expected a whole number from 1 to {_MOST:,}"
+        )
     if not parts[3:]:
-        return name, np.linspace(start, stop, int(parts[2]))
+        return name, np.linspace(start, stop, count)
     if not start * stop > 0:
         raise InvalidInputError(f"--axis: found {text!r}, expected ends of one sign and not zero for equal ratios")
-    return name, np.geomspace(start, stop, int(parts[2]))
+    return name, np.geomspace(start, stop, count)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, UnitError
-from pretouch._core.units import to_si
+from pretouch._core.units import read_quantity
 from pretouch.sensors import SensorModel
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
     """
     for unit in ("", "V", "counts"):
         try:
-            return to_si(value, unit, name=name), unit
+            return read_quantity(value, unit, name=name), unit
         except (UnitError, ArithmeticError):
             continue
     raise UnitError(f"{name}: found {value!r}, expected a number or text in V or counts")

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final, Self
 from pydantic import BeforeValidator, ConfigDict, ValidationInfo, field_validator, model_validator
 
 from pretouch._core.errors import UnitError
+from pretouch._core.magnitudes import has_workable_magnitude
 from pretouch._core.units import parse_unit
 
 from .quantities import Quantity, UnfitValueError
@@ -181,8 +182,10 @@ class HuntCrossleySection(ContactSection):
         try:
             if match and float(match[4] or 1) == exponent:
                 force, length = parse_unit(match[2]).factor, parse_unit(match[3]).factor
-                return float(match[1]) * force / length**exponent
-        except UnitError:
+                number = float(match[1]) * force / length**exponent
+                if has_workable_magnitude(number):
+                    return number
+        except (UnitError, ArithmeticError):
             pass
         raise UnfitValueError(f'expected a positive quantity in N/m^{exponent:g}, such as "1e6 N/m^{exponent:g}"')
 

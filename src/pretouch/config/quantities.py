@@ -14,6 +14,7 @@ from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from pretouch._core.errors import UnitError
+from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit, to_si
 
 __all__ = ["Quantity", "Sign", "UnfitValueError", "printable", "shown"]
@@ -147,6 +148,8 @@ class Quantity:
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
         if math.isinf(number) and not self.infinite:
             raise UnfitValueError(f"expected {self._described('finite ')}")
+        if not (math.isinf(number) or has_workable_magnitude(number)):
+            raise UnfitValueError(f"expected {self.expected} {WORKABLE}")
         return number
 
     def _number(self, value: Any) -> float:

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.values import Value
 from pretouch.design.constraints import Constraint
 from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
 from pretouch.motion.inputs import sensor_inputs
@@ -38,7 +39,7 @@ __all__ = ["RobustRequest", "robust_request"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobustRequest:
+class RobustRequest(Value):
     """What is asked of a robust gain.
 
     Args:

@@ -19,7 +19,7 @@ from .freedom import make_freedom
 from .gain import design_gain
 from .impact import ImpactModel
 from .local_search import descend, kkt_residual
-from .objectives import Objective
+from .own_objective import AnyObjective, as_objective
 from .problem import Evaluator
 from .result import DesignStatus, GainDesign
 from .trials import HELD, Trials, merit
@@ -41,7 +41,7 @@ _ONE: Final = np.ones(1)
 def design_admittance(
     scenario: Scenario,
     sensor: SensorModel,
-    objective: Objective,
+    objective: AnyObjective,
     *,
     bounds: tuple[float, float],
     natural_frequency: tuple[float, float] | None = None,
@@ -61,7 +61,7 @@ def design_admittance(
     Args:
         scenario: one encounter; its virtual mass is kept, and so is what is not free.
         sensor: the sensor curve.
-        objective: what is minimized.
+        objective: what is minimized, as in `design_gain`.
         bounds: smallest and largest gain [N s]; mitigating gains are negative.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s]; None keeps that of the scenario.
         damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)); None keeps that of the scenario.
@@ -104,6 +104,7 @@ def design_admittance(
     low, high = (finite(b, "bounds", "N*s") for b in bounds)
     if not low < high:
         raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
+    objective = as_objective(objective)
     freedom = make_freedom(scenario, (low, high), natural_frequency, damping_ratio)
     trials = Trials(
         freedom=freedom,

@@ -11,6 +11,7 @@ import numpy as np
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
 from pretouch.motion import Admittance, Scenario
 
 from .result import DesignStatus, GainDesign
@@ -19,7 +20,7 @@ __all__ = ["AdmittanceCertificate", "AdmittanceDesign", "AdmittanceMap", "Admitt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AdmittanceMinimum:
+class AdmittanceMinimum(Value):
     """A local minimum over gain and admittance.
 
     Args:
@@ -38,7 +39,7 @@ class AdmittanceMinimum:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AdmittanceCertificate:
+class AdmittanceCertificate(Value):
     """Why a design of gain and admittance is believed to be the global optimum within the bounds.
 
     Args:
@@ -60,7 +61,7 @@ class AdmittanceCertificate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class AdmittanceMap:
+class AdmittanceMap(Value):
     """The best objective over the gains, for each admittance of the grid.
 
     Args:
@@ -77,8 +78,8 @@ class AdmittanceMap:
         return f"<AdmittanceMap: {self.objective.size} admittances>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class AdmittanceDesign:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class AdmittanceDesign(Value):
     """What `design_admittance` returns.
 
     Args:

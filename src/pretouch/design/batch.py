@@ -14,6 +14,7 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
 from pretouch.motion.inputs import map_fields
 
 from .compiled_search import search_compiled
@@ -43,16 +44,27 @@ _TO_ALL: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _N
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArrayEvidence:
+class ArrayEvidence(Value):
     """In the place of the evidence of one design: says how to get that.
 
     Args:
         problem: what was designed.
-        design_one: designs the encounter at an index alone.
     """
 
     problem: Problem
-    design_one: Callable[[tuple[int, ...]], GainDesign]
+
+    def design_one(self, index: tuple[int, ...]) -> GainDesign:
+        """Design the encounter at an index alone.
+
+        Args:
+            index: one integer per axis.
+
+        Returns:
+            The design, with its evidence.
+        """
+        from .gain import design_one  # noqa: PLC0415 - it makes evidence of this kind
+
+        return design_one(self.problem.at(index))
 
     def gradient(self, gain: Any, name: str) -> FloatArray:
         """Differentiate the optimal gains by one input.
@@ -69,6 +81,8 @@ class ArrayEvidence:
         return gain_gradient(self.problem, gain, name, self.design_one)
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # as of a protocol of Python, which asks what there is
+            raise AttributeError(name)
         raise ResultUnavailableError(
             f"{name}: found an array of designs, of which each has its own; choose one with .at(index)"
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -11,10 +10,11 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import ContactState, Scenario
 from pretouch.motion.windows import farthest
 from pretouch.sensors import SensorModel
+from pretouch.sensors.kept import kept_by_curve
 
 from .objectives import Objective
 
-__all__ = ["falls", "least_objective", "touches_later"]
+__all__ = ["falls", "least_objective", "premises_hold", "touches_later"]
 
 _PROBES: Final = 257
 
@@ -29,12 +29,24 @@ def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
     Returns:
         Truth values of the scenario's shape.
     """
+    known = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
+    return np.asarray(premises_hold(scenario) & known)
+
+
+def premises_hold(scenario: Scenario) -> BoolArray:
+    """Tell for which encounters the premises of the same proof hold but that ln xi falls with the distance.
+
+    Args:
+        scenario: the encounters.
+
+    Returns:
+        Truth values of the scenario's shape.
+    """
     m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
     room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
     sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
     holds = (room >= 0) & (v < 0) & (np.asarray(a) <= 0) & (np.asarray(u0) > v) & (-d * v - k * x0 >= sigma * (u0 - v))
-    low = sensor.valid_range[0]
-    return np.asarray(np.broadcast_to(holds, scenario.shape) & (low <= 0 and falls(sensor, farthest(scenario, sensor))))
+    return np.asarray(np.broadcast_to(holds, scenario.shape))
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
@@ -60,7 +72,7 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
     return np.asarray(total)
 
 
-@lru_cache(maxsize=256)
+@kept_by_curve(256)
 def falls(sensor: SensorModel, reach: float) -> bool:
     """Tell whether ln xi falls with the distance, from contact to a distance [m]."""
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -10,11 +10,11 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch.motion import Scenario
-from pretouch.motion.fast_path import is_compiled
 from pretouch.motion.parallel import for_stretches
 from pretouch.motion.request import checked_method
-from pretouch.motion.windows import curve_windows, farthest
+from pretouch.motion.windows import Curves, alone, curve_windows, farthest
 from pretouch.sensors import SensorModel
+from pretouch.sensors.kept import kept_by_curve
 
 from .bound import falls
 from .impact import HertzImpact, ImpactModel, SpringImpact
@@ -38,7 +38,7 @@ def search_compiled(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray
     Returns:
         The gain [N s] and the objective of each encounter and whether both are known for certain, shape (n,); or None
         where a problem asks for what this search does not know: constraints, quantities of the whole motion, another
-        evaluator; or one small problem that should not wait for the compiled core to be loaded.
+        evaluator; or there is no encounter.
     """
     terms = known_terms(problem)
     if terms is None:
@@ -46,7 +46,7 @@ def search_compiled(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray
     method = checked_method(problem.scenario, problem.sensor, problem.method)
     horizon = positive(problem.horizon, "horizon", "s")
     linear, size = method == "closed-form", math.prod(problem.scenario.shape)
-    if size == 0 or (linear and size == 1 and not is_compiled()):
+    if size == 0:
         return None
     return _search(problem, linear, horizon, np.array(terms), size)
 
@@ -73,17 +73,17 @@ def _search(
     find_gains, axis = _kernel(), problem.axis
     inputs = _inputs(problem.scenario, size)
     reach = farthest(problem.scenario, problem.sensor)
-    slope, falling, windows = _curve(problem.sensor, reach, linear)
+    slope, falling, curve = _curve(problem.sensor, reach, linear)
     scale, low, high = axis.scale, axis.low, axis.high
     strong, weak = math.asinh(low / scale), math.asinh(high / scale)
     out = np.empty((3, size))
     if size == 1:
-        find_gains(inputs, slope, windows, falling, horizon, terms, scale, strong, weak, low, high, out)
+        find_gains(inputs, slope, curve, falling, horizon, terms, scale, strong, weak, low, high, out)
         return out[0], out[1], out[2] == 1
 
     def run(start: int, stop: int) -> None:
         part, found = np.ascontiguousarray(inputs[:, start:stop]), np.empty((3, stop - start))
-        find_gains(part, slope, windows, falling, horizon, terms, scale, strong, weak, low, high, found)
+        find_gains(part, slope, curve, falling, horizon, terms, scale, strong, weak, low, high, found)
         out[:, start:stop] = found
 
     for_stretches(run, size, least=_LEAST_LINEAR if linear else _LEAST_SERIES, most=_MOST)
@@ -92,7 +92,7 @@ def _search(
 
 @lru_cache(maxsize=1)
 def _kernel() -> Any:
-    from .kernels.gain_search import find_gains  # noqa: PLC0415 - the compiled core is loaded when it pays
+    from .kernels.gain_search import find_gains  # noqa: PLC0415 - the compiled core is loaded when a gain is sought
 
     return find_gains
 
@@ -131,7 +131,8 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
     return inputs
 
 
-@lru_cache(maxsize=256)
-def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, bool, FloatArray | None]:
-    """Return g [1/m] at contact, whether g < 0 up to a distance, and the windows of the curve."""
-    return float(sensor.log_slope(0.0)), falls(sensor, reach), None if linear else curve_windows(sensor, 0.0, reach)
+@kept_by_curve(256)
+def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, bool, Curves | None]:
+    """Return g [1/m] at contact, whether g < 0 up to a distance, and the curve as the kernel reads it."""
+    curve = None if linear else alone(curve_windows(sensor, 0.0, reach))
+    return float(sensor.log_slope(0.0)), falls(sensor, reach), curve

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.motion import ContactResult
 
 from .constraints import Constraint
@@ -20,11 +22,11 @@ from .sensitivity import gain_sensitivities
 __all__ = ["Evidence"]
 
 _ACTIVE = 1e-6
-_SMOOTH = 1e-3  # |df/du| / f at an optimum that a polynomial has found: what is more, jumps beside it
+_SMOOTH = 1e-2  # |df/du| / f over 0.2 of u around the optimum on a loop: ripples of r displace it to sqrt(2 r f_uu / f)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Evidence:
+@dataclass(frozen=True, kw_only=True)
+class Evidence(Value):
     """The scan and the minima of a design, and what follows from them.
 
     Args:
@@ -190,6 +192,7 @@ class Evidence:
             constraint=next((c for c in p.constraints if c.name == self.at and c.quantity != "gain"), None),
             impact=p.impact,
             evaluate=p.evaluate,
+            sampled=p.evaluator is not None,
             differentiable=p.is_differentiable,
             axis=p.axis,
             gain=self.gain,
@@ -223,9 +226,8 @@ class Evidence:
             return None
         both = p.landscape(p.axis.coordinate(np.array([found.gain, self.gain])))
         value, own = map(float, both.objective)
-        return IdealDesign(
-            gain=float(found.gain), objective=value, loss=value / own - 1, feasible=bool(both.feasible[0])
-        )
+        loss = value / own - 1 if own > 0 else math.inf if value > 0 else 0.0
+        return IdealDesign(gain=float(found.gain), objective=value, loss=loss, feasible=bool(both.feasible[0]))
 
     def gradient(self, gain: float, name: str) -> Any:
         """Differentiate the optimal gain by one input.
@@ -249,8 +251,9 @@ def _at_bound(axis: GainAxis, coordinate: float) -> bool:
 
 def _stationarity(problem: Problem, best: Minimum) -> float | None:
     """Return |df/du| / f at an interior optimum, by a five-point difference that the search did not use."""
-    step = 1e-2
+    narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
+    step = narrow if problem.evaluator is None else 0.05  # which reaches over the ripples of a loop that samples
     f = problem.landscape(best.coordinate + step * np.array([-2.0, -1.0, 1.0, 2.0])).objective
-    if not np.isfinite(f).all():  # the optimum lies that close to where contact ends
+    if best.value == 0 or not np.isfinite(f).all():  # the optimum lies that close to where contact ends, or is nothing
         return None
     return abs(float(f @ np.array([1.0, -8.0, 8.0, -1.0]) / (12 * step))) / best.value

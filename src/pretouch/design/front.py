@@ -10,6 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
 from pretouch.motion.contact import ContactResult
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
@@ -31,7 +32,7 @@ class FrontStatus(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class BoundComparison:
+class BoundComparison(Value):
     """Encounters beside the best that a robot with the same largest acceleration could do; floats or arrays.
 
     Args:
@@ -62,7 +63,7 @@ class BoundComparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class FrontPoint:
+class FrontPoint(Value):
     """One encounter in the plane of quantities.
 
     Args:
@@ -95,8 +96,8 @@ class FrontPoint:
         return f"<FrontPoint {self.name}: D_p = {self.gain:.4g} N s>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class ParetoFront:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ParetoFront(Value):
     """What `pareto_front` returns: choices of which none is better than another in every quantity.
 
     Args:

@@ -15,18 +15,18 @@ from .compiled_search import search_compiled
 from .constraints import Constraint
 from .evidence import Evidence
 from .impact import ImpactModel
-from .objectives import Objective
+from .own_objective import AnyObjective, as_objective
 from .problem import Evaluator, Problem
 from .result import DesignStatus, GainDesign
 from .search import GainAxis
 
-__all__ = ["Evaluator", "design_gain"]
+__all__ = ["Evaluator", "design_gain", "design_one"]
 
 
 def design_gain(
     scenario: Scenario,
     sensor: SensorModel,
-    objective: Objective,
+    objective: AnyObjective,
     *,
     bounds: tuple[float, float],
     constraints: Sequence[Constraint] = (),
@@ -43,7 +43,7 @@ def design_gain(
     Args:
         scenario: one encounter, or an array of them, each of which gets its own gain.
         sensor: the sensor curve.
-        objective: what is minimized.
+        objective: what is minimized: an Objective, or an object or a function of your own (docs/design.md).
         bounds: smallest and largest gain [N s]; mitigating gains are negative.
         constraints: limits that the encounter must keep.
         impact: physical properties, for objectives and constraints on forces.
@@ -76,7 +76,7 @@ def design_gain(
     problem = Problem(
         scenario=scenario,
         sensor=sensor,
-        objective=objective,
+        objective=as_objective(objective),
         constraints=tuple(constraints),
         impact=impact,
         axis=GainAxis(low=low, high=high),
@@ -86,17 +86,20 @@ def design_gain(
     )
     _check(problem)
     if scenario.shape == ():
-        return _design_one(problem)
-
-    def design_at(index: tuple[int, ...]) -> GainDesign:
-        return _design_one(problem.at(index))
-
-    search = _design_one if problem.is_noisy else _search_one
-    return _design(problem, *design_many(problem, search), ArrayEvidence(problem=problem, design_one=design_at))
+        return design_one(problem)
+    search = design_one if problem.is_noisy else _search_one
+    return _design(problem, *design_many(problem, search), ArrayEvidence(problem=problem))
 
 
-def _design_one(problem: Problem) -> GainDesign:
-    """Design a single encounter, by the search of many where that settles it for certain."""
+def design_one(problem: Problem) -> GainDesign:
+    """Design a single encounter, by the search of many where that settles it for certain.
+
+    Args:
+        problem: the problem, of one encounter.
+
+    Returns:
+        The design.
+    """
     free = problem.within_gain_limit()
     found = search_compiled(free)
     if found is not None and found[2][0]:

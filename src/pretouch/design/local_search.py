@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,6 +17,8 @@ __all__ = ["advance", "descend", "kkt_residual"]
 _FAR: Final = 1e3  # what stands for a row without contact, beside rows of about 1
 _ITERATIONS: Final = 120
 _CLOSE: Final = 1e-6  # of a limit or a bound: active
+_NEAR: Final = 1e-9  # of the range: where a bound so near is as good, it is meant; the solver stops a rounding before
+_SAME: Final = 1e-12  # of a value, to which encounters are known
 _INSIDE: Final = 1e-10  # of a limit, by which the search stays below it: what an SQP step leaves
 
 
@@ -67,7 +70,7 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArra
         limits if ratios else [],
         [(0.0, 1.0)] * len(start),
     )
-    return _kept(trials, np.clip(found, 0.0, 1.0))
+    return _settled(trials, np.clip(found, 0.0, 1.0), lambda z: float(weights @ trials.values(z[None])[0]))
 
 
 def advance(
@@ -107,10 +110,12 @@ def advance(
         [{"type": "ineq", "fun": room, "jac": room_slope}],
         [*[(0.0, 1.0)] * len(start), (None, None)],
     )
-    at = _kept(trials, np.clip(found[:-1], 0.0, 1.0))
-    if at is None:
-        return None
-    return at, float((trials.values(at[None])[0] / scale - goal).max())
+
+    def missed(z: FloatArray) -> float:
+        return float((trials.values(z[None])[0] / scale - goal).max())
+
+    at = _settled(trials, np.clip(found[:-1], 0.0, 1.0), missed)
+    return None if at is None else (at, missed(at))
 
 
 def _minimize(value: Any, slope: Any, start: FloatArray, constraints: Any, bounds: Any) -> FloatArray:
@@ -126,6 +131,16 @@ def _minimize(value: Any, slope: Any, start: FloatArray, constraints: Any, bound
         options={"maxiter": _ITERATIONS, "ftol": 1e-14},
     )
     return np.asarray(found.x, dtype=np.float64)
+
+
+def _settled(trials: Trials, at: FloatArray, value: Callable[[FloatArray], float]) -> FloatArray | None:
+    """Return a point if it is feasible, on the bounds that it is near if that is as good."""
+    there = np.where(at <= _NEAR, 0.0, np.where(at >= 1 - _NEAR, 1.0, at))
+    kept, bound = _kept(trials, at), _kept(trials, there)
+    if kept is None or bound is None or np.array_equal(at, there):
+        return bound if kept is None else kept
+    own = value(kept)
+    return bound if value(bound) <= own + _SAME * abs(own) else kept
 
 
 def _kept(trials: Trials, at: FloatArray) -> FloatArray | None:
@@ -151,7 +166,7 @@ def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[f
 
     count = len(trials.measures)
     rows, slopes = trials.differentiate(at)
-    value = float(weights @ rows[:count])
+    value = float(weights @ rows[:count]) or 1.0
     gradient = weights @ slopes[:count] / value
     names, normals = [], []
     for i, constraint in enumerate(trials.constraints):

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, nonnegative, positive
+from pretouch._core.values import Value
 from pretouch.motion import Scenario
 
 __all__ = ["PhysicalBound", "find_physical_bound"]
@@ -35,7 +36,7 @@ _ROUNDING: Final = 1e-9  # relative, by which a time may be short
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PhysicalBound:
+class PhysicalBound(Value):
     """The least excursion and the least contact speed of any robot, whatever its controller.
 
     The robot is at rest at its reference when the object is detected, knows distance and speed of the object from that

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
 from pretouch.motion.inputs import map_fields
@@ -16,13 +17,14 @@ from pretouch.sensors import SensorModel
 from .constraints import Constraint
 from .impact import ImpactModel
 from .objectives import Objective
+from .own_objective import appraise
 from .search import HELD, GainAxis, Landscape
 
 __all__ = ["Evaluator", "Problem"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
+class Problem(Value):
     """One design problem, or an array of them that share all but their encounters.
 
     Args:
@@ -103,9 +105,8 @@ class Problem:
         result = self.run(self.axis.gain(coordinate))
         reached = result.reached
         speed = abs(self.scenario.obstacle.velocity)
-        value = self.objective.value(result.end, speed, self.impact)
         ratios = [c.magnitude(result.end, self.impact) / c.limit for c in self.constraints]
         return Landscape(
-            objective=np.where(reached, value, np.inf),
+            objective=appraise(self.objective, result.end, reached, speed, self.impact),
             ratios=np.where(reached, np.reshape(ratios, (len(ratios), *np.shape(reached))), np.inf),
         )

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
 from pretouch.motion.contact import ContactResult, ContactState
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
@@ -36,7 +37,7 @@ class DesignStatus(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConstraintOutcome:
+class ConstraintOutcome(Value):
     """One constraint at the chosen gain.
 
     Args:
@@ -68,7 +69,7 @@ class ConstraintOutcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class TradeOff:
+class TradeOff(Value):
     """Objective and contact over the whole range of gains: the scan that the optimum was chosen from.
 
     Args:
@@ -90,7 +91,7 @@ class TradeOff:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Certificate:
+class Certificate(Value):
     """Why the gain is believed to be the global optimum within the bounds.
 
     Args:
@@ -113,7 +114,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensitivity:
+class Sensitivity(Value):
     """How the optimum follows one input.
 
     Args:
@@ -134,7 +135,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IdealDesign:
+class IdealDesign(Value):
     """The gain that is optimal in continuous time, where another was designed on a sampled loop.
 
     Args:
@@ -151,8 +152,8 @@ class IdealDesign:
     feasible: bool
 
 
-@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class GainDesign:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class GainDesign(Value):
     """What `design_gain` returns: the gain at once, its evidence when it is first read.
 
     Args:
@@ -229,18 +230,21 @@ class GainDesign:
 
     @property
     def objective_parts(self) -> dict[str, float]:
-        """The terms of the objective by quantity; empty unless optimal."""
+        """The terms of the objective by quantity, which add up to it; empty unless optimal.
+
+        Of an objective of a user's own what it declares by `parts`; empty where that does not add up to its value.
+        """
         if self.result is None:
             return {}
         speed = abs(self.scenario.obstacle.velocity)
         return {k: float(v) for k, v in self.definition.parts(self.result.end, speed, self.impact).items()}
 
     @property
-    def damping_at_contact(self) -> float | None:
-        """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact."""
+    def damping_at_contact(self) -> Any:
+        """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact; an array for an array."""
         if self.gain is None:
             return None
-        return float(self.gain * self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0)))
+        return self.gain * self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0))
 
     @property
     def constraints(self) -> tuple[ConstraintOutcome, ...]:

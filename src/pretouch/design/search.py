@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.values import Value
 
 __all__ = ["HELD", "LARGEST_SCAN", "RESOLVED", "SCANNED", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan"]
 
@@ -24,6 +25,7 @@ LARGEST_SCAN = 2049
 RESOLVED = 1e-3
 """The error of predicting an objective from its neighbors, of itself, from which a scan goes on."""
 
+_ROUNDING = 16 * np.finfo(np.float64).eps  # of u: its inverse function is good to 4 units by whichever processor
 _ZOOM = 17
 _MOST = 16  # local minima that are refined, the lowest ones: a smooth function has a few, one with jumps has hundreds
 _FINEST = 1e-14  # of u: rounding
@@ -61,8 +63,8 @@ class GainAxis:
     def gain(self, coordinate: FloatArray | float) -> FloatArray:
         """Return the gain [N s] at u: a bound itself where u is that bound's to rounding, never one outside."""
         gain = np.clip(self.scale * np.sinh(coordinate), self.low, self.high)
-        for bound in (self.low, self.high):
-            gain = np.where(np.abs(gain - bound) <= 1e-14 * abs(bound), bound, gain)
+        for bound, end in zip(self.ends, self.coordinate(np.array(self.ends)), strict=True):
+            gain = np.where(np.abs(coordinate - end) <= _ROUNDING * max(1.0, abs(end)), bound, gain)
         return gain
 
     def stretch(self, gain: float) -> float:
@@ -71,7 +73,7 @@ class GainAxis:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Landscape:
+class Landscape(Value):
     """What a set of gains leads to.
 
     Args:
@@ -108,7 +110,7 @@ Evaluate = Callable[[FloatArray], Landscape]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scan:
+class Scan(Value):
     """A scan of the whole axis.
 
     Args:
@@ -123,7 +125,7 @@ class Scan:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Minimum:
+class Minimum(Value):
     """A local minimum that was found and refined.
 
     Args:

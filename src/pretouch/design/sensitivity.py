@@ -22,11 +22,22 @@ from .search import GainAxis
 
 __all__ = ["gain_sensitivities"]
 
-_STEP = 0.02  # of u, between the nodes of the five-point differences
-_NODES = _STEP * np.arange(-2, 3)
-_FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * _STEP)
-_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * _STEP**2)
-_RELATIVE = 1e-4  # step of an input, of its magnitude
+_NODES = np.arange(-2, 3)
+_FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
+_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Steps:
+    """Of u, between the nodes of the five-point differences; of an input, of its magnitude."""
+
+    gain: float
+    relative: float
+
+
+_SMOOTH = _Steps(gain=0.02, relative=1e-4)
+# a loop that samples has ripples over gain and inputs, of (dF_p / dt) T^2 / 8 M in l' at contact: steps reach over them
+_RIPPLED = _Steps(gain=0.1, relative=1e-2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +59,7 @@ def gain_sensitivities(
     constraint: Constraint | None,
     impact: ImpactModel | None,
     evaluate: Callable[[Scenario, SensorModel, Any], ContactResult],
+    sampled: bool,
     differentiable: bool,
     axis: GainAxis,
     gain: float,
@@ -58,7 +70,8 @@ def gain_sensitivities(
     Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
     so du/dp = -G_p / G_u; on a bound the gain stays. Where objective and constraint are made of quantities at contact
     the derivatives by the inputs are exact. Peaks over the whole motion, and encounters that somebody else solves,
-    leave central differences, good to about six digits (three where one side makes no sense).
+    leave central differences, good to about six digits (three where one side makes no sense). Those of encounters that
+    somebody else solves reach over the ripples of a sampled loop, and are good to some percent.
 
     Args:
         scenario: the encounter.
@@ -67,6 +80,7 @@ def gain_sensitivities(
         constraint: the active constraint, if the optimum sits on one.
         impact: the physical properties, where given.
         evaluate: solves encounters.
+        sampled: whether that is somebody else's, such as a loop that samples.
         differentiable: whether what it returns has gradients.
         axis: the coordinate of the gain.
         gain: the optimal gain [N s].
@@ -75,7 +89,9 @@ def gain_sensitivities(
     Returns:
         One entry per input whose change keeps the contact, largest effect first.
     """
-    inputs = list(_inputs(scenario, sensor))
+    steps = _RIPPLED if sampled else _SMOOTH
+    first, second = _FIRST / steps.gain, _SECOND / steps.gain**2
+    inputs = list(_inputs(scenario, sensor, steps.relative))
     if differentiable and has_gradients(objective, constraint):
         shifts = follow_optimum(
             run=lambda gains: evaluate(scenario, sensor, gains),
@@ -92,7 +108,7 @@ def gain_sensitivities(
         if np.isfinite(exact).all():  # beside an edge of contact only one side is left
             return _ranked(inputs, exact)
     center = float(axis.coordinate(gain))
-    gains = axis.scale * np.sinh(center + _NODES)
+    gains = axis.scale * np.sinh(center + steps.gain * _NODES)
 
     def sample(changed: tuple[Scenario, SensorModel]) -> FloatArray:
         """Sample the objective and the active constraint's magnitude at the nodes."""
@@ -107,12 +123,12 @@ def gain_sensitivities(
     for item in inputs:
         f_p, g_p = _derivative(sample, item, middle)
         if at == "interior":
-            shift = -(f_p @ _FIRST) / (f @ _SECOND)
+            shift = -(f_p @ first) / (f @ second)
         elif constraint is not None:
-            shift = -g_p[2] / (g @ _FIRST)
+            shift = -g_p[2] / (g @ first)
         else:
             shift = 0.0
-        total = f_p[2] + (0.0 if at == "interior" else (f @ _FIRST) * shift)
+        total = f_p[2] + (0.0 if at == "interior" else (f @ first) * shift)
         found.append((float(shift * axis.stretch(gain)), float(total)))
     return _ranked(inputs, found)
 
@@ -154,7 +170,7 @@ def _derivative(
     return np.full_like(middle, np.nan)
 
 
-def _inputs(scenario: Scenario, sensor: SensorModel) -> Iterator[_Input]:
+def _inputs(scenario: Scenario, sensor: SensorModel, relative: float) -> Iterator[_Input]:
     """Yield every scalar input of the scenario and the sensor."""
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
@@ -167,15 +183,15 @@ def _inputs(scenario: Scenario, sensor: SensorModel) -> Iterator[_Input]:
                 name=f"{part}.{f.name}",
                 value=getattr(body, f.name),
                 unit=units[f.name],
-                step=_RELATIVE * typical[f.name],
+                step=relative * typical[f.name],
                 changed=_scenario_with(scenario, sensor, part, f.name),
             )
     for name, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m")):
         value = getattr(scenario.admittance, name)
         if value > 0:
             changed = _scenario_with(scenario, sensor, "admittance", name)
-            yield _Input(name=f"admittance.{name}", value=value, unit=unit, step=_RELATIVE * value, changed=changed)
-    yield from _sensor_inputs(scenario, sensor)
+            yield _Input(name=f"admittance.{name}", value=value, unit=unit, step=relative * value, changed=changed)
+    yield from _sensor_inputs(scenario, sensor, relative)
 
 
 def _scenario_with(
@@ -188,7 +204,7 @@ def _scenario_with(
     return changed
 
 
-def _sensor_inputs(scenario: Scenario, sensor: SensorModel) -> Iterator[_Input]:
+def _sensor_inputs(scenario: Scenario, sensor: SensorModel, relative: float) -> Iterator[_Input]:
     """Yield the parameters of the curve, and how far it is recessed."""
     inner = sensor.sensor if isinstance(sensor, Recessed) else sensor
 
@@ -206,7 +222,7 @@ def _sensor_inputs(scenario: Scenario, sensor: SensorModel) -> Iterator[_Input]:
             name=f"sensor.{f.name}",
             value=value,
             unit=f.metadata["unit"],
-            step=_RELATIVE * abs(value),
+            step=relative * abs(value),
             changed=lambda v, name=f.name: (  # type: ignore[misc]
                 scenario,
                 rebuilt(replace(inner, **{name: v}), None),
@@ -217,6 +233,6 @@ def _sensor_inputs(scenario: Scenario, sensor: SensorModel) -> Iterator[_Input]:
             name="sensor.recess",
             value=sensor.recess,
             unit="m",
-            step=_RELATIVE * float(scenario.distance),
+            step=relative * float(scenario.distance),
             changed=lambda v: (scenario, rebuilt(inner, v)),
         )

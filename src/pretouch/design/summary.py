@@ -56,6 +56,7 @@ def design_as_dict(design: GainDesign) -> dict[str, Any]:
         "method": design.method,
         "gain": design.gain,
         "objective": design.objective,
+        "objective_name": design.definition.name,
         "objective_terms": design.objective_parts,
         "contact": contact_as_dict(design.result),
         "no_mitigation": contact_as_dict(design.no_mitigation),
@@ -181,7 +182,7 @@ def design_as_text(design: GainDesign) -> str:
         ]
     if design.objective is not None:
         parts = ", ".join(f"{k} {v:.4g}" for k, v in design.objective_parts.items())
-        lines += [f"objective ({design.definition.name}): {design.objective:.5g} = {parts}"]
+        lines += [f"objective ({design.definition.name}): {design.objective:.5g}" + (f" = {parts}" if parts else "")]
     lines += _evidence(design)
     if design.sensitivities:
         lines += ["", "how the optimum follows its inputs:"]

@@ -17,6 +17,7 @@ from .constraints import Constraint
 from .freedom import Freedom
 from .impact import ImpactModel
 from .objectives import Objective
+from .own_objective import appraise
 from .problem import Evaluator
 from .quantities import quantity_of
 
@@ -67,7 +68,7 @@ def merit(objective: Objective, obstacle_speed: float, impact: ImpactModel | Non
         return found
 
     return Measure(
-        value=lambda result: objective.value(result.end, obstacle_speed, impact),
+        value=lambda result: appraise(objective, result.end, result.reached, obstacle_speed, impact),
         parts=parts if type(objective) is Objective else None,  # a class of the user's may compute anything
     )
 

@@ -7,6 +7,7 @@ from decimal import Decimal
 from enum import Enum
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.values import Value
 
 __all__ = ["Comparison", "Parameter", "Verdict", "compare", "measured", "resolution"]
 
@@ -57,7 +58,7 @@ def resolution(printed: str) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
+class Parameter(Value):
     """One input of an experiment, as the letter gives it.
 
     Args:
@@ -81,7 +82,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class Comparison(Value):
     """One printed number beside ours.
 
     Args:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from pretouch._core.values import Value
+
 from .comparison import Comparison, Parameter, Verdict
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ __all__ = ["DataTable", "Evidence", "Finding", "LetterReport", "Reproduction"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
+class Evidence(Value):
     """One step of the derivation of a finding.
 
     Args:
@@ -31,7 +33,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Finding:
+class Finding(Value):
     """What the program derived about the letter's text, beside single numbers.
 
     Args:
@@ -61,7 +63,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DataTable:
+class DataTable(Value):
     """A table of numbers to read.
 
     Args:
@@ -77,8 +79,8 @@ class DataTable:
     note: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Reproduction:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Reproduction(Value):
     """One table, figure or section of the letter, computed again.
 
     Args:
@@ -104,7 +106,7 @@ class Reproduction:
     comparisons: tuple[Comparison, ...]
     caption: str
     code: str
-    figure: Figure
+    figure: Figure = field(compare=False)
     numbers: Mapping[str, Any]
     findings: tuple[Finding, ...] = ()
     tables: tuple[DataTable, ...] = ()
@@ -136,7 +138,7 @@ class Reproduction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LetterReport:
+class LetterReport(Value):
     """What `reproduce` returns.
 
     Args:

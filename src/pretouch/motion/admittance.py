@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import nonnegative, positive
+from pretouch._core.values import Value
 
 __all__ = ["Admittance"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Admittance:
+class Admittance(Value):
     """Virtual mass, damping and stiffness M_a, D_a, K_a of L(1); each a number or an array.
 
     Args:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray
+from pretouch._core.values import Value
 
 if TYPE_CHECKING:
     from .gradients import ContactGradients
@@ -17,7 +19,12 @@ __all__ = ["Columns", "ContactResult", "ContactState", "ContactStatus"]
 
 
 class ContactStatus(IntEnum):
-    """How a run ended. `label` is the word for it in files and JSON."""
+    """How a run ended. `label` is the word for it in files and JSON.
+
+    A distance that comes down to zero and turns there has touched: within 1e-12 of the terms that it is the difference
+    of, a smallest distance is zero, and the run ends in CONTACT with l' = 0, by every method. A distance that only
+    decays to zero never arrives: NEVER, with a settling distance of 0.
+    """
 
     CONTACT = 0
     NEVER = 1
@@ -66,7 +73,8 @@ class _Quantity:
         return self if instance is None else instance.columns.column(self.name)
 
 
-class ContactState:
+@dataclass(frozen=True, slots=True, repr=False)
+class ContactState(Value):
     """The state at the end of a run, and the largest demands on the robot until then; floats or arrays of one shape.
 
     Quantities are computed when they are first read, those that need the whole motion last of all.
@@ -81,7 +89,7 @@ class ContactState:
         velocity: x' of the plant [m/s].
         acceleration: x'' of the plant [m/s^2].
         displacement: x - x_d [m], the deviation from the reference.
-        relative_velocity: l' [m/s]; negative at contact.
+        relative_velocity: l' [m/s]; negative at contact, 0 at a touch.
         virtual_force: F_p [N].
         largest_excursion: max |x - x_d| [m] over the whole motion.
         largest_travel: max |x - x(0)| [m] over the whole motion.
@@ -90,9 +98,8 @@ class ContactState:
         largest_virtual_force: max |F_p| [N] over the whole motion.
     """
 
-    __slots__ = ("columns",)
-
     columns: Columns
+
     time = _Quantity()
     distance = _Quantity()
     position = _Quantity()
@@ -107,12 +114,6 @@ class ContactState:
     largest_acceleration = _Quantity()
     largest_virtual_force = _Quantity()
 
-    def __init__(self, columns: Columns) -> None:
-        object.__setattr__(self, "columns", columns)
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"{name}: a result cannot be changed")
-
     @classmethod
     def names(cls) -> tuple[str, ...]:
         """Return the names of all quantities."""
@@ -122,18 +123,18 @@ class ContactState:
         """Return the quantities by name."""
         return {name: getattr(self, name) for name in self.names()}
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ContactState):
-            return NotImplemented
-        return all(np.array_equal(value, getattr(other, name)) for name, value in self.as_dict().items())
+    def _compared(self) -> tuple[Any, ...]:
+        return tuple(self.as_dict().values())
 
-    __hash__ = None  # type: ignore[assignment]
+    def __hash__(self) -> int:
+        return hash(np.shape(self.time))  # what says more would have to be computed first
 
     def __repr__(self) -> str:
         return f"ContactState({', '.join(f'{name}={value!r}' for name, value in self.as_dict().items())})"
 
 
-class ContactResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class ContactResult(Value):
     """What `find_contact` returns, for one encounter or an array of them.
 
     Status and time of every run are known at once; the other numbers are computed when they are first read.
@@ -146,31 +147,33 @@ class ContactResult:
         status: how each run ended: a ContactStatus, or an array of their numbers.
         end: the state in which each run ended, whatever its status; always finite.
         gain: the gain D_p of each run [N s].
-        closest_distance: the smallest distance of each run [m]; 0 at contact.
-        settling_distance: the distance at which a run without contact comes to rest [m]; infinite where it does not.
+        closest_distance: the smallest distance of each run [m]; 0 at contact, and where it only decays to 0.
+        settling_distance: the distance at which a run without contact comes to rest [m], 0 where it decays to 0;
+            infinite where it does not.
         impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
             momentum of the approach: an identity of L(1) and L(2) for every curve, so this certifies the computed
             motion. NaN for the uniform motion, which does not start from the given state, and for a sampled loop, which
             does not know its law.
     """
 
-    __slots__ = ("columns", "end", "method")
-
     columns: Columns
-    end: ContactState
     method: str
+    end: ContactState = field(init=False)
+
     gain = _Quantity()
     closest_distance = _Quantity()
     settling_distance = _Quantity()
     impulse_residual = _Quantity()
 
-    def __init__(self, columns: Columns, method: str) -> None:
-        object.__setattr__(self, "columns", columns)
-        object.__setattr__(self, "end", ContactState(columns))
-        object.__setattr__(self, "method", method)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "end", ContactState(self.columns))
 
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"{name}: a result cannot be changed")
+    def _compared(self) -> tuple[Any, ...]:
+        own = (self.method, self.status, self.gain, self.closest_distance, self.settling_distance)
+        return (*own, self.impulse_residual, self.end)
+
+    def __hash__(self) -> int:
+        return hash((self.method, self.end))
 
     @property
     def status(self) -> Any:

@@ -10,7 +10,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import SlopeChange
 
-from .curve import curve_pieces
+from .curve import curve_pieces, curve_reach
 from .windows import MIDDLE, TERMS, curve_windows
 
 __all__ = ["bend_at_contact", "changed_pieces"]
@@ -91,6 +91,6 @@ def bend_at_contact(sensor: SensorModel) -> float:
         if len(terms) == 1:
             return float(-terms[0] / z**2)
         return float(sum(j * (j - 1) * terms[j] * z ** (j - 2) for j in range(2, len(terms))))
-    piece = curve_pieces(sensor, 0.0, reach)[0]
+    piece = curve_pieces(sensor, 0.0, curve_reach(sensor, 0.0, 0.0, reach))[0]
     z = -piece[0] / piece[1]
     return float(sum(j * piece[2 + j] * z ** (j - 1) for j in range(1, _COUNT)) / piece[1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from pretouch.sensors import SensorModel
@@ -10,7 +10,7 @@ from pretouch.sensors import SensorModel
 from .contact import ContactResult
 from .scenario import Scenario
 
-__all__ = ["Evaluator", "NoisyEvaluator", "with_noise_after"]
+__all__ = ["Evaluator", "ManySensorEvaluator", "NoisyEvaluator", "with_noise_after"]
 
 Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 """From encounters, their sensor and gains [N s], which broadcast, to what they come to."""
@@ -25,6 +25,17 @@ class NoisyEvaluator(Protocol):
 
     def after(self, runs: int) -> NoisyEvaluator:
         """Return the same evaluator, whose first encounter meets the noise of a later run."""
+
+
+@runtime_checkable
+class ManySensorEvaluator(Protocol):
+    """An evaluator that solves encounters with a sensor each at once, the i-th with the noise of run i."""
+
+    def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
+        """Solve encounters."""
+
+    def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: Any) -> ContactResult:
+        """Solve encounters whose last axis is that of the sensors."""
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:

@@ -2,46 +2,40 @@
 
 from __future__ import annotations
 
-import itertools
-import sys
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.values import Travels
 
+from .kernels.layout import PEAKS, STATES
 from .lane_path import peaks_in_lanes, solve_in_lanes
-from .over_damped import PEAKS, STATES, peaks_over_damped, solve_over_damped, states_over_damped
 from .parallel import for_stretches
 from .request import Request
 
-__all__ = ["DEMANDS", "QUICK", "FastPath", "is_compiled", "is_worth_it"]
+__all__ = ["DEMANDS", "QUICK", "FastPath", "is_worth_it"]
 
-QUICK: Final = frozenset((*STATES, "distance", "virtual_force"))
-"""What is known of a contact without the rest of its motion."""
+QUICK: Final = frozenset((*STATES, "distance"))
+"""What is known of a contact without the rest of its motion, and the virtual force by L(2) with that."""
 
 DEMANDS: Final = frozenset((*PEAKS, "closest_distance", "settling_distance"))
 """What else is known of a motion that ends in contact."""
 
 _LANES: Final = 8  # below, all that is asked of a contact is solved at once
-_FEW: Final = 4096  # encounters that NumPy solves sooner than the compiled core is loaded
 _LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
 _MOST: Final = 1 << 18
 _KEPT: Final = 1 << 22  # encounters up to which the states are kept that come with the times
-_OFTEN: Final = 200  # questions after which NumPy has taken about as long as loading does
-_ASKED: Final = itertools.count()
-_CONTACT, _OPEN = np.int8(0), np.int8(-1)
+_CONTACT: Final = np.int8(0)
 
 
 def is_worth_it(request: Request) -> bool:
-    """Tell whether a request is large enough, or so small that it should not load the compiled core."""
-    if request.method == "uniform-motion":
-        return False
-    return request.size >= _LANES or (request.method == "closed-form" and not is_compiled() and request.size > 0)
+    """Tell whether a request is large enough."""
+    return request.method != "uniform-motion" and request.size >= _LANES
 
 
-class FastPath:
+class FastPath(Travels):
     """First contacts that are found and proved, each by the first way that succeeds, and what is read of them.
 
     A constant slope takes the closed form on vectors first, then, as any curve, Taylor steps in lanes.
@@ -62,10 +56,10 @@ class FastPath:
         self._which: IntArray = np.arange(0)
         if request.method != "closed-form":
             states, self.status = solve_in_lanes(request, None, whole=request.size <= _KEPT)
-            self.known = _with_force(request, states) if len(states) > 1 else states
+            self.known = _at_surface(states) if len(states) > 1 else states
             return
         time, self.status = _solve_form(request)
-        if is_compiled() and self.status.any():
+        if self.status.any():
             which = np.flatnonzero(self.status)
             states, status = solve_in_lanes(request, which, whole=False)
             self._by_form, self._which = self.status.copy(), which[status == _CONTACT]
@@ -76,14 +70,18 @@ class FastPath:
         """Return all of QUICK, shape (n,) each; without meaning where no contact is proved."""
         request = self.request
         if request.method != "closed-form":
-            return _with_force(request, solve_in_lanes(request, None)[0])
+            return _at_surface(solve_in_lanes(request, None)[0])
         states = _form_states(request, self.known["time"], self._form_status)
         if len(self._which):
             more, _ = solve_in_lanes(request, self._which)
             for name, values in more.items():
                 states[name] = states[name].copy() if name == "time" else states[name]
                 states[name][self._which] = values
-        return _with_force(request, states)
+        return _at_surface(states)
+
+    def force(self, relative_velocity: FloatArray) -> FloatArray:
+        """Return F_p at contact by L(2), shape (n,), from l' there."""
+        return np.asarray(self.request.gain * (self.request.slope_at_contact * relative_velocity))
 
     def demands(self, name: str) -> dict[str, FloatArray]:
         """Return one of DEMANDS and what else comes with it, shape (n,) each; nan where that is not settled."""
@@ -96,7 +94,7 @@ class FastPath:
             return peaks_in_lanes(request, None)
         peaks = _form_peaks(request, self.known["time"], self._form_status)
         open_ones = np.isnan(list(peaks.values())).any(axis=0) & (self.status == _CONTACT)
-        if is_compiled() and open_ones.any():
+        if open_ones.any():
             which = np.flatnonzero(open_ones)
             for peak, values in peaks_in_lanes(request, which).items():
                 peaks[peak][which] = np.where(np.isnan(peaks[peak][which]), values, peaks[peak][which])
@@ -110,31 +108,23 @@ class FastPath:
 def _settling(request: Request) -> FloatArray:
     """Return where a motion that ends in contact would come to rest, as the guaranteed paths have it."""
     mass, damping, stiffness, x_0, u_0, p, v, a = (request.column(i) for i in range(8))
-    rests, held = (v == 0) & (a == 0), stiffness > 0
+    held, floats = stiffness > 0, (stiffness == 0) & (damping == 0)
+    rests = ((v == 0) | floats) & (a == 0)
     if request.method != "closed-form":
         return np.where(rests & held & (request.gain <= 0), p, np.inf)
     total = damping + (request.sensor.constant_log_slope or 0.0) * request.gain
-    free = p - x_0 - u_0 * mass / np.where(total > 0, total, 1.0)
+    free = p - x_0 + (v - u_0) * mass / np.where(total > 0, total, 1.0)
     return np.where(rests & (total > 0), np.where(held, p, free), np.inf)
 
 
-def is_compiled() -> bool:
-    """Tell whether the compiled core is loaded already, or worth loading: a process that asks often goes on to ask."""
-    return next(_ASKED) >= _OFTEN or f"{__package__}.kernels.compiler" in sys.modules
-
-
-def _with_force(request: Request, states: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    force = request.gain * (float(request.sensor.log_slope(0.0)) * states["relative_velocity"])
-    return {**states, "distance": np.zeros(request.size), "virtual_force": force}
+def _at_surface(states: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    return {**states, "distance": np.zeros_like(states["time"])}
 
 
 def _solve_form(request: Request) -> tuple[FloatArray, NDArray[np.int8]]:
     """Find contacts by the closed form; return times and statuses."""
     slope = request.sensor.constant_log_slope or 0.0
-    if not is_compiled() and request.size <= _FEW:
-        states, proved = solve_over_damped(request.columns, slope, request.horizon)
-        return states["time"], np.where(proved, _CONTACT, _OPEN)
-    from .kernels import linear_block  # noqa: PLC0415 - the compiled core is loaded when it pays
+    from .kernels import linear_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
     contact_times: Any = linear_block.contact_times
     time, status = np.empty(request.size), np.empty(request.size, dtype=np.int8)
@@ -150,9 +140,7 @@ def _solve_form(request: Request) -> tuple[FloatArray, NDArray[np.int8]]:
 def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
     """Return STATES at contacts that the closed form has found."""
     slope = request.sensor.constant_log_slope or 0.0
-    if not is_compiled():
-        return states_over_damped(request.columns, slope, time)
-    from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when it pays
+    from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
     contact_states: Any = linear_block_states.contact_states
     rows = np.empty((5, request.size))
@@ -168,10 +156,7 @@ def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -
 def _form_peaks(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
     """Return PEAKS until contacts that the closed form has found; nan elsewhere and where they are not settled."""
     slope = request.sensor.constant_log_slope or 0.0
-    if not is_compiled():
-        found = peaks_over_damped(request.columns, slope, time)
-        return {name: np.where(status == _CONTACT, found[name], np.nan) for name in PEAKS}
-    from .kernels import linear_block_peaks  # noqa: PLC0415 - the compiled core is loaded when it pays
+    from .kernels import linear_block_peaks  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
     largest_demands: Any = linear_block_peaks.largest_demands
     rows = np.empty((5, request.size))

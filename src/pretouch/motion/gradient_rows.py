@@ -8,21 +8,21 @@ algebra on these two rows (`gradients`).
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.values import Travels
 from pretouch.sensors.change import SlopeChange
 
 from .contact import ContactStatus
+from .curve import curve_reach
 from .curve_changes import changed_pieces
-from .over_damped_gradients import MOST, over_damped_gradients
 from .parallel import for_stretches
 from .solution import STIFF
-from .windows import curve_windows
+from .windows import alone, curve_windows
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -43,7 +43,7 @@ _GROWTH: Final = 64.0
 _OPEN: Final = np.int8(-1)
 
 
-class GradientRows:
+class GradientRows(Travels):
     """Derivatives of time and l' at contact by the relative inputs, found when they are first asked for.
 
     Args:
@@ -64,7 +64,7 @@ class GradientRows:
             which: their places there.
 
         Returns:
-            Of time and of l', shape (2, k, n); NaN where there is no contact.
+            Of time and of l', shape (2, k, n); NaN where there is no contact, or a touch.
         """
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
@@ -83,19 +83,24 @@ class GradientRows:
             slope: dg / d(parameter) of the distance.
 
         Returns:
-            Of time and of l', shape (2, n); NaN where there is no contact.
+            Of time and of l', shape (2, n); NaN where there is no contact, or a touch.
         """
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
-            where = np.flatnonzero(self._solution.status == ContactStatus.CONTACT)
+            where = np.flatnonzero(self._differentiable())
             rows[:, where] = self._follow(where, [len(RELATIVE_INPUTS)], (slope,))[:, 0]
             self._followed[name] = rows
         return self._followed[name]
 
+    def _differentiable(self) -> BoolArray:
+        """Tell which runs end in a contact that a small change leaves one: not in a touch, where l' = 0."""
+        reached = self._solution.status == ContactStatus.CONTACT
+        return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
+
     def _find(self, kept: list[int]) -> FloatArray:
         request = self._solution.request
         rows = np.empty((2, len(kept), request.size))
-        left: BoolArray = np.asarray(self._solution.status == ContactStatus.CONTACT)
+        left = self._differentiable()
         if not left.all():
             rows[:, :, ~left] = np.nan
         if request.method == "closed-form" and left.any():
@@ -111,12 +116,7 @@ class GradientRows:
         """Fill what has a closed form; return what is left."""
         request, time = self._solution.request, self._solution.raw("time")
         slope = request.sensor.constant_log_slope or 0.0
-        if not _core_is_loaded() and request.size <= MOST:
-            found, done = over_damped_gradients(request.columns, slope, time)
-            done &= left
-            rows[:, :, done] = found[:, kept][:, :, done]
-            return left & ~done
-        from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when it pays
+        from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
         contact_gradients: Any = linear_block_states.contact_gradients
         mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
@@ -138,7 +138,8 @@ class GradientRows:
         contact_gradients: Any = series_block.contact_gradients
         request = self._solution.request
         farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
-        windows = curve_windows(request.sensor, 0.0, min(_power_of_two(farthest), request.sensor.valid_range[1]))
+        top = min(_power_of_two(farthest), request.sensor.valid_range[1])
+        curves = alone(curve_windows(request.sensor, 0.0, top))
         mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
         decays = (damping + gain * request.sensor.log_slope(0.0)) / mass * self._solution.raw("time")
         where = np.flatnonzero(left & (decays <= STIFF))
@@ -149,7 +150,7 @@ class GradientRows:
             part = where[start:stop]
             c = request.block(start, stop) if whole else [x if len(x) == 1 else x[part] for x in request.columns]
             state, out = np.empty((6, stop - start)), np.empty((3, 9, stop - start))
-            contact_gradients((*c[:8], c[10]), windows, request.horizon, state, out, status[start:stop])
+            contact_gradients((*c[:8], c[10]), curves, request.horizon, state, out, status[start:stop])
             rows[:, :, slice(start, stop) if whole else part] = out[::2, kept]
 
         for_stretches(run, len(where), least=_LEAST_SERIES, most=_BLOCK)
@@ -167,9 +168,11 @@ class GradientRows:
         sensor = request.sensor
         found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
         status = np.full(len(where), _OPEN)
-        reach = _power_of_two(4 * float(np.max(values[:, 5] - values[:, 3], initial=0.0)))
+        farthest = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
+        reach = _power_of_two(4 * farthest)
         while (status != 0).any():
-            top = min(reach, sensor.valid_range[1])
+            wanted = min(reach, sensor.valid_range[1])
+            top = curve_reach(sensor, 0.0, min(wanted, farthest), wanted)
             pieces, terms = changed_pieces(sensor, slopes, top)
             open_ones = np.flatnonzero(status != 0)
 
@@ -180,7 +183,7 @@ class GradientRows:
                 found[part], status[part] = out, ended
 
             for_stretches(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
-            if top == sensor.valid_range[1] or reach > _FARTHEST:
+            if top < wanted or top == sensor.valid_range[1] or reach > _FARTHEST:
                 break
             reach *= _GROWTH  # a motion may have gone beyond the pieces, and come back
         return found[:, :, kept].transpose(1, 2, 0)
@@ -188,7 +191,3 @@ class GradientRows:
 
 def _power_of_two(distance: float) -> float:
     return 2.0 ** math.ceil(math.log2(distance))
-
-
-def _core_is_loaded() -> bool:
-    return f"{__package__}.kernels.compiler" in sys.modules

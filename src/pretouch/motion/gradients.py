@@ -13,12 +13,14 @@ distance to the surface, or of the unit of length, each of which the derivatives
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import CurveChange, curve_change, parameter_units
 
@@ -31,7 +33,7 @@ from .inputs import SCENARIO_INPUTS
 if TYPE_CHECKING:
     from .solution import Solution
 
-__all__ = ["ContactGradients", "input_names"]
+__all__ = ["ContactGradients", "ManyGradients", "input_names"]
 
 _QUANTITIES: Final = {
     "time": "s",
@@ -73,12 +75,13 @@ def input_names(sensor: SensorModel) -> tuple[str, ...]:
     return (*_INPUTS, *(f"sensor.{name}" for name in parameter_units(sensor)))
 
 
-class ContactGradients:
+@dataclass(frozen=True, slots=True, repr=False)
+class ContactGradients(Value):
     """The derivatives of quantities at contact by the inputs of an encounter: what `ContactResult.gradients` has.
 
     They are exact, not differences, and computed when they are first read; NaN where a run does not end in contact. The
-    first contact is differentiated: one that an arbitrarily small change of an input turns into none has l' = 0, and
-    derivatives without bound.
+    first contact is differentiated: a touch, which an arbitrarily small change of an input turns into none, has l' = 0
+    and derivatives without bound, and these are NaN as well.
 
     Args:
         solution: the encounters and their contacts.
@@ -104,19 +107,14 @@ class ContactGradients:
         '(m/s)/(N*s)'
     """
 
-    __slots__ = ("_rows", "_solution", "inputs", "quantities")
+    solution: Solution
+    _rows: GradientRows = field(init=False, compare=False)
+    quantities: tuple[str, ...] = field(init=False, default=tuple(_QUANTITIES))
+    inputs: tuple[str, ...] = field(init=False)
 
-    quantities: tuple[str, ...]
-    inputs: tuple[str, ...]
-
-    def __init__(self, solution: Solution) -> None:
-        object.__setattr__(self, "_solution", solution)
-        object.__setattr__(self, "_rows", GradientRows(solution))
-        object.__setattr__(self, "quantities", tuple(_QUANTITIES))
-        object.__setattr__(self, "inputs", input_names(solution.request.sensor))
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"{name}: a result cannot be changed")
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_rows", GradientRows(self.solution))
+        object.__setattr__(self, "inputs", input_names(self.solution.request.sensor))
 
     def of(self, quantity: str, by: str) -> Any:
         """Return the derivative of a quantity at contact by an input.
@@ -126,12 +124,13 @@ class ContactGradients:
             by: one of `inputs`; all others stay as they are, and so does the horizon.
 
         Returns:
-            The derivative in SI, as `unit` has it: a float, or an array of the broadcast shape; NaN without contact.
+            The derivative in SI, as `unit` has it: a float, or an array of the broadcast shape; NaN without
+            contact, and at a touch.
 
         """
         _known(quantity, self.quantities, "quantity")
         _known(by, self.inputs, "by")
-        solution: Solution = self._solution  # type: ignore[attr-defined]
+        solution = self.solution
         change = self._change(by)
         found = np.asarray(DERIVATIVES[quantity](solution, by, change))
         shape = solution.request.shape
@@ -153,7 +152,7 @@ class ContactGradients:
         """
         _known(quantity, self.quantities, "quantity")
         _known(by, self.inputs, "by")
-        solution: Solution = self._solution  # type: ignore[attr-defined]
+        solution = self.solution
         below = _INPUTS.get(by)
         if below is None:
             below = parameter_units(solution.request.sensor)[by.removeprefix("sensor.")]
@@ -170,7 +169,7 @@ class ContactGradients:
             inputs = _RELATIVE[by]
             time, speed = self._weighted(inputs)
             return Change(time, speed, inputs, 0.0)
-        solution: Solution = self._solution  # type: ignore[attr-defined]
+        solution = self.solution
         name = by.removeprefix("sensor.")
         change = curve_change(solution.request.sensor, name)
         low, high = solution.request.sensor.valid_range
@@ -180,23 +179,21 @@ class ContactGradients:
         factors = change if change.nearest or change.slope is None else CurveChange()
         time, speed = self._by_factors(factors)
         if change.slope is not None:
-            rows: GradientRows = self._rows  # type: ignore[attr-defined]
             near = _distance(solution) < (change.nearest or np.inf)
             if near.any():
-                time, speed = np.where(near, rows.of_slope(name, change.slope), [time, speed])
+                time, speed = np.where(near, self._rows.of_slope(name, change.slope), [time, speed])
         return Change(time, speed, {}, _slope_change(solution, factors, change))
 
     def _weighted(self, weights: dict[str, Any]) -> FloatArray:
         """Return the sum of derivatives of time and l', with weights, shape (2, n)."""
-        rows: GradientRows = self._rows  # type: ignore[attr-defined]
-        found = rows.take([RELATIVE_INPUTS.index(name) for name in weights])
+        found = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
         if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
             return found[:, 0]
         return np.asarray(sum(weight * found[:, i] for i, weight in enumerate(weights.values())))
 
     def _by_factors(self, change: CurveChange) -> FloatArray:
         """Return the derivatives of time and l' by a change of the curve that is known by its three factors."""
-        solution: Solution = self._solution  # type: ignore[attr-defined]
+        solution = self.solution
         found = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
         columns = solution.request.columns
         with np.errstate(divide="ignore", invalid="ignore"):  # l' is 0 where a run ends without contact
@@ -213,6 +210,31 @@ class ContactGradients:
                 whole[1] -= solution.raw("relative_velocity")
                 found = found + change.stretch * whole
         return found
+
+
+class ManyGradients:
+    """The derivatives of encounters with a sensor curve each, side by side along the last axis.
+
+    Args:
+        parts: those of each curve.
+
+    Attributes:
+        quantities: as in ContactGradients.
+        inputs: likewise.
+    """
+
+    __slots__ = ("inputs", "parts", "quantities")
+
+    def __init__(self, parts: list[ContactGradients]) -> None:
+        self.parts, self.quantities, self.inputs = parts, parts[0].quantities, parts[0].inputs
+
+    def of(self, quantity: str, by: str) -> Any:
+        """Return the derivative of a quantity at contact by an input, as ContactGradients has it."""
+        return np.stack([part.of(quantity, by) for part in self.parts], axis=-1)
+
+    def unit(self, quantity: str, by: str) -> str:
+        """Return the SI unit of the derivative of a quantity by an input, as ContactGradients has it."""
+        return self.parts[0].unit(quantity, by)
 
 
 def _known(name: str, names: Iterable[str], what: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .contact import ContactStatus
-from .curve import curve_pieces
+from .curve import curve_pieces, curve_reach
 from .request import Request, Which
 
 __all__ = ["integrate", "trace_integration"]
@@ -69,13 +69,17 @@ def trace_integration(request: Request, times: FloatArray, trace: FloatArray) ->
 
 
 def _pieces(request: Request, reach: float) -> tuple[FloatArray, tuple[float, bool, bool]]:
-    """Return the curve's pieces up to a reach, and the kernel's limits that go with them."""
+    """Return the curve's pieces up to a reach, or as far as it can be followed, and the limits that go with them."""
     low, high = request.sensor.valid_range
-    top = min(high, reach)
-    limits = (request.horizon, low <= 0, top < high)
-    return curve_pieces(request.sensor, max(low, 0.0), top), limits
+    wanted, bottom = min(high, reach), max(low, 0.0)
+    top = curve_reach(request.sensor, bottom, min(wanted, max(reach / _GROWTH, _farthest(request))), wanted)
+    limits = (request.horizon, low <= 0, top < high and top == wanted)
+    return curve_pieces(request.sensor, bottom, top), limits
+
+
+def _farthest(request: Request) -> float:
+    return float(np.max(request.columns[5] - request.columns[3], initial=0.0))
 
 
 def _first_reach(request: Request) -> float:
-    farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
-    return 2.0 ** math.ceil(math.log2(4 * farthest))
+    return 2.0 ** math.ceil(math.log2(4 * _farthest(request)))

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .over_damped import PEAKS, STATES
+from .kernels.layout import PEAKS, STATES
 from .parallel import for_stretches
 from .request import Request
-from .windows import curve_windows, farthest, line_windows
+from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of
 
 __all__ = ["peaks_in_lanes", "solve_in_lanes"]
 
@@ -27,9 +27,9 @@ def solve_in_lanes(
     """Find and prove first contacts.
 
     Args:
-        request: the encounters, on a curve that holds down to l = 0.
+        request: the encounters, on curves that hold down to l = 0.
         which: the indices of those to solve, m of them; None for all.
-        whole: whether all of over_damped.STATES is wanted, or only the times.
+        whole: whether all of layout.STATES is wanted, or only the times.
 
     Returns:
         The quantities by name, shape (m,) each, and a status of 0 where a contact is proved, else another, shape (m,).
@@ -37,13 +37,13 @@ def solve_in_lanes(
     from .kernels import series_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
     contact_times: Any = series_block.contact_times
-    windows = _windows(request)
+    curves = _curves(request, which)
     size = request.size if which is None else len(which)
     kept, status = np.empty((len(STATES) if whole else 1, size)), np.empty(size, dtype=np.int8)
 
     def run(start: int, stop: int) -> None:
         c, out = _columns(request, which, start, stop), np.empty((len(STATES), stop - start))
-        contact_times((*c[:8], c[10]), windows, request.horizon, out, status[start:stop])
+        contact_times((*c[:8], c[10]), _own(curves, start, stop), request.horizon, out, status[start:stop])
         kept[:, start:stop] = out[: len(kept)]
 
     for_stretches(run, size, least=_LEAST, most=_MOST)
@@ -51,7 +51,7 @@ def solve_in_lanes(
 
 
 def peaks_in_lanes(request: Request, which: IntArray | None) -> dict[str, FloatArray]:
-    """Return the largest demands until first contacts, over_damped.PEAKS by name.
+    """Return the largest demands until first contacts, layout.PEAKS by name.
 
     Args:
         request: the encounters, as for `solve_in_lanes`.
@@ -63,14 +63,14 @@ def peaks_in_lanes(request: Request, which: IntArray | None) -> dict[str, FloatA
     from .kernels import series_demands  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
 
     contact_peaks: Any = series_demands.contact_peaks
-    windows = _windows(request)
+    curves = _curves(request, which)
     size = request.size if which is None else len(which)
     rows = np.empty((len(PEAKS), size))
 
     def run(start: int, stop: int) -> None:
         c, count = _columns(request, which, start, stop), stop - start
         out, peaks, status = np.empty((len(STATES), count)), np.empty((len(PEAKS), count)), np.empty(count, np.int8)
-        contact_peaks((*c[:8], c[10]), c[8], c[9], windows, request.horizon, out, peaks, status)
+        contact_peaks((*c[:8], c[10]), c[8], c[9], _own(curves, start, stop), request.horizon, out, peaks, status)
         rows[:, start:stop] = peaks
 
     for_stretches(run, size, least=_LEAST, most=_MOST)
@@ -87,11 +87,21 @@ def _columns(request: Request, which: IntArray | None, start: int, stop: int) ->
     return columns
 
 
-def _windows(request: Request) -> FloatArray:
-    """Return as much of the curve as the encounters need; few tables, so that they are kept."""
+def _curves(request: Request, which: IntArray | None) -> Curves:
+    """Return as much of the curves as the encounters need; few tables, so that they are kept."""
+    if request.many is not None:
+        windows = request.many.windows(reach_of(request.scenario))
+        curve_of = (np.arange(request.size) if which is None else which) % len(request.many)
+        curve_of.setflags(write=False)
+        return windows.table, windows.starts, curve_of
     reach = farthest(request.scenario, request.sensor)
     if request.method == "closed-form":
-        return line_windows(
-            request.sensor.constant_log_slope or 0.0, min(_BEYOND * reach, request.sensor.valid_range[1])
-        )
-    return curve_windows(request.sensor, 0.0, reach)
+        top = min(_BEYOND * reach, request.sensor.valid_range[1])
+        return alone(line_windows(request.sensor.constant_log_slope or 0.0, top))
+    return alone(curve_windows(request.sensor, 0.0, reach))
+
+
+def _own(curves: Curves, start: int, stop: int) -> Curves:
+    """Return the curves of a stretch of encounters."""
+    table, starts, curve_of = curves
+    return curves if len(curve_of) == 1 else (table, starts, curve_of[start:stop])

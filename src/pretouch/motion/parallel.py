@@ -1,13 +1,21 @@
-"""Work on stretches of many encounters in threads: the compiled kernels hold no lock."""
+"""Work on stretches of many encounters in threads: the compiled kernels hold no lock.
+
+Where stretches end depends on how many encounters there are and on nothing else. A kernel that looks at several
+encounters together therefore finds the same neighbors on any number of cores, and leaves the same bits.
+"""
 
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from typing import Final
 
 __all__ = ["for_stretches"]
+
+_ENOUGH: Final = 64  # stretches, for as many cores
 
 
 def for_stretches(run: Callable[[int, int], object], size: int, *, least: int, most: int) -> None:
@@ -18,30 +26,41 @@ def for_stretches(run: Callable[[int, int], object], size: int, *, least: int, m
     Args:
         run: takes the start and the end of a stretch; stretches must not share what they write.
         size: how many encounters there are.
-        least: the shortest stretch that is worth a thread.
+        least: how many are worth a thread; what is left of an even division may be half of it.
         most: the longest stretch.
     """
-    threads = 1 if size <= least else min(_cores(), -(-size // least))
-    if threads <= 1 and size <= most:
-        if size:
-            run(0, size)
-        return
-    length = min(most, -(-size // max(threads, 1)))
-    stretches = [(start, min(start + length, size)) for start in range(0, size, length)]
-    if threads <= 1:
+    stretches = _stretches(size, least, most)
+    threads = min(_cores(), len(stretches)) if len(stretches) > 1 else 1
+    if threads == 1:
         for stretch in stretches:
             run(*stretch)
         return
-    own, others = stretches[::threads], [s for i, s in enumerate(stretches) if i % threads]
-    waiting = [_pool().submit(run, *stretch) for stretch in others]
-    try:
-        for stretch in own:  # this thread works, too: it need not be woken
+    left = deque(stretches)
+
+    def work() -> None:
+        while left:
+            try:
+                stretch = left.popleft()
+            except IndexError:  # another thread took the last one
+                return
             run(*stretch)
-        for future in waiting:
-            future.result()
+
+    helpers = [_pool().submit(work) for _ in range(threads - 1)]
+    try:
+        work()  # this thread need not be woken
+        for helper in helpers:
+            if not helper.cancel():  # one that has not begun has nothing left to do
+                helper.result()
     finally:
-        for future in waiting:
-            future.cancel()
+        left.clear()
+
+
+def _stretches(size: int, least: int, most: int) -> list[tuple[int, int]]:
+    """Cut 0 to size into equal stretches: a power of two of them, which suits most numbers of cores, or more."""
+    worth = max(-(-size // least), 1)
+    count = max(min(1 << (worth - 1).bit_length(), _ENOUGH), -(-size // most))
+    length = max(-(-size // count), 1)
+    return [(start, min(start + length, size)) for start in range(0, size, length)]
 
 
 def _cores() -> int:

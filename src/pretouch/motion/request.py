@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, finite, positive
+from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .scenario import Scenario
+
+if TYPE_CHECKING:
+    from .many_curves import ManyCurves
 
 __all__ = ["METHODS", "Request", "Which", "checked_method", "make_request"]
 
@@ -24,7 +28,7 @@ METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class Request(Value):
     """One call of the solver.
 
     Args:
@@ -35,6 +39,8 @@ class Request:
             length 1 where all encounters share it, else one number per encounter.
         horizon: how long to wait for contact [s].
         method: the method chosen, never "auto".
+        many: the curves, where each encounter along the last axis has one of its own; `sensor` is then the one that
+            they are made from.
     """
 
     scenario: Scenario
@@ -43,6 +49,7 @@ class Request:
     columns: tuple[FloatArray, ...]
     horizon: float
     method: str
+    many: ManyCurves | None = None
 
     @property
     def size(self) -> int:
@@ -77,6 +84,24 @@ class Request:
         for i in range(10):
             values[:, i] = self.columns[i][0] if len(self.columns[i]) == 1 else self.columns[i][which]
         return values, self.column(10)[which].copy()
+
+    @property
+    def holds_at_contact(self) -> bool:
+        """Whether all curves hold down to l = 0."""
+        return self.many is not None or self.sensor.valid_range[0] <= 0
+
+    @property
+    def slope_at_contact(self) -> Any:
+        """The slope g [1/m] at l = 0: a number, or one for each encounter, shape (n,)."""
+        if self.many is None:
+            return float(self.sensor.log_slope(0.0))
+        return np.broadcast_to(self.many.slope_at_contact(), self.shape).reshape(-1)
+
+    def log_output(self, distance: FloatArray) -> FloatArray:
+        """Return ln xi at a distance [m] of each encounter, brought into the range of its curve, shape (n,)."""
+        if self.many is None:
+            return np.asarray(self.sensor.log_output(np.clip(distance, *self.sensor.valid_range)))
+        return self.many.log_output(distance.reshape(self.shape)).reshape(-1)
 
     def block(self, start: int, stop: int) -> tuple[FloatArray, ...]:
         """Return the columns of a stretch of encounters without a copy; those of length 1 as they are."""
@@ -121,8 +146,18 @@ def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
     return method
 
 
-def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, method: str, horizon: float) -> Request:
+def make_request(
+    scenario: Scenario,
+    sensor: SensorModel,
+    gain: ArrayLike,
+    method: str,
+    horizon: float,
+    *,
+    many: ManyCurves | None = None,
+) -> Request:
     """Check a call and flatten it; choose its method where that is left open."""
+    if many is not None:
+        many.check(scenario)
     gains = finite(gain, "gain", "N*s")
     shape: tuple[int, ...] = ()
     if scenario.shape != () or type(gains) is not float:
@@ -136,7 +171,8 @@ def make_request(scenario: Scenario, sensor: SensorModel, gain: ArrayLike, metho
         shape=shape,
         columns=_flattened((*scenario.relative_columns(), gains), shape),
         horizon=positive(horizon, "horizon", "s"),
-        method=checked_method(scenario, sensor, method),
+        method=checked_method(scenario, sensor, method) if many is None else "integration",
+        many=many,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.values import Value
 
 from .admittance import Admittance
 
@@ -18,7 +19,7 @@ _UNITS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Body:
+class _Body(Value):
     def __post_init__(self) -> None:
         for f in fields(self):
             name = f"{type(self).__name__.lower()} {f.name}"
@@ -69,7 +70,7 @@ class Reference(_Body):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scenario:
+class Scenario(Value):
     """One encounter, or an array of them: every field broadcasts with every other.
 
     Positions are absolute; x points away from the sensor, so the distance is l = x_o - x and an approach has

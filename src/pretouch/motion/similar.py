@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
 
 from .contact import ContactResult
@@ -51,7 +52,7 @@ _SCALED: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Likeness:
+class Likeness(Value):
     """How encounters of many sensors are encounters of one.
 
     Args:
@@ -90,13 +91,13 @@ class Likeness:
         return ContactResult(_Rescaled(found, self, scenario), found.method)
 
 
-class _Rescaled:
+@dataclass(frozen=True, slots=True)
+class _Rescaled(Value):
     """The columns of a result in other units."""
 
-    __slots__ = ("found", "likeness", "scenario")
-
-    def __init__(self, found: ContactResult, likeness: Likeness, scenario: Scenario) -> None:
-        self.found, self.likeness, self.scenario = found, likeness, scenario
+    found: ContactResult
+    likeness: Likeness
+    scenario: Scenario
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run."""
@@ -111,17 +112,15 @@ class _Rescaled:
         return _RescaledGradients(self)
 
 
-class _RescaledGradients:
+@dataclass(frozen=True, slots=True)
+class _RescaledGradients(Value):
     """The derivatives of a rescaled result, q = Q(s x, s^0 M, k D_p) / s for a length, Q for a time.
 
     By an input of the many sensors' own units the chain rule gives a factor s or k. A parameter changes s and k:
     dq / d ln s = (sum of X dQ/dX over all lengths) / s - q, and dq / d ln k = k D_p dQ/dG / s with G = k D_p.
     """
 
-    __slots__ = ("columns",)
-
-    def __init__(self, columns: _Rescaled) -> None:
-        self.columns = columns
+    columns: _Rescaled
 
     def of(self, quantity: str, by: str) -> Any:
         """Return the derivative of a quantity at contact by an input, as ContactGradients has it."""

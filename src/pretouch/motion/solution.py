@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.values import Value
 
 from .closed_form import solve_closed_form
 from .contact import ContactStatus
@@ -20,7 +21,8 @@ from .request import Request
 from .uniform_motion import solve_uniform_motion
 
 if TYPE_CHECKING:
-    from .gradients import ContactGradients
+    from .gradients import ContactGradients, ManyGradients
+    from .many_curves import ManyCurves
 
 __all__ = ["STIFF", "Solution"]
 
@@ -32,8 +34,8 @@ _MOST: Final = 16_384
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
-class Solution:
-    """The columns of a result.
+class Solution(Value):
+    """The columns of a result; it equals that of the same request.
 
     Times and statuses come from a path that proves each contact it finds; what it leaves open, and what needs the whole
     motion, is left to the guaranteed path.
@@ -60,11 +62,11 @@ class Solution:
         self.request = request
         self._known: dict[str, Any] = {}
         self._rows: FloatArray | None = None
-        self._gradients: ContactGradients | None = None
+        self._gradients: ContactGradients | ManyGradients | None = None
         self._status: NDArray[Any]
         self._fast: dict[str, FloatArray] = {}
         self._demands: dict[str, FloatArray] = {}
-        if whole or request.sensor.valid_range[0] > 0 or not is_worth_it(request):
+        if whole or not request.holds_at_contact or not is_worth_it(request):
             self._rows, self._status = _guaranteed(request)
             return
         self._path = FastPath(request)
@@ -75,6 +77,9 @@ class Solution:
             self._status = self._status.copy()
             self._status[self._open] = open_status
             self._fill(self._fast)
+
+    def _compared(self) -> tuple[Any, ...]:
+        return (self.request,)
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run, a float for a single one.
@@ -96,12 +101,17 @@ class Solution:
         return self._known[name]
 
     @property
-    def gradients(self) -> ContactGradients | None:
+    def gradients(self) -> ContactGradients | ManyGradients | None:
         """The derivatives at contact; None for the uniform motion, which is none of the equation of motion."""
         if self._gradients is None and self.request.method != "uniform-motion":
-            from .gradients import ContactGradients  # noqa: PLC0415 - few results are differentiated
+            from .gradients import ContactGradients, ManyGradients  # noqa: PLC0415 - few results are differentiated
 
-            self._gradients = ContactGradients(self)
+            many = self.request.many
+            self._gradients = (
+                ContactGradients(self)
+                if many is None
+                else ManyGradients([ContactGradients(Solution(many.alone(self.request, i))) for i in range(len(many))])
+            )
         return self._gradients
 
     @property
@@ -118,6 +128,10 @@ class Solution:
                 states = self._path.states()
                 self._fill(states)
                 self._fast = {**states, **self._fast}
+            elif name == "virtual_force":
+                found = {name: self._path.force(self.raw("relative_velocity"))}
+                self._fill(found)
+                self._fast |= found
             elif name in DEMANDS:
                 if name not in self._demands:
                     demands = self._path.demands(name)
@@ -182,6 +196,8 @@ class Solution:
 
 def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
     """Solve some or all encounters of a request by its method, whatever they are like."""
+    if request.many is not None:
+        return _guaranteed_of_many(request, request.many, np.arange(request.size) if which is None else which)
     count = request.size if which is None else len(which)
     rows = np.empty((count, len(COLUMNS)))
     status = np.empty(count, dtype=np.int64)
@@ -198,6 +214,16 @@ def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatA
         for_stretches(run, count, least=_LEAST, most=_MOST)
     _hold_overflow(request, which, rows, status)
     return rows, status.astype(np.int8)
+
+
+def _guaranteed_of_many(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Solve encounters of which each has a curve of its own, curve after curve."""
+    rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int8)
+    place, curve = np.divmod(which, len(many))
+    for index in np.unique(curve):
+        own = np.flatnonzero(curve == index)
+        rows[own], status[own] = _guaranteed(many.alone(request, int(index)), place[own])
+    return rows, status
 
 
 def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
@@ -227,9 +253,8 @@ def _impulse_residual(solution: Solution) -> FloatArray:
     if request.method == "uniform-motion":
         return np.full(request.size, np.nan)
     mass, damping, stiffness, x_0, u_0, p, v = (request.column(i) for i in range(7))
-    low, high = request.sensor.valid_range
-    start, end = p - x_0, np.clip(solution.raw("distance"), low, high)
-    rise = np.asarray(request.sensor.log_output(end)) - np.asarray(request.sensor.log_output(start))
+    with np.errstate(all="ignore"):  # a function of the user's may overflow where the object has gone far away
+        rise = request.log_output(solution.raw("distance")) - request.log_output(p - x_0)
     terms = np.stack(
         [
             mass * (solution.raw("displacement_velocity") - u_0),
@@ -238,7 +263,7 @@ def _impulse_residual(solution: Solution) -> FloatArray:
             -request.gain * rise,
         ]
     )
-    approach = np.maximum(mass * np.abs(v - u_0), damping * start)  # where nothing pushes, all terms vanish
+    approach = np.maximum(mass * np.abs(v - u_0), damping * (p - x_0))  # where nothing pushes, all terms vanish
     largest = np.maximum(np.abs(terms).max(axis=0), approach)
     return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .closed_form import trace_closed_form
@@ -27,7 +28,7 @@ _HORIZON: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Motion:
+class Motion(Value):
     """A motion sampled from the entry into the detection range to its end: arrays with time as their last axis.
 
     Args:
@@ -67,7 +68,8 @@ def find_contact(
 ) -> ContactResult:
     """Find the first contact of an encounter, l = 0 of L(21) and L(23), and what it demands of the robot until then.
 
-    The motion is that of L(1) with L(2), or by request the uniform motion L(16)-(19).
+    The motion is that of L(1) with L(2), or by request the uniform motion L(16)-(19). A distance that comes to zero and
+    turns there, within 1e-12 of its terms, is a contact with l' = 0; one that only decays to zero never is one.
 
     Args:
         scenario: the encounter, or an array of them.
@@ -168,7 +170,8 @@ def _motion(request: Request, times: FloatArray, trace: FloatArray, result: Cont
     low, high = request.sensor.valid_range
     distance = np.clip(trace[..., 0], low, high)
     relative_velocity = v[:, 6] + v[:, 7] * times - trace[..., 2]
-    slope = np.asarray(request.sensor.log_slope(distance))
+    with np.errstate(all="ignore"):  # a function of the user's may overflow where the object has gone far away
+        slope = np.asarray(request.sensor.log_slope(distance))
     reference = request.scenario.reference
     moment = times.reshape(shape)
     p, u, a = (

@@ -9,36 +9,70 @@ window and no polynomial: the kernel then knows that g l' = n q with q (l + l_0)
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
+from pretouch.sensors.kept import kept_by_curve
 
 from .scenario import Scenario
 
-__all__ = ["EDGE", "LOW", "MIDDLE", "SWITCH", "TERMS", "TOP", "curve_windows", "farthest", "line_windows"]
+__all__ = [
+    "EDGE",
+    "HIGH_DEGREE",
+    "LOW",
+    "LOW_DEGREE",
+    "MIDDLE",
+    "SWITCH",
+    "TERMS",
+    "TOLERANCE",
+    "TOP",
+    "Curves",
+    "alone",
+    "curve_windows",
+    "farthest",
+    "line_windows",
+    "nodes_and_probes",
+    "polynomial_windows",
+    "power_window",
+    "reach_of",
+]
+
+Curves: TypeAlias = tuple[FloatArray, IntArray, IntArray]
+"""Curves as the block kernel reads them: the windows of all, where those of each start, the curve of each encounter."""
 
 EDGE, LOW, TOP, SWITCH, MIDDLE, TERMS = range(6)  # the columns of a window
-_HIGH_DEGREE: Final = 12
-_LOW_DEGREE: Final = 4
-_TOLERANCE: Final = 1e-13  # of the largest slope on the window
+HIGH_DEGREE: Final = 12
+"""Of ln xi on a window where LOW_DEGREE would take many."""
+
+LOW_DEGREE: Final = 4
+"""Of ln xi on a window where a handful of such do."""
+
+TOLERANCE: Final = 1e-13
+"""Of the largest slope on a window."""
+
 _OVERLAP: Final = 0.4
 _SLACK: Final = 2e-7  # of a window: how far it is used beyond its border; the error is of second order in it
 _MOST: Final = 2_000
 _SMALLEST: Final = 1e-9
 
 
-def farthest(scenario: Scenario, sensor: SensorModel) -> float:
-    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two or the curve's end."""
+def reach_of(scenario: Scenario) -> float:
+    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two."""
     distance = scenario.distance
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
-    return min(2.0 ** math.frexp(largest)[1], sensor.valid_range[1])
+    return 2.0 ** math.frexp(largest)[1]
 
 
-@lru_cache(maxsize=256)
+def farthest(scenario: Scenario, sensor: SensorModel) -> float:
+    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two or the curve's end."""
+    return min(reach_of(scenario), sensor.valid_range[1])
+
+
+@kept_by_curve(256)
 def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
     """Approximate ln xi on overlapping windows.
 
@@ -53,16 +87,30 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
         l - middle [m^-k], 5 or 13 of them, whose slope meets g to 1e-13 of its largest magnitude in the window. A
         single coefficient is n with g = n / (l - middle). No row where the curve cannot be met.
     """
-    power = _power(sensor, low, high)
+    power = power_window(sensor, low, high)
     if power is not None:
         return power
     knots = [k for k in sensor.knots if low < k < high]
-    edges = [low, *knots, high]
-    few = _windows(sensor, edges, _LOW_DEGREE, 4 + 2 * len(knots))
-    found = few if few is not None else _windows(sensor, edges, _HIGH_DEGREE, _MOST)
-    table = np.zeros((0, TERMS + _HIGH_DEGREE + 1)) if found is None else found
+    few = polynomial_windows(sensor.log_slope, [low, *knots, high], LOW_DEGREE, most=4)
+    found = few if few is not None else polynomial_windows(sensor.log_slope, [low, *knots, high], HIGH_DEGREE)
+    table = np.zeros((0, TERMS + HIGH_DEGREE + 1)) if found is None else found
     table.setflags(write=False)
     return table
+
+
+def alone(table: FloatArray) -> Curves:
+    """Return the one curve of all encounters.
+
+    Args:
+        table: its windows, as `curve_windows` gives them.
+
+    Returns:
+        The curve as the block kernel reads it.
+    """
+    starts, which = np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
+    for array in (starts, which):
+        array.setflags(write=False)  # all alike: a kernel is compiled for each kind of array
+    return table, starts, which
 
 
 def line_windows(slope: float, top: float) -> FloatArray:
@@ -80,12 +128,22 @@ def line_windows(slope: float, top: float) -> FloatArray:
     return row
 
 
-def _power(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return the one window of a curve whose 1 / g is linear in l."""
+def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
+    """Return the one window of a curve whose 1 / g is linear in l.
+
+    Args:
+        sensor: the curve.
+        low: where the window starts [m].
+        high: where it ends [m].
+
+    Returns:
+        One row as in `curve_windows`, with a single coefficient; None where 1 / g is not linear.
+    """
     if any(low < k < high for k in sensor.knots):
         return None
     distance = low + (high - low) * np.concatenate([[0.0], np.sin(np.pi / 4 * np.linspace(0, 1, 65)) ** 4, [1.0]])
-    slope = np.asarray(sensor.log_slope(distance))
+    with np.errstate(all="ignore"):  # a curve that is not finite there is left to the guaranteed path
+        slope = np.asarray(sensor.log_slope(distance))
     if not (np.isfinite(slope).all() and (slope < 0).all()):
         return None
     inverse = 1 / slope
@@ -96,22 +154,36 @@ def _power(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
     nearest = min(abs(low - middle), abs(high - middle))
     if low <= middle <= high or nearest < 1e-6 * (high - low):
         return None
-    if not (np.abs(slope * (distance - middle) / n - 1) <= _TOLERANCE).all():
+    if not (np.abs(slope * (distance - middle) / n - 1) <= TOLERANCE).all():
         return None
     row = np.array([[low, low, high, low, middle, n]])
     row.setflags(write=False)
     return row
 
 
-def _windows(sensor: SensorModel, edges: list[float], degree: int, most: int) -> FloatArray | None:
-    """Return the windows of a degree between corners, ascending, or None where more than most are needed."""
+def polynomial_windows(
+    slope: Callable[[FloatArray], FloatArray], edges: Sequence[float], degree: int, *, most: int | None = None
+) -> FloatArray | None:
+    """Return windows on each of which a polynomial of a degree meets a curve, or every one of some curves.
+
+    Args:
+        slope: g [1/m] of distances [m], shape (m,), or of each curve, shape (k, m).
+        edges: where the windows start, the corners of the curve, and where they end [m], ascending.
+        degree: of ln xi.
+        most: how many windows are worth it, besides two for each corner; 2,000 where None.
+
+    Returns:
+        The windows as in `curve_windows`, with the polynomials of the first curve; None where more are needed.
+    """
+    low, high = edges[0], edges[-1]
+    limit = _MOST if most is None else most + 2 * (len(edges) - 2)
     rows: list[FloatArray] = []
-    smallest = _SMALLEST * (edges[-1] - edges[0])
+    smallest = _SMALLEST * (high - low)
     for left, right in zip(edges[-2::-1], edges[:0:-1], strict=True):
         top, size = right, right - left
         while top > left:
             bottom = max(left, top - size)
-            terms = _fit(sensor, bottom, top, degree)
+            terms = _fit(slope, bottom, top, degree)
             if terms is None:
                 size = 0.75 * min(size, top - left)
                 if size < smallest:
@@ -120,26 +192,37 @@ def _windows(sensor: SensorModel, edges: list[float], degree: int, most: int) ->
             slack = _SLACK * (top - bottom)
             last = bottom == left
             following = left if last else bottom + _OVERLAP * (top - bottom)
-            edge = bottom if last and left == edges[0] else bottom - slack
+            edge = bottom if last and left == low else bottom - slack
             rows.append(np.array([edge, bottom, top, max(following, bottom + slack), (bottom + top) / 2, *terms]))
-            if len(rows) > most:
+            if len(rows) > limit:
                 return None
             top, size = following, 2 * (top - bottom)
     return np.array(rows[::-1])
 
 
-def _fit(sensor: SensorModel, low: float, high: float, degree: int) -> FloatArray | None:
-    """Return the coefficients of ln xi in l - (low + high) / 2, or None where a degree does not meet its slope."""
-    nodes = np.cos((np.arange(degree) + 0.5) * np.pi / degree)
-    probes = np.cos(np.arange(degree + 1) * np.pi / degree)
+def nodes_and_probes(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Return where on [-1, 1] a slope is interpolated, shape (degree,), and compared, shape (degree + 1,).
+
+    Args:
+        degree: of ln xi.
+
+    Returns:
+        Both.
+    """
+    return np.cos((np.arange(degree) + 0.5) * np.pi / degree), np.cos(np.arange(degree + 1) * np.pi / degree)
+
+
+def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
+    """Return the coefficients of ln xi in l - (low + high) / 2, or None where a degree does not meet every slope."""
+    nodes, probes = nodes_and_probes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
-    z = np.concatenate([nodes, probes])
-    slope = np.asarray(sensor.log_slope(np.clip(middle + half * z, low, high)))
-    if not np.isfinite(slope).all():
+    with np.errstate(all="ignore"):
+        slopes = np.atleast_2d(slope(np.clip(middle + half * np.concatenate([nodes, probes]), low, high)))
+    if not np.isfinite(slopes).all():
         return None
-    terms = np.linalg.solve(np.vander(nodes, increasing=True), slope[:degree])
-    error = np.abs(np.vander(probes, degree, increasing=True) @ terms - slope[degree:]).max()
-    if not error <= _TOLERANCE * np.abs(slope).max():
+    terms = np.linalg.solve(np.vander(nodes, increasing=True), slopes[:, :degree].T)
+    error = np.abs(np.vander(probes, degree, increasing=True) @ terms - slopes[:, degree:].T).max(axis=0)
+    if not (error <= TOLERANCE * np.abs(slopes).max(axis=1)).all():
         return None
     powers = np.arange(1, degree + 1)
-    return np.concatenate([[0.0], terms / powers / half ** (powers - 1.0)])
+    return np.concatenate([[0.0], terms[:, 0] / powers / half ** (powers - 1.0)])

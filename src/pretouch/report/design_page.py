@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch.design.own_objective import OwnObjective
 from pretouch.design.quantities import QUANTITY_UNITS, quantity_of
 from pretouch.design.result import ConstraintOutcome, DesignStatus, GainDesign
 from pretouch.design.robust.result import RobustDesign
@@ -14,7 +15,8 @@ from pretouch.design.summary import headline, ideal_in_words
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
-from .wording import QUANTITY_LABELS, number, quantity, quantity_label, word
+from .trade_off_panels import shows_equals
+from .wording import QUANTITY_LABELS, number, objective_rows, quantity, quantity_label, word
 
 __all__ = ["METHODS", "design_page", "scenario_rows", "sensor_rows", "solved_on"]
 
@@ -64,6 +66,9 @@ def design_page(design: GainDesign) -> dict[str, Any]:
         "contact_rows": list(_contact_rows(design)),
         "constraint_rows": [_constraint_row(outcome) for outcome in design.constraints],
         "objective_rows": list(_objective_rows(design)),
+        "itemized": bool(design.objective_parts or not isinstance(design.definition, OwnObjective)),
+        "of_terms": not isinstance(design.definition, OwnObjective),
+        "shows_equals": shows_equals(design),
         "damping_rows": list(_damping_rows(design)),
         "certificate_rows": list(_certificate_rows(design)),
         "minima": list(_minima(design)),
@@ -154,11 +159,15 @@ def _constraint_row(outcome: ConstraintOutcome) -> Row:
 
 
 def _objective_rows(design: GainDesign) -> Iterator[Row]:
-    for term in design.definition.terms:
-        unit = QUANTITY_UNITS[term.quantity]
-        scale = term.scale if isinstance(term.scale, str) else quantity(abs(term.scale), unit)
-        part = design.objective_parts.get(term.quantity)
-        yield quantity_label(term.quantity), scale, number(term.weight), number(part)
+    definition, result = design.definition, design.result
+    if isinstance(definition, OwnObjective):
+        for name, part in design.objective_parts.items():
+            yield quantity_label(name), "\u2013", "\u2013", number(part)
+        yield f"f, as {definition.name} computes it", "", "", number(design.objective, 5)
+        return
+    speed = abs(design.scenario.obstacle.velocity)
+    for term, row in zip(definition.terms, objective_rows(definition), strict=True):
+        yield *row, number(None if result is None else float(term.value(result.end, speed, design.impact)))
     yield "sum f", "", "", number(design.objective, 5)
 
 

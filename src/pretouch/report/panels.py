@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 
 from .panel_checks import (
     as_column,
@@ -36,8 +37,8 @@ _KINDS: Final = ("line", "points", "both")
 _SHAPES: Final = ("dot", "ring", "square")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Curve:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Curve(Value):
     """One curve of a panel, or one set of points.
 
     Args:
@@ -105,8 +106,8 @@ class Curve:
         return f"<Curve {self.label or 'without a name'}: {self.known.sum()} of {len(self.known)} points>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mark:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark(Value):
     """One point of a panel that stands out, such as an optimum.
 
     Args:
@@ -134,8 +135,8 @@ class Mark:
         check_style(self.style, who)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Panel:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Panel(Value):
     """One pair of axes with its curves.
 
     Args:

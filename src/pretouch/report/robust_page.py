@@ -16,7 +16,7 @@ from pretouch.design.robust.validation import least_probability
 from pretouch.design.robust.wording import known_in_words, share_in_words, units_of
 
 from .design_page import METHODS, scenario_rows, sensor_rows, solved_on
-from .wording import number, quantity, quantity_label, word
+from .wording import number, objective_rows, quantity, quantity_label, word
 
 __all__ = ["nominal_name", "robust_page"]
 
@@ -58,7 +58,7 @@ def robust_page(design: RobustDesign, prices: list[Price]) -> dict[str, Any]:
         "price_rows": [_price_row(price) for price in prices],
         "importance_rows": list(_importance_rows(design)),
         "certificate_rows": list(_certificate_rows(design)),
-        "objective_rows": list(_objective_rows(design)),
+        "objective_rows": list(objective_rows(design.definition)),
         "scenario_rows": list(scenario_rows(design.scenario)),
         "sensor_rows": list(sensor_rows(design.sensor)),
         "method": METHODS.get(design.method, design.method),
@@ -205,10 +205,3 @@ def _certificate_rows(design: RobustDesign) -> Iterator[Row]:
     if design.validation is not None:
         text = f"{design.validation.samples} independent encounters that the design has not seen"
         yield "held against", text
-
-
-def _objective_rows(design: RobustDesign) -> Iterator[Row]:
-    for term in design.definition.terms:
-        unit = QUANTITY_UNITS[term.quantity]
-        scale = term.scale if isinstance(term.scale, str) else quantity(abs(term.scale), unit)
-        yield quantity_label(term.quantity), scale, number(term.weight)

@@ -218,12 +218,12 @@ def log_axis(axes: Axes, which: str, low: float, high: float) -> None:
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)
     axis.set_major_locator(locator)
-    axis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+    axis.set_major_formatter(FuncFormatter(_tick))
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
 
 
-def _short(value: float) -> str:
+def _tick(value: float, _: int | None = None) -> str:
     """Write a tick in five letters or so: 0.001, 0.3, 1000, 3e\u22124."""
     text = f"{value:g}"
     if len(text) <= 5 and "e" not in text:

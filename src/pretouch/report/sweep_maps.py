@@ -78,7 +78,7 @@ def _draw(figure: Figure, axes: Axes, shown: Map) -> None:
     axes.contourf(shown.x, shown.y, masked, levels=levels, cmap=shades)
     inner = [level for level in levels if low < level < high]
     lines = axes.contour(shown.x, shown.y, masked, levels=inner, colors=INK, linewidths=0.8, linestyles="solid")
-    labels = axes.clabel(lines, fmt=lambda level: minus(f"{level:.4g}"), fontsize=7.5, inline=False)
+    labels = axes.clabel(lines, fmt=_level, fontsize=7.5, inline=False)
     for label in labels:
         label.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6})
     _thin_out(figure, axes, list(labels))
@@ -123,3 +123,7 @@ def _thin_out(figure: Figure, axes: Axes, labels: list[Any]) -> None:
             label.remove()
         else:
             kept.append(box)
+
+
+def _level(value: float) -> str:
+    return minus(f"{value:.4g}")

@@ -19,7 +19,7 @@ from .wording import quantity_label, word
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_objective", "draw_plane", "traded_quantity"]
+__all__ = ["draw_objective", "draw_plane", "shows_equals", "traded_quantity"]
 
 _TERMS: Final = (CURVES[2], CURVES[3], CURVES[4])
 _WIDE: Final = 30.0  # ratio from which an objective is shown on a logarithmic axis
@@ -89,6 +89,12 @@ def traded_quantity(design: GainDesign) -> str:
     return "largest_excursion"
 
 
+def shows_equals(design: GainDesign) -> bool:
+    """Tell whether the objective is of the two quantities of the plane alone, so that it is the same along a curve."""
+    quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
+    return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
+
+
 def _one_signed(design: GainDesign) -> bool:
     low, high = design.bounds
     return low > 0 or high < 0
@@ -105,7 +111,7 @@ def _gain_axis(design: GainDesign) -> tuple[FloatArray, str]:
 
 def _terms(design: GainDesign) -> dict[str, FloatArray]:
     parts = design.definition.parts(design.trade_off.state, abs(design.scenario.obstacle.velocity), design.impact)
-    weighed = {t.quantity for t in design.definition.terms if t.weight > 0}
+    weighed = {t.quantity for t in design.definition.terms if t.weight > 0} or set(parts)
     return {name: np.where(design.trade_off.reached, value, np.nan) for name, value in parts.items() if name in weighed}
 
 
@@ -222,9 +228,9 @@ def _draw_limits(axes: Axes, design: GainDesign, name: str, across: Scale, up: S
 
 def _draw_equals(axes: Axes, design: GainDesign, name: str, across: Scale, up: Scale) -> None:
     """Draw where the objective equals its optimum: the curve of what is possible touches it and stays outside."""
-    terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
-    if design.objective is None or set(terms) != {name, "relative_velocity"}:
+    if not shows_equals(design):
         return
+    terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
     speed = abs(design.scenario.obstacle.velocity)
     a, b = (
         abs(float(terms[q].scale_for(speed))) * np.sqrt(design.objective / terms[q].weight) / scale.factor

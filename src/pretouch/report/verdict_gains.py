@@ -37,11 +37,11 @@ def verdict_stability_figure(verdict: Verdict) -> Figure:
         the verified gain.
 
     Raises:
-        ResultUnavailableError: the stability is not known, or no gain is unstable.
+        ResultUnavailableError: the stability is not known, no gain is unstable, or every one is.
     """
     check = verdict.stability
-    if check is None or verdict.gain is None or not math.isfinite(check.strongest):
-        raise ResultUnavailableError("stability: no strongest stable gain is known of this loop")
+    if check is None or verdict.gain is None or not math.isfinite(check.strongest) or check.strongest == 0:
+        raise ResultUnavailableError("stability: this loop has no strongest stable gain, or none is known of it")
     strongest = np.abs(check.limit.gain)
     shown = np.where(strongest <= _DECADES * abs(check.strongest), strongest, np.nan)
     scale = scale_for("m", float(check.limit.distance[np.isfinite(shown)].max()))

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import Any, Final
 
-from pretouch.design.quantities import QUANTITY_UNITS
 from pretouch.design.robust.wording import share_in_words, uncertainty_in_words
 from pretouch.simulation import ClosedLoop
 from pretouch.verification import Comparison, LimitCheck, Spread, StabilityCheck, Verdict, VerdictStatus
@@ -15,7 +14,7 @@ from pretouch.verification.simulated import QUANTITY_WORDS
 from .design_page import METHODS, scenario_rows, sensor_rows
 from .loop_rows import chain_rows, contact_rows, controller_rows, loop_rows, robot_rows
 from .verdict_changes import change_box, change_note, change_rows, loss_rows, loss_text
-from .wording import number, quantity, quantity_label, word
+from .wording import number, objective_rows, quantity
 
 __all__ = ["verdict_page"]
 
@@ -67,7 +66,7 @@ def verdict_page(verdict: Verdict) -> dict[str, Any]:
         "loss_rows": list(loss_rows(v)),
         "assumptions": list(v.assumptions),
         "uncertain_rows": list(uncertainty_in_words(v.uncertainty, v.sensor)),
-        "objective_rows": list(_objective_rows(v)),
+        "objective_rows": list(objective_rows(v.definition)),
         "scenario_rows": list(scenario_rows(v.scenario)),
         "sensor_rows": list(sensor_rows(v.sensor)),
         "method": METHODS.get(v.design.method, v.design.method),
@@ -218,12 +217,5 @@ def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
     if math.isfinite(check.frequency):
         yield "where it oscillates at", quantity(check.frequency, "Hz")
     yield "rate of the sensor", quantity(check.rate, "Hz")
-    yield "lowest rate at which this gain is stable", _rate(check.lowest_rate)
-    yield "lowest rate for a margin of 2", _rate(check.lowest_rate_with_margin)
-
-
-def _objective_rows(v: Verdict) -> Iterator[Row]:
-    for term in v.definition.terms:
-        unit = QUANTITY_UNITS[term.quantity]
-        scale = word(term.scale) if isinstance(term.scale, str) else quantity(abs(term.scale), unit)
-        yield quantity_label(term.quantity), scale, number(term.weight)
+    yield "rate from which on this gain is stable", _rate(check.lowest_rate)
+    yield "rate from which on it has a margin of 2", _rate(check.lowest_rate_with_margin)

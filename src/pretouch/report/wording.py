@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 from pretouch._core.units import format_quantity
+from pretouch.design.objectives import Objective
+from pretouch.design.own_objective import OwnObjective
+from pretouch.design.quantities import QUANTITY_UNITS
 
 from .style import pretty_unit
 
-__all__ = ["QUANTITY_LABELS", "number", "quantity", "quantity_label", "word"]
+__all__ = ["QUANTITY_LABELS", "number", "objective_rows", "quantity", "quantity_label", "word"]
 
 QUANTITY_LABELS: Final[dict[str, tuple[str, str]]] = {
     "time": ("time of contact", "t"),
@@ -68,3 +72,21 @@ def quantity(value: float | None, unit: str = "", digits: int = 4) -> str:
 def number(value: float | None, digits: int = 4) -> str:
     """Write a pure number for a person, with a dash for None or NaN."""
     return quantity(value, "", digits)
+
+
+def objective_rows(objective: Objective) -> Iterator[tuple[str, str, str]]:
+    """Say what an objective is made of, as far as that is known.
+
+    Args:
+        objective: what was minimized.
+
+    Yields:
+        Quantity, typical value and weight of each term; one row for an objective of a user's own.
+    """
+    if isinstance(objective, OwnObjective):
+        yield f"{objective.name}: an objective of the user\u2019s own", "\u2013", "\u2013"
+        return
+    for term in objective.terms:
+        own = word(term.scale) if isinstance(term.scale, str) else None
+        scale = own or quantity(abs(float(term.scale)), QUANTITY_UNITS[term.quantity])
+        yield quantity_label(term.quantity), scale, number(term.weight)

@@ -10,6 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 
 from .model import SensorModel
 
@@ -23,7 +24,7 @@ _FEW = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LawCheck:
+class LawCheck(Value):
     """One law, whether the curve obeys it, and what was measured.
 
     Args:
@@ -38,7 +39,7 @@ class LawCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SensorConformance:
+class SensorConformance(Value):
     """What `check_sensor` found.
 
     Args:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.values import Value
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
@@ -21,7 +22,7 @@ from .kernels.layout import RESULT_COLUMNS
 from .law import TunableLaw
 from .plant import IdealPlant, PlantModel
 from .result import SimulationResult
-from .running import FOLLOW, HORIZON, Loop, check_loop, result_of, run_loop, whole
+from .running import FOLLOW, HORIZON, Loop, check_loop, result_of, run_loop, runs_of, whole
 
 __all__ = ["ClosedLoop"]
 
@@ -96,8 +97,26 @@ class ClosedLoop:
             acceleration is the mean over a step. There are no gradients and no impulse balance: the loop does not know
             its law.
         """
+        return self._until_contact(scenario, (sensor,), gain)
+
+    def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> ContactResult:
+        """Run encounters until contact, each with a sensor curve of its own.
+
+        Args:
+            scenario: the encounters, of a shape that broadcasts with (n,).
+            sensors: the curves of the encounters along the last axis, n of them.
+            gain: D_p [N s], broadcast with the encounters.
+
+        Returns:
+            What calling the loop returns; the i-th encounter meets the noise of run `first_run` + i.
+        """
+        return self._until_contact(scenario, tuple(sensors), gain, each=True)
+
+    def _until_contact(
+        self, scenario: Scenario, sensors: tuple[SensorModel, ...], gain: ArrayLike, *, each: bool = False
+    ) -> ContactResult:
         self._check_admittance(scenario)
-        loop = replace(self._loop(scenario, sensor, gain, None), follow=0.0)
+        loop = replace(self._loop(scenario, sensors, gain, None, each=each), follow=0.0)
         out, *_ = run_loop(loop, np.arange(math.prod(loop.shape)), touches=1)
         columns = {name: out[:, i].reshape(loop.shape) for i, name in enumerate(RESULT_COLUMNS)}
         columns["gain"] = np.array(np.broadcast_to(np.asarray(gain, dtype=np.float64), loop.shape))
@@ -128,25 +147,49 @@ class ClosedLoop:
         Returns:
             What `simulate` returns.
         """
-        return result_of(self._loop(scenario, sensor, gain, runs))
+        return result_of(self._loop(scenario, (sensor,), gain, runs))
 
-    def _loop(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike, runs: int | None) -> Loop:
-        """Put together the loop of some encounters."""
+    def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
+        """Run encounters, each with a sensor curve of its own.
+
+        Args:
+            scenario: the encounters, of a shape that broadcasts with (n,).
+            sensors: the curves of the encounters along the last axis, n of them.
+            gain: D_p [N s], broadcast with the encounters.
+
+        Returns:
+            What `simulate` returns; the i-th encounter meets the noise of run `first_run` + i.
+        """
+        return result_of(self._loop(scenario, tuple(sensors), gain, None, each=True))
+
+    def _loop(
+        self,
+        scenario: Scenario,
+        sensors: tuple[SensorModel, ...],
+        gain: ArrayLike,
+        runs: int | None,
+        *,
+        each: bool = False,
+    ) -> Loop:
+        """Put together the loop of some encounters, with one sensor or with one for each along the last axis."""
         gains = np.asarray(finite(gain, "gain", "N*s"))
         try:
-            shape = np.broadcast_shapes(scenario.shape, gains.shape)
+            several = np.broadcast_shapes(scenario.shape, (len(sensors),)) if each else scenario.shape
+            shape = np.broadcast_shapes(several, gains.shape)
         except ValueError:
-            raise InvalidInputError(f"gain: shape {gains.shape} does not broadcast with {scenario.shape}") from None
-        first = () if runs is None else (whole(runs, "runs", 1, 2**31),)
-        apart = (1,) * (len(shape) - len(scenario.shape))  # between the axis of the runs and those of the scenario
-        noise = np.arange(math.prod((*first, *scenario.shape))).reshape((*first, *apart, *scenario.shape))
+            alike = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
+            raise InvalidInputError(f"gain: shape {gains.shape} does not broadcast with {alike}") from None
+        first = () if runs is None else (runs_of(runs),)
+        apart = (1,) * (len(shape) - len(several))  # between the axis of the runs and those of the scenario
+        noise = np.arange(math.prod((*first, *several))).reshape((*first, *apart, *several))
         shape = (*first, *shape)
         every, law_of = np.unique(gains, return_inverse=True)
         law_of = law_of.reshape(gains.shape)
         return check_loop(
             Loop(
                 scenario=scenario,
-                sensor=sensor,
+                sensors=sensors,
+                sensor_of=np.broadcast_to(np.arange(len(sensors)) if each else 0, shape),
                 laws=tuple(self.law.with_gain(float(g)) for g in every),
                 law_of=np.broadcast_to(law_of, shape),
                 noise_of=self.first_run + np.broadcast_to(noise, shape),
@@ -177,13 +220,11 @@ class ClosedLoop:
                 )
 
 
-class _LoopColumns:
+@dataclass(frozen=True, slots=True)
+class _LoopColumns(Value):
     """The columns of a loop's encounters, as a ContactResult reads them."""
 
-    __slots__ = ("columns",)
-
-    def __init__(self, columns: Mapping[str, FloatArray]) -> None:
-        self.columns = columns
+    columns: Mapping[str, FloatArray]
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run, a float for a single one."""

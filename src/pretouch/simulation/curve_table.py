@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
+from pretouch.sensors.kept import kept_by_curve
 
 __all__ = ["curve_table"]
 
@@ -17,7 +17,7 @@ _MOST: Final = 1 << 16
 _ERROR: Final = 1e-12  # of ln xi, in the middle between two rows
 
 
-@lru_cache(maxsize=512)  # as many samples of a sensor as a robust design on a loop has
+@kept_by_curve(1024)  # as many samples of a sensor as a robust design on a loop or a verdict has
 def curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
     """Tabulate ln xi at equal distances until cubics between them meet it to 1e-12, or at 65,537 of them.
 

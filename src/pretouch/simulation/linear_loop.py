@@ -7,15 +7,20 @@ that what one force does to all later readings follows from matrix exponentials:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray
 
 from .timing import LoopTiming
 
-__all__ = ["LinearLoop", "linear_loop"]
+__all__ = ["ComplexArray", "LinearLoop", "linear_loop"]
+
+ComplexArray: TypeAlias = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,27 +31,31 @@ class LinearLoop:
         timing: when it samples and acts.
         transition: what a period makes of the state of the plant, shape (n, n).
         reading: what an exposure reads of the state at its start [m], shape (n,).
-        pushes: what the unit force of the reading i periods ago adds to the state within a period, shape (m, n).
+        lag: periods for which no force does anything, so that a long delay costs no more than a short one.
+        pushes: what the unit force of the reading lag + i periods ago adds to the state within a period, shape (m, n).
         feedthrough: what it adds to the reading itself [m/N], shape (m,).
+        modes: eigenvalues of the plant times the period, by which its own motions grow, shape (n,).
     """
 
     timing: LoopTiming
     transition: FloatArray
     reading: FloatArray
+    lag: int
     pushes: FloatArray
     feedthrough: FloatArray
+    modes: ComplexArray
 
-    def response(self, angle: FloatArray) -> FloatArray:
-        """Return P(z), from the damping's force to what it reads, on the unit circle.
+    def response(self, angle: ComplexArray | FloatArray) -> ComplexArray:
+        """Return P(z), from the damping's force to what it reads.
 
         Args:
-            angle: omega T in (0, pi], shape (k,).
+            angle: omega T, real in (0, pi] on the unit circle, complex beside it, shape (k,).
 
         Returns:
             P(exp(i omega T)) [m/(N s)], complex, shape (k,): the loop has the eigenvalue z where 1 + d P(z) = 0.
         """
         z = np.exp(1j * np.asarray(angle))
-        delays = z[:, None] ** -np.arange(len(self.feedthrough))
+        delays = np.exp(-1j * np.asarray(angle)[:, None] * (self.lag + np.arange(len(self.feedthrough))))
         system = z[:, None, None] * np.eye(len(self.reading)) - self.transition
         state = np.linalg.solve(system, (delays @ self.pushes)[:, :, None])[:, :, 0]
         out = state @ self.reading + delays @ self.feedthrough
@@ -54,7 +63,7 @@ class LinearLoop:
             out = out * (b0 + b1 / z + b2 / z**2) / (1 + a1 / z + a2 / z**2)
         # 1 - 1/z loses digits near z = 1: 1 - exp(-ia) = 2i sin(a/2) exp(-ia/2)
         difference = 2j * np.sin(np.asarray(angle) / 2) * np.exp(-0.5j * np.asarray(angle))
-        return np.asarray(difference * out / self.timing.holding)
+        return np.asarray(difference * out / self.timing.holding, dtype=np.complex128)
 
     def closed(self, damping: float) -> FloatArray:
         """Return what one period makes of the closed loop's state, for its eigenvalues.
@@ -66,20 +75,27 @@ class LinearLoop:
             The matrix; its state is that of the plant, the forces that still act, the last filtered reading and the
             states of the filter.
         """
-        size = len(self.reading) + len(self.feedthrough) + 2 * len(self.timing.sections)
-        return np.stack([self._advance(unit, damping) for unit in np.eye(size)], axis=1)
+        n, later = len(self.reading), np.zeros((self.lag, len(self.reading) + 1))
+        effects = np.vstack([later, np.column_stack([self.pushes, self.feedthrough])])
+        size = n + len(effects) + 2 * len(self.timing.sections)
+        return np.stack([self._advance(unit, damping, effects[:, :n], effects[:, n]) for unit in np.eye(size)], axis=1)
 
-    def _advance(self, state: FloatArray, damping: float) -> FloatArray:
-        n, m = len(self.reading), len(self.feedthrough)
+    @property
+    def remembered(self) -> int:
+        """How many periods the force of a reading acts after it at most."""
+        return self.lag + len(self.feedthrough)
+
+    def _advance(self, state: FloatArray, damping: float, pushes: FloatArray, feedthrough: FloatArray) -> FloatArray:
+        n, m = len(self.reading), len(feedthrough)
         plant, past, previous, filters = state[:n], state[n : n + m - 1], state[n + m - 1], state[n + m :].copy()
-        value = float(self.reading @ plant + self.feedthrough[1:] @ past)
+        value = float(self.reading @ plant + feedthrough[1:] @ past)
         for i, (b0, b1, b2, _, a1, a2) in enumerate(self.timing.sections):
             out = b0 * value + filters[2 * i]
             filters[2 * i] = b1 * value - a1 * out + filters[2 * i + 1]
             filters[2 * i + 1] = b2 * value - a2 * out
             value = out
         forces = np.array([-damping * (value - previous) / self.timing.holding, *past])
-        plant = self.transition @ plant + forces @ self.pushes
+        plant = self.transition @ plant + forces @ pushes
         return np.concatenate([plant, forces[: m - 1], [value], filters])
 
 
@@ -115,15 +131,24 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
     def pulse(time: float) -> FloatArray:
         return since(time - start) - since(time - start - timing.holding)
 
-    states = np.array([pulse(j * period)[:n] for j in range(count + 1)])
+    lag = max(math.floor((start - exposure) / period - 1e-9), 0)
+    ends = np.arange(lag, count + 1) * period
+    states = np.array([pulse(t)[:n] for t in ends])
     transition = expm(system * period)
     if exposure > 0:
         reading = expm(block[: n + 1, : n + 1] * exposure)[n, :n] / exposure
         # the integral of a pulse that has ended still grows with the state: it is taken over the exposure alone
-        ends = [(pulse(j * period + exposure)[n] - pulse(j * period)[n]) / exposure for j in range(count + 1)]
-        feedthrough = np.array(ends) - states @ reading
+        feedthrough = np.array([pulse(t + exposure)[n] - pulse(t)[n] for t in ends]) / exposure - states @ reading
     else:
-        reading, feedthrough = output.copy(), np.zeros(count + 1)
-    pushes = np.zeros((count + 1, n))
+        reading, feedthrough = output.copy(), np.zeros(len(ends))
+    pushes = np.zeros((len(ends), n))
     pushes[:-1] = states[1:] - states[:-1] @ transition.T
-    return LinearLoop(timing=timing, transition=transition, reading=reading, pushes=pushes, feedthrough=feedthrough)
+    return LinearLoop(
+        timing=timing,
+        transition=transition,
+        reading=reading,
+        lag=lag,
+        pushes=pushes,
+        feedthrough=feedthrough,
+        modes=np.asarray(np.linalg.eigvals(system) * period, dtype=np.complex128),
+    )

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
 from pretouch.motion import ContactStatus
 
 __all__ = ["LoopTrace", "SimulationResult"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class LoopTrace:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LoopTrace(Value):
     """The course of one run, a row per step of the law; each array has the shape (n,).
 
     Args:
@@ -57,13 +58,15 @@ class LoopTrace:
         return f"<LoopTrace: {len(self.time)} steps to {self.time[-1]:.4g} s, {len(self.contacts)} contacts>"
 
 
-class SimulationResult:
+@dataclass(frozen=True, repr=False)
+class SimulationResult(Value):
     """What `simulate` returns, for one run or an array of them: floats for one, arrays of one shape otherwise.
 
     Args:
         columns: the quantities by name, each of the shape of the runs.
-        contacts: the contacts of each run, as in LoopTrace, with rows of NaN after the last.
-        trace_of: runs the i-th encounter again and records it.
+        contact_list: the contacts of each run, as in LoopTrace, of the shape (..., 32, 6), with rows of NaN after the
+            last.
+        trace_of: runs the i-th encounter again and records it; a function that can be pickled.
 
     Attributes:
         status: how each run ended: a ContactStatus, or an array of their numbers (contact, horizon, unresolved).
@@ -90,46 +93,32 @@ class SimulationResult:
         shape: of the runs.
     """
 
-    __slots__ = ("_columns", "_contacts", "_trace_of", "shape")
+    columns: Mapping[str, FloatArray]
+    contact_list: FloatArray
+    trace_of: Callable[[int], LoopTrace] = field(compare=False)
+    shape: tuple[int, ...] = field(init=False)
 
-    _columns: Mapping[str, FloatArray]
-    _contacts: FloatArray
-    _trace_of: Callable[[int], LoopTrace]
-    shape: tuple[int, ...]
-
-    def __init__(
-        self, columns: Mapping[str, FloatArray], contacts: FloatArray, trace_of: Callable[[int], LoopTrace]
-    ) -> None:
-        for name, value in (("_columns", columns), ("_contacts", contacts), ("_trace_of", trace_of)):
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "shape", columns["status"].shape)
-        for column in (*columns.values(), contacts):
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shape", self.columns["status"].shape)
+        for column in (*self.columns.values(), self.contact_list):
             column.setflags(write=False)
 
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"{name}: a result cannot be changed")
-
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in self._columns:
+        if name.startswith("_") or name in type(self).__dataclass_fields__ or name not in self.columns:
             raise AttributeError(f"a simulation result has no {name!r}")
-        column = self._columns[name]
+        column = self.columns[name]
         if name in {"status", "contacts", "flags"}:
             whole = column.astype(np.int64)
             return whole if self.shape else (ContactStatus(int(whole)) if name == "status" else int(whole))
         return column if self.shape else float(column)
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self._columns]
+        return [*object.__dir__(self), *self.columns]
 
     @property
     def touched(self) -> BoolArray:
         """Which runs came to a contact, of the shape of the runs."""
-        return np.asarray(self._columns["status"] == ContactStatus.CONTACT)
-
-    @property
-    def contact_list(self) -> FloatArray:
-        """The contacts of each run, of the shape (..., 32, 6), with rows of NaN after the last; see LoopTrace."""
-        return self._contacts
+        return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
         """Run one encounter again, with the same noise, and record its course.
@@ -149,7 +138,7 @@ class SimulationResult:
             raise InvalidInputError(f"index: found {index}, where the runs have the shape {self.shape}") from None
         if np.ndim(flat):
             raise InvalidInputError(f"index: found {index}, which is more than one of the runs of shape {self.shape}")
-        return self._trace_of(int(flat))
+        return self.trace_of(int(flat))
 
     def __repr__(self) -> str:
         count = int(np.prod(self.shape))

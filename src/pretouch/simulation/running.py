@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, nonnegative, positive
+from pretouch._core.values import Value
 from pretouch.motion import Scenario
 from pretouch.motion.parallel import for_stretches
 from pretouch.sensors import SensorModel
@@ -21,8 +23,9 @@ from .kernels.layout import CONTACT_COLUMNS, COURSE_COLUMNS, FIRST_CONTACT, RESU
 from .law import SampledLaw
 from .plant import IdealPlant, PlantModel
 from .result import LoopTrace, SimulationResult
+from .size import TOUCHES, refuse_endless_runs, refuse_too_many_runs, rows_until
 
-__all__ = ["FOLLOW", "HORIZON", "Loop", "check_loop", "result_of", "run_loop", "whole"]
+__all__ = ["FOLLOW", "HORIZON", "Loop", "check_loop", "result_of", "run_loop", "runs_of", "whole"]
 
 HORIZON: Final = 10.0
 """How long runs wait for contact where nothing else is said [s]."""
@@ -30,7 +33,6 @@ HORIZON: Final = 10.0
 FOLLOW: Final = 0.2
 """How long runs go on after the first contact where nothing else is said [s]."""
 
-_TOUCHES: Final = 32  # contacts of one run that are told apart
 _COURSE: Final = 8192  # steps in contact that a trace holds: some fifty rebounds
 _FINE: Final = 0.2  # of the shortest time scale of a plant: what Runge-Kutta's method takes at once
 _BEYOND: Final = 4.0  # times the farthest start: from there on a curve without an end is taken to be flat
@@ -40,12 +42,13 @@ _NO_CONTACT: Final = (0.0, 0.0, 1.0, False, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Loop:
+class Loop(Value):
     """All that the runs of a loop are made of, so that any of them can be run again.
 
     Args:
         scenario: the encounter, or an array of them.
-        sensor: the sensor curve.
+        sensors: the sensor curves.
+        sensor_of: which of them each encounter meets, of the shape of the runs.
         laws: the controllers, with one period and one step.
         law_of: which of them runs each encounter, of the shape of the runs.
         noise_of: which run's noise each encounter meets, of the shape of the runs.
@@ -59,7 +62,8 @@ class Loop:
     """
 
     scenario: Scenario
-    sensor: SensorModel
+    sensors: tuple[SensorModel, ...]
+    sensor_of: IntArray
     laws: tuple[SampledLaw, ...]
     law_of: IntArray
     noise_of: IntArray
@@ -82,19 +86,21 @@ def check_loop(loop: Loop) -> Loop:
         The loop, its numbers checked.
 
     Raises:
-        InvalidInputError: plant and contact do not go together, or a number makes no sense.
+        InvalidInputError: plant and contact do not go together, or a number makes no sense, or a run may be endless.
     """
     if loop.contact is not None and isinstance(loop.plant, IdealPlant):
         raise InvalidInputError(
             "contact: an ideal plant has no mass, so no force follows from its contact; choose an ImpedancePlant or a "
             "PositionPlant"
         )
-    return replace(
+    checked = replace(
         loop,
         horizon=positive(loop.horizon, "horizon", "s"),
         follow=nonnegative(loop.follow, "follow", "s") if loop.contact is not None else 0.0,
         seed=whole(loop.seed, "seed", 0, 2**64 - 1),
     )
+    refuse_endless_runs(checked, _plant_step(loop.plant, loop.laws[0].period))
+    return checked
 
 
 def result_of(loop: Loop) -> SimulationResult:
@@ -107,16 +113,18 @@ def result_of(loop: Loop) -> SimulationResult:
         What they came to.
     """
     shape = loop.shape
+    refuse_too_many_runs(math.prod(shape))
     out, touches, _, _ = run_loop(loop, np.arange(math.prod(shape)))
     columns = {name: out[:, i].reshape(shape) for i, name in enumerate(RESULT_COLUMNS)}
     touched = columns["contacts"] > 0
     for name in FIRST_CONTACT:
         columns[name] = np.where(touched, columns[name], np.nan)
-    return SimulationResult(columns, touches.reshape(*shape, _TOUCHES, len(CONTACT_COLUMNS)), lambda i: _trace(loop, i))
+    touches = touches.reshape(*shape, TOUCHES, len(CONTACT_COLUMNS))
+    return SimulationResult(columns, touches, partial(_trace, loop))
 
 
 def run_loop(
-    loop: Loop, which: IntArray, rows: int = 0, *, touches: int = _TOUCHES, course_rows: int = 0
+    loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Run some encounters of a loop, on all cores.
 
@@ -135,10 +143,11 @@ def run_loop(
 
     from .kernels.loop import encounters  # noqa: PLC0415
 
-    scenes, draws = _scenes(loop), loop.noise_of.ravel()
+    scenes, draws = (
+        _scenes(loop),
+        loop.noise_of.flatten(),
+    )  # a copy, whatever it is a view of: a kernel is compiled for each kind of array
     law, chain = loop.laws[0], loop.chain
-    reach = _BEYOND * float(np.max(loop.scenario.distance)) + loop.sensor.valid_range[0]
-    table, low, spacing = curve_table(loop.sensor, reach)
     contact = loop.contact.numbers() if loop.contact else _NO_CONTACT
     clock = (law.period, _plant_step(loop.plant, law.period), loop.horizon, loop.follow)
     out = np.zeros((len(scenes), len(RESULT_COLUMNS)))
@@ -146,17 +155,17 @@ def run_loop(
     trace = np.full((rows, len(TRACE_COLUMNS)), np.nan)
     course = np.full((course_rows, len(COURSE_COLUMNS)), np.nan)
     run, plant = compiled(encounters, step=law.step), loop.plant.coefficients()
-    curve = (table, low, spacing, loop.sensor.valid_range[1])
-    numbers = chain.numbers(loop.sensor.valid_range[1])
     groups, order, ends = _groups(loop, scenes, which)
+    curves, numbers = _curves(loop, which), [chain.numbers(sensor.valid_range[1]) for sensor in loop.sensors]
 
     def stretch(start: int, end: int) -> None:
         place = start
         for i in range(int(np.searchsorted(ends, start, side="right")), len(ends)):
             some = order[place : min(int(ends[i]), end)]
+            parameters, initial, sensor = groups[i]
             run(
-                *(*groups[i], scenes, plant, contact, numbers, curve, clock, np.uint64(loop.seed), some, draws),
-                *(out, marks, trace, course),
+                *(parameters, initial, scenes, plant, contact, numbers[sensor], curves[sensor], clock),
+                *(np.uint64(loop.seed), some, draws, out, marks, trace, course),
             )
             place += len(some)
             if place >= end:
@@ -175,20 +184,34 @@ def _scenes(loop: Loop) -> FloatArray:
     return np.stack([np.broadcast_to(c, loop.shape).ravel() for c in columns], axis=-1).astype(np.float64)
 
 
-def _groups(loop: Loop, scenes: FloatArray, which: IntArray) -> tuple[list[tuple[Any, Any]], IntArray, IntArray]:
-    """Gather encounters of one law that start alike.
+def _curves(loop: Loop, which: IntArray) -> dict[int, tuple[FloatArray, float, float, float]]:
+    """Return the table of each curve that some encounters meet, as far as their distances may come to."""
+    met, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
+    curves = {}
+    for index in np.unique(met[which]):
+        sensor = loop.sensors[index]
+        low, high = sensor.valid_range
+        farthest = float(distance.max() if len(loop.sensors) == 1 else distance[met == index].max())
+        curves[int(index)] = (*curve_table(sensor, _BEYOND * farthest + low), high)
+    return curves
+
+
+def _groups(loop: Loop, scenes: FloatArray, which: IntArray) -> tuple[list[tuple[Any, Any, int]], IntArray, IntArray]:
+    """Gather encounters of one law and one sensor that start alike.
 
     Returns:
-        Parameters and first state of each group, the encounters of all groups in a row, and where each ends there.
+        Parameters, first state and sensor of each group, the encounters of all groups in a row, and where each ends.
     """
     law_of = loop.law_of.ravel()[which]
     starts = np.column_stack([law_of, scenes[which][:, (0, 1)] - scenes[which][:, (5, 6)]])
-    unique, place = np.unique(starts, axis=0, return_inverse=True)
+    alike, start_of = np.unique(starts, axis=0, return_inverse=True)
+    pairs = np.column_stack([start_of.ravel(), loop.sensor_of.ravel()[which]])
+    unique, place = np.unique(pairs, axis=0, return_inverse=True)
     order = which[np.argsort(place.ravel(), kind="stable")]
     ends = np.cumsum(np.bincount(place.ravel(), minlength=len(unique)))
     parameters = {int(i): loop.laws[int(i)].parameters() for i in np.unique(law_of)}
-    groups = [(parameters[int(i)], loop.laws[int(i)].start(position=float(x), velocity=float(v))) for i, x, v in unique]
-    return groups, order, ends
+    first = [(parameters[int(i)], loop.laws[int(i)].start(position=float(x), velocity=float(v))) for i, x, v in alike]
+    return [(*first[start], int(sensor)) for start, sensor in unique], order, ends
 
 
 def _plant_step(plant: PlantModel, period: float) -> float:
@@ -208,8 +231,15 @@ def whole(value: Any, name: str, least: int, most: int) -> int:
     return int(value)
 
 
+def runs_of(value: Any) -> int:
+    """Return a number of runs, or refuse what is none or too large."""
+    refuse_too_many_runs(runs := whole(value, "runs", 1, 2**63))
+    return runs
+
+
 def _trace(loop: Loop, index: int) -> LoopTrace:
-    rows = math.ceil(loop.horizon / loop.laws[0].period - 1e-9)
+    ended, *_ = run_loop(loop, np.array([index]))
+    rows = rows_until(float(ended[0, RESULT_COLUMNS.index("end_time")]), loop.laws[0].period)
     course_rows = _COURSE if loop.contact else 0
     _, touches, trace, course = run_loop(loop, np.array([index]), rows, course_rows=course_rows)
     trace, course = (part[~np.isnan(part[:, 0])] for part in (trace, course))

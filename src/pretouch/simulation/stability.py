@@ -12,33 +12,39 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.values import Value
 from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
 
-from .linear_loop import LinearLoop, linear_loop
+from .crossover import first_crossover, spectral_radius
+from .linear_loop import linear_loop
 from .plant import IdealPlant, PlantModel, linear_plant
 from .timing import LoopTiming
 
 __all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate", "passed_distances"]
 
-_LOWEST: Final = 1e-6  # of omega T: a crossover below has no meaning in an encounter of less than 10^6 periods
 _PLACES: Final = 65  # at which an encounter is linearized, contact and start included
-_TURN: Final = 0.2  # rad between two neighbors: a phase that turns less cannot cross unseen
-_POINTS: Final = 20_000
-_SILENT: Final = 1e-12  # of the largest response: below, as where a low-pass has its zeros, the phase is rounding
 _PER_DECADE: Final = 12  # rates of the scan for the lowest one
+_SLOWEST: Final = 1e-6  # Hz
 _PLENTY: Final = 100.0  # times the rate of an undelayed mass: the period then adds a hundredth to what a delay does
+_FASTEST: Final = (
+    1e6  # Hz: no proximity sensor reads faster, and what is held for milliseconds there has thousands of parts
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DampingLimit:
+class DampingLimit(Value):
     """The largest damping d = D_p g with which the sampled loop is stable, at any distance.
 
     Args:
-        damping: the limit [N s/m]; infinite where no damping makes the loop unstable.
+        damping: the limit [N s/m]; infinite where no damping makes the loop unstable, 0 where any does, however weak:
+            a spring without damping that is pushed too late, or a robot whose own loop is unstable.
         frequency: at which the loop oscillates there [Hz]; NaN where there is no limit.
-        radius_below: spectral radius of the closed loop at 0.999 of the limit, by its eigenvalues.
-        radius_above: the same at 1.001 of the limit: the limit lies between.
+        radius_below: spectral radius of the closed loop at 0.999 of the limit, by its eigenvalues; where forces act
+            beyond 300 periods after their readings, the modulus of the one eigenvalue that leaves the unit circle.
+            NaN for a limit of 0.
+        radius_above: the same at 1.001 of the limit: the limit lies between. For a limit of 0, that of the growing
+            eigenvalue right after 0.
     """
 
     damping: float
@@ -49,16 +55,19 @@ class DampingLimit:
     @property
     def is_certified(self) -> bool:
         """Whether the eigenvalues confirm that the loop is stable below the limit and not above it."""
+        if self.damping == 0:
+            return self.radius_above > 1
         return self.radius_below < 1 < self.radius_above or math.isinf(self.damping)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GainLimit:
+class GainLimit(Value):
     """The largest |D_p| with which the loop is stable, at each distance.
 
     Args:
         distance: l [m], shape (n,).
-        gain: the strongest stable gain D_p < 0 at each [N s], shape (n,); -inf where g is 0.
+        gain: the strongest stable gain D_p < 0 at each [N s], shape (n,); -inf where g is 0, and 0 where no gain is
+            stable.
         damping: the largest damping D_p g, the same at all distances.
     """
 
@@ -83,7 +92,8 @@ class GainLimit:
             margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
 
         Returns:
-            The magnitude > 0 [N s]; infinite where no gain makes the loop unstable, so that nothing needs a limit.
+            The magnitude > 0 [N s]; infinite where no gain makes the loop unstable, so that nothing needs a limit; 0
+            where any does.
 
         Raises:
             InvalidInputError: the margin does not exceed 1.
@@ -142,8 +152,8 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
     """Find the largest damping D_p g for which the sampled loop is stable: L(1) behind a sampler, a delay and a hold.
 
     The linear loop is discretized exactly; its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
-    negative. Every crossover of the phase of P is found, the one of the smallest d is the limit, and the eigenvalues
-    of the closed loop below and above it are its proof.
+    negative. The crossover of the phase of P with the smallest d is the limit, and the eigenvalues of the closed loop
+    below and above it are its proof. An oscillation that is undamped without any force must be damped by a weak one.
 
     Args:
         admittance: one virtual admittance.
@@ -164,15 +174,18 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
         200.0
     """
     loop = linear_loop(*linear_plant(admittance, plant or IdealPlant()), timing)
-    crossings = _crossovers(loop)
     free = admittance.stiffness == 0  # the position is then a free integrator, that no force reads
-    radius = _radius_of(loop, free)
-    for angle, damping in crossings:
-        below, above = radius(0.999 * damping), radius(1.001 * damping)
-        if above > 1:
-            frequency = angle * timing.rate / (2 * math.pi)
-            return DampingLimit(damping=damping, frequency=frequency, radius_below=below, radius_above=above)
-    return DampingLimit(damping=math.inf, frequency=math.nan, radius_below=radius(0.0), radius_above=math.nan)
+    first = first_crossover(loop)
+    if first is None:
+        below = spectral_radius(loop, 0.0, free=free, beside=math.nan)
+        return DampingLimit(damping=math.inf, frequency=math.nan, radius_below=below, radius_above=math.nan)
+    d, angle, grown = first.damping, first.angle, math.exp(first.growth)
+    return DampingLimit(
+        damping=d,
+        frequency=angle * timing.rate / (2 * math.pi),
+        radius_below=spectral_radius(loop, 0.999 * d, free=free, beside=angle) if d > 0 else math.nan,
+        radius_above=spectral_radius(loop, 1.001 * d, free=free, beside=angle) if d > 0 else grown,
+    )
 
 
 def gain_limit(
@@ -206,9 +219,9 @@ def gain_limit(
     where = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(where)))
     limit = largest_damping(admittance, timing, plant=plant)
-    with np.errstate(divide="ignore"):
-        gain = -limit.damping / slope
-    return GainLimit(distance=where, gain=gain, damping=limit)
+    gain = np.full(where.shape, math.inf)
+    np.divide(limit.damping, slope, out=gain, where=slope > 0)
+    return GainLimit(distance=where, gain=0.0 - gain, damping=limit)
 
 
 def lowest_rate(
@@ -221,7 +234,11 @@ def lowest_rate(
     plant: PlantModel | None = None,
     margin: float = 1.0,
 ) -> float:
-    """Find the lowest rate of the sensor above which a gain is stable at every distance.
+    """Find the lowest rate of the sensor above which a gain is stable at every distance and every rate.
+
+    The limit on the gain does not only grow with the rate: it has minima. A gain near one of them is unstable between
+    two rates, and stable again below; the upper of the two is what counts here. So the lowest rate jumps where a gain
+    (or a delay, an exposure, a mass) passes the one at which such a minimum touches it.
 
     Args:
         sensor: the sensor curve.
@@ -234,8 +251,8 @@ def lowest_rate(
         margin: how many times the gain must be able to grow until the loop is unstable.
 
     Returns:
-        The rate [Hz]; infinite where even a rate of a hundred times D_p g / (2 M) is too low: then it is the delay or
-        the plant that forbids the gain.
+        The rate [Hz]; 0 where the gain is stable from 1e-6 Hz on, infinite where even a rate of a hundred times
+            D_p g / (2 M) is too low, for then it is the delay or the plant that forbids the gain, or even a megahertz.
 
     Raises:
         InvalidInputError: the gain does not mitigate.
@@ -252,61 +269,41 @@ def lowest_rate(
     slope = float(np.abs(np.asarray(sensor.log_slope(np.atleast_1d(np.asarray(distance, dtype=np.float64))))).max())
     wanted = positive(margin, "margin") * -gain * slope
     make = timing_at or (lambda rate: LoopTiming(rate=rate))
+    system = linear_plant(admittance, plant or IdealPlant())
 
     def spare(logarithm: float) -> float:
-        found = largest_damping(admittance, make(math.exp(logarithm)), plant=plant).damping
-        return math.log(min(found, 1e300) / wanted)
+        found = first_crossover(linear_loop(*system, make(math.exp(logarithm))))
+        limit = math.inf if found is None else found.damping
+        return math.log(min(max(limit, 1e-300), 1e300) / wanted)
+
+    top = math.log(min(_PLENTY * wanted / (2 * admittance.mass), _FASTEST))
+    if spare(top) <= 0:
+        return math.inf
+    ends = _last_change(spare, top)
+    if ends is None:
+        return 0.0
+    from scipy.optimize import brentq  # noqa: PLC0415 - heavy
+
+    return math.exp(float(brentq(spare, *ends, xtol=1e-9)))
+
+
+def _last_change(spare: Callable[[float], float], top: float) -> tuple[float, float] | None:
+    """Return the ends of an interval below `top` in which a function falls below 0, going down from there.
+
+    Where it has a minimum between three points of the scan that may be below 0, the minimum is sought.
+    """
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - heavy
 
     step = math.log(10) / _PER_DECADE
-    above = math.log(_PLENTY * wanted / (2 * admittance.mass))
-    if spare(above) <= 0:
-        return math.inf
-    while spare(above - step) > 0:
-        above -= step
-        if above < math.log(1e-6):
-            return 0.0
-    from scipy.optimize import brentq  # noqa: PLC0415 - heavy
-
-    return math.exp(float(brentq(spare, above - step, above, xtol=1e-9)))
-
-
-def _crossovers(loop: LinearLoop) -> list[tuple[float, float]]:
-    """Return angle and damping wherever 1 + d P(z) = 0 has a solution d > 0 on the unit circle, smallest d first."""
-    from scipy.optimize import brentq  # noqa: PLC0415 - heavy
-
-    angle = _resolved(loop)
-    imaginary = loop.response(angle).imag
-    found = [math.pi]
-    for i in np.flatnonzero(np.signbit(imaginary[1:]) != np.signbit(imaginary[:-1])):
-        low, high = float(angle[i]), float(angle[i + 1])
-        if high < math.pi:
-            found.append(float(brentq(lambda w: float(loop.response(np.array([w])).imag[0]), low, high, xtol=1e-14)))
-    values = loop.response(np.array(found)).real
-    pairs = [(w, -1 / float(v)) for w, v in zip(found, values, strict=True) if v < 0]
-    return sorted(pairs, key=lambda pair: pair[1])
-
-
-def _resolved(loop: LinearLoop) -> FloatArray:
-    """Return angles from nearly 0 to pi between which the phase turns little."""
-    angle = np.unique([*np.geomspace(_LOWEST, math.pi, 400), *np.linspace(0, math.pi, 400)[1:]])
-    while len(angle) < _POINTS:
-        response = loop.response(angle)
-        turn = np.abs(np.angle(np.exp(1j * np.diff(np.angle(response)))))
-        loud = np.abs(response) > _SILENT * np.abs(response).max()
-        wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:]) & (loud[1:] | loud[:-1])
-        if not wide.any():
-            break
-        angle = np.sort(np.concatenate([angle, (angle[:-1] + angle[1:])[wide] / 2]))
-    return angle
-
-
-def _radius_of(loop: LinearLoop, free: bool) -> Callable[[float], float]:
-    """Return the spectral radius of the closed loop as a function of the damping, without a free position."""
-
-    def radius(damping: float) -> float:
-        values = np.linalg.eigvals(loop.closed(damping))
-        if free:
-            values = np.delete(values, np.argmin(np.abs(values - 1)))
-        return float(np.abs(values).max())
-
-    return radius
+    above, at = (math.inf, math.inf), (top, spare(top))
+    while at[0] > math.log(_SLOWEST):
+        below = at[0] - step, spare(at[0] - step)
+        change = max(above[1] - at[1], below[1] - at[1]) if at[1] < min(above[1], below[1]) < math.inf else 0.0
+        if 0 < at[1] < change < math.inf:
+            least = minimize_scalar(spare, bounds=(below[0], above[0]), method="bounded", options={"xatol": 1e-4})
+            if least.fun <= 0:
+                return float(least.x), at[0] if least.x < at[0] else above[0]
+        if below[1] <= 0:
+            return below[0], at[0]
+        above, at = at, below
+    return None

@@ -11,6 +11,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, nonnegative, positive
+from pretouch._core.values import Value
 from pretouch.motion import ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
@@ -27,8 +28,8 @@ _OF_CONTACT: Final = ("time", "position", "velocity", "relative_velocity", "rebo
 _COARSEST: Final = 0.2  # of the shortest time scale: what a method of the first order may take at once
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class WitnessTrace:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class WitnessTrace(Value):
     """The course of one encounter in MuJoCo, a row per step of MuJoCo; each array has the shape (n,).
 
     Args:
@@ -51,9 +52,12 @@ class WitnessTrace:
     drive_force: FloatArray
     contact_force: FloatArray
 
+    def __repr__(self) -> str:
+        return f"<WitnessTrace: {len(self.time)} steps to {self.time[-1]:.4g} s>"
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WitnessResult:
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WitnessResult(Value):
     """What `witness_encounter` returns; the quantities are those of `SimulationResult`.
 
     Args:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.values import Value
 
 from .held import ENCOUNTER_INPUTS, Held
 
@@ -22,8 +23,8 @@ Axes: TypeAlias = Mapping[str, ArrayLike | Mapping[str, ArrayLike]]
 """Input names and their values; or a free name and a mapping of inputs whose values belong together one by one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Axis:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis(Value):
     """One dimension of the grid.
 
     Args:

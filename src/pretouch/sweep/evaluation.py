@@ -33,9 +33,6 @@ def evaluate(plan: Plan, region: Region) -> Columns:
     Returns:
         The status and every result, of the region's shape; NaN where there is no contact or no optimal gain.
     """
-    # where the compiled core is not loaded yet, a few encounters would take another path, with other last digits
-    import pretouch.motion.kernels.compiler  # noqa: F401, PLC0415
-
     axes = [axis.at(part) for axis, part in zip(plan.axes, region, strict=True)]
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]

@@ -10,6 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.values import Value
+
 from .evaluation import Columns, evaluate
 from .plan import Plan, Region
 from .stores import Store
@@ -40,7 +42,7 @@ class BlockRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class Progress(Value):
     """How far a sweep is.
 
     Args:
@@ -61,7 +63,7 @@ class Progress:
 
     @property
     def remaining(self) -> float:
-        """How many seconds are left at the pace so far."""
+        """How many seconds are left at the pace of this run; NaN until it has computed something."""
         return (self.total - self.finished) * self.seconds / self.computed if self.computed else float("nan")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite, positive
 from pretouch.design import OBSTACLE_SPEED
+from pretouch.design.own_objective import OwnObjective
 from pretouch.motion.inputs import scenario_with
 
 from .axes import Axes, Axis, make_axes
@@ -162,7 +163,8 @@ def _chunk_size(held: Held, results: tuple[str, ...]) -> int:
     if held.objective is not None:
         asked |= {term.quantity for term in held.objective.terms} | {c.quantity for c in held.constraints}
     curved = held.sensor.constant_log_slope is None or held.method == "integration"
-    return _CHUNK[held.objective is not None, curved, bool(asked & WHOLE_MOTION)]
+    whole = bool(asked & WHOLE_MOTION) or isinstance(held.objective, OwnObjective)  # which may ask for anything
+    return _CHUNK[held.objective is not None, curved, whole]
 
 
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:

@@ -14,7 +14,8 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.extras import require
 from pretouch._core.numbers import finite
-from pretouch.design import Constraint, ImpactModel, Objective
+from pretouch.design import Constraint, ImpactModel
+from pretouch.design.own_objective import AnyObjective, as_objective
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
@@ -25,7 +26,7 @@ from .held import Held
 from .netcdf import open_netcdf, write_netcdf
 from .plan import Plan, make_plan
 from .provenance import DIGEST, attributes_of, differing_parts
-from .stores import MemoryStore, Store, ZarrStore, is_sweep, replace_sweep
+from .stores import MemoryStore, Store, ZarrStore, is_sweep, refuse_beyond_memory, replace_sweep
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,7 +44,7 @@ def sweep(
     *,
     results: Sequence[str] | None = None,
     gain: float | None = None,
-    objective: Objective | None = None,
+    objective: AnyObjective | None = None,
     bounds: tuple[float, float] | None = None,
     constraints: Sequence[Constraint] = (),
     impact: ImpactModel | None = None,
@@ -72,7 +73,7 @@ def sweep(
             `impulse_residual`; for designs also `gain` and `objective`, with all quantities at the optimum. The default
             is few of them; a status always comes with them.
         gain: D_p [N s] of all encounters, where it is no axis and not designed.
-        objective: what designs minimize; given, each encounter gets its optimal gain.
+        objective: what designs minimize, as in `design_gain`; given, each encounter gets its optimal gain.
         bounds: smallest and largest gain of designs [N s].
         constraints: limits that designs keep.
         impact: physical properties, for forces.
@@ -111,7 +112,7 @@ def sweep(
         scenario=scenario,
         sensor=sensor,
         gain=None if gain is None else _one(gain),
-        objective=objective,
+        objective=None if objective is None else as_objective(objective),
         bounds=bounds,
         constraints=tuple(constraints),
         impact=impact,
@@ -175,6 +176,7 @@ class _Account:
 
 
 def _in_memory(plan: Plan, progress: Callable[[Progress], object] | None) -> xr.Dataset:
+    refuse_beyond_memory(plan)
     store = MemoryStore(plan, chunks_per_block(plan))
     account = _Account(plan.size, progress)
     run_here(plan, store, _pending(plan, store, account), account.add)

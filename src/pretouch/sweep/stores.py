@@ -27,10 +27,11 @@ from .results import STATUS
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["LEDGER", "MemoryStore", "Store", "ZarrStore", "is_sweep", "replace_sweep"]
+__all__ = ["LEDGER", "MemoryStore", "Store", "ZarrStore", "is_sweep", "refuse_beyond_memory", "replace_sweep"]
 
 LEDGER: Final = "finished"
 _PER_BLOCK: Final = "chunks_per_block"
+_MOST_BYTES: Final = 4_000_000_000  # of results in memory
 
 
 class Store(Protocol):
@@ -51,8 +52,30 @@ class Store(Protocol):
         """Return everything."""
 
 
+def refuse_beyond_memory(plan: Plan) -> None:
+    """Refuse a sweep whose results do not fit into memory, before anything is allocated or computed.
+
+    Args:
+        plan: the sweep.
+
+    Raises:
+        InvalidInputError: they take more than 4 GB.
+    """
+    each = 1 + 8 * len(plan.results)
+    if plan.size * each > _MOST_BYTES:
+        raise InvalidInputError(
+            f"axes: found {plan.size:,} encounters, whose results take {plan.size * each / 1e9:,.0f} GB, expected at "
+            f"most {_MOST_BYTES // each:,} in memory: write them to a folder, output='NAME.zarr', or take fewer values"
+        )
+
+
 class MemoryStore:
-    """Results in arrays of this process."""
+    """Results in arrays of this process.
+
+    Args:
+        plan: the sweep.
+        chunks_per_block: how many chunks make a block.
+    """
 
     def __init__(self, plan: Plan, chunks_per_block: int) -> None:
         self.plan, self.chunks_per_block = plan, chunks_per_block

@@ -11,10 +11,14 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, find_contact
-from pretouch.motion.evaluator import Evaluator, with_noise_after
+from pretouch.motion.evaluator import Evaluator, ManySensorEvaluator, with_noise_after
 from pretouch.motion.inputs import SCENARIO_INPUTS, map_fields, scenario_with, sensor_inputs, sensor_with
+from pretouch.motion.many_curves import ManyCurves, many_curves
+from pretouch.motion.request import make_request
 from pretouch.motion.similar import Likeness, find_likeness
+from pretouch.motion.solution import Solution
 from pretouch.sensors import SensorModel
 
 __all__ = ["Ensemble", "make_ensemble"]
@@ -25,8 +29,8 @@ _REMEDY: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ensemble:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ensemble(Value):
     """Encounters that differ in their inputs, those of the sensor among them.
 
     Args:
@@ -35,6 +39,7 @@ class Ensemble:
         values: the inputs that differ, in SI, shape (n,) each; none where only noise differs.
         count: n, how many there are.
         likeness: how their sensors are one; None where they are not.
+        many: their sensors, where they are not one but may be solved together.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
         evaluator: solves encounters in the place of `find_contact`, where given; the i-th of them meets the noise of
@@ -46,6 +51,7 @@ class Ensemble:
     values: Mapping[str, FloatArray]
     count: int
     likeness: Likeness | None
+    many: ManyCurves | None
     method: str
     horizon: float
     evaluator: Evaluator | None = None
@@ -76,16 +82,25 @@ class Ensemble:
             one = self.likeness
             found = find_contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
             return found if one.sensor is self.sensor else one.result(found, self.scenario)
+        if self.many is not None:
+            request = make_request(self.scenario, self.sensor, gains, self.method, self.horizon, many=self.many)
+            return ContactResult(Solution(request), request.method)
         columns = _Stacked([find_contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
         return ContactResult(columns, columns.parts[0].method)
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
-        """Have somebody else solve the encounters: at once, or one by one where each has a sensor of its own."""
+        """Have somebody else solve the encounters: at once, or one by one where it takes one sensor at a time."""
         if not any(map(_of_sensor, self.values)):
             return evaluator(self.scenario, self.sensor, gains)
+        if isinstance(evaluator, ManySensorEvaluator):
+            return evaluator.with_each(self.scenario, self.sensors(), gains)
         each = range(len(self))
         columns = _Stacked([with_noise_after(evaluator, i)(*self.at(i), gains[..., i]) for i in each])
         return ContactResult(columns, columns.parts[0].method)
+
+    def sensors(self) -> tuple[SensorModel, ...]:
+        """Return the sensor of each encounter."""
+        return tuple(self._sensor(i) for i in range(len(self)))
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
         """Differentiate a quantity at contact by one of the inputs.
@@ -122,18 +137,20 @@ class Ensemble:
         Returns:
             Both.
         """
+        return map_fields(self.scenario, lambda v: float(v[index]) if np.ndim(v) else v), self._sensor(index)
+
+    def _sensor(self, index: int) -> SensorModel:
+        if self.many is not None:
+            return self.many.sensors[index]
         own = {name.removeprefix("sensor."): float(v[index]) for name, v in self.values.items() if _of_sensor(name)}
-        one = map_fields(self.scenario, lambda v: float(v[index]) if np.ndim(v) else v)
-        return one, sensor_with(self.sensor, own) if own else self.sensor
+        return sensor_with(self.sensor, own) if own else self.sensor
 
 
-class _Stacked:
+@dataclass(frozen=True, slots=True)
+class _Stacked(Value):
     """The columns of results that belong together, side by side."""
 
-    __slots__ = ("parts",)
-
-    def __init__(self, parts: list[ContactResult]) -> None:
-        self.parts = parts
+    parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run."""
@@ -145,13 +162,11 @@ class _Stacked:
         return _StackedGradients(self.parts)
 
 
-class _StackedGradients:
+@dataclass(frozen=True, slots=True)
+class _StackedGradients(Value):
     """The derivatives of results that belong together, side by side."""
 
-    __slots__ = ("parts",)
-
-    def __init__(self, parts: list[ContactResult]) -> None:
-        self.parts = parts
+    parts: list[ContactResult]
 
     def of(self, quantity: str, by: str) -> Any:
         """Return the derivative of a quantity at contact by an input."""
@@ -216,7 +231,7 @@ def make_ensemble(
     own = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
     try:
         several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
-        likeness = _likeness(sensor, own, several)
+        likeness, many = _sensors(sensor, own, several, method)
     except InvalidInputError as impossible:
         raise InvalidInputError(f"uncertainty: {impossible}{_REMEDY}") from None
     if evaluate is not None and several.shape == ():  # alike but for the noise, of which each element has its own
@@ -228,6 +243,7 @@ def make_ensemble(
         values=checked,
         count=size,
         likeness=likeness,
+        many=many,
         method=method,
         horizon=horizon,
         evaluator=evaluate,
@@ -239,15 +255,18 @@ def _are_uneven(values: Mapping[str, FloatArray]) -> bool:
     return len({v.shape for v in values.values()}) != 1 or next(iter(values.values())).ndim != 1
 
 
-def _likeness(sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario) -> Likeness | None:
-    """Find how the sensors are one; refuse values that no such curve has."""
+def _sensors(
+    sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario, method: str
+) -> tuple[Likeness | None, ManyCurves | None]:
+    """Find how the sensors are one, or put them side by side; refuse values that no such curve has."""
     if not own:
-        return Likeness(sensor=sensor, length=1.0, gain=1.0)
+        return Likeness(sensor=sensor, length=1.0, gain=1.0), None
     found = find_likeness(sensor, own, several.distance)
-    if found is None:  # every sensor is built here, so that an impossible one is named before anything is solved
-        for row in zip(*own.values(), strict=True):
-            sensor_with(sensor, dict(zip(own, map(float, row), strict=True)))
-    return found
+    if found is not None:
+        return found, None
+    # every sensor is built here, so that an impossible one is named before anything is solved
+    rows = (dict(zip(own, map(float, row), strict=True)) for row in zip(*own.values(), strict=True))
+    return None, many_curves(sensor, own, tuple(sensor_with(sensor, row) for row in rows), method)
 
 
 def _of_sensor(name: str) -> bool:

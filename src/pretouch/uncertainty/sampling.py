@@ -12,12 +12,15 @@ from pretouch._core.numbers import FloatArray
 
 from .distributions import CorrelatedNormal, Distribution
 
-__all__ = ["SAMPLINGS", "Uncertainty", "check_draw", "names_of", "sample_inputs"]
+__all__ = ["MOST_SAMPLES", "SAMPLINGS", "Uncertainty", "check_draw", "names_of", "sample_inputs"]
 
 Uncertainty: TypeAlias = Mapping[str, Distribution | CorrelatedNormal]
 """What is known of inputs, by name, such as `obstacle.velocity`; under a free name, of several that go together."""
 
 SAMPLINGS: Final = ("sobol", "latin-hypercube", "random")
+
+MOST_SAMPLES: Final = 1_000_000
+"""How many samples are drawn at once."""
 
 
 def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
@@ -89,6 +92,11 @@ def check_draw(count: int, *, seed: int, sampling: str) -> None:
         raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
     if type(count) is not int or count < 1:
         raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
+    if count > MOST_SAMPLES:
+        raise InvalidInputError(
+            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,}: the error of a sample falls with the square "
+            "root of its size, and that of the model does not"
+        )
     if type(seed) is not int or seed < 0:
         raise InvalidInputError(f"seed: found {seed!r}, expected a whole number that is not negative")
 

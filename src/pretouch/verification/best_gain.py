@@ -67,13 +67,15 @@ def best_on_loop(
     Returns:
         The optimum.
     """
-    search = _Search(problem=problem, loop=loop, axis=GainAxis(low=bounds[0], high=bounds[1]), runs=runs)
     sought = None if limit is None else _MARGIN if -limit.allowed(_MARGIN) <= bounds[1] else 1.0
     strongest = -math.inf if limit is None or sought is None else limit.strongest / sought
-    low, high = map(float, search.axis.coordinate(np.array([max(bounds[0], strongest), bounds[1]])))
-    if low > high:  # no gain within the bounds may be tried
+    # the ends of the axis are met to the bit: a gain that is proposed has the margin that it was sought with
+    axis = GainAxis(low=max(bounds[0], strongest), high=bounds[1])
+    search = _Search(problem=problem, loop=loop, axis=axis, runs=runs)
+    if axis.low > axis.high:  # no gain within the bounds may be tried
         return LoopOptimum(gain=None, nearest=None, sought_margin=sought, curve=search.curve())
-    beside = [float(search.axis.coordinate(g)) for g in among if bounds[0] <= g <= bounds[1]]
+    low, high = map(float, axis.coordinate(np.array(axis.ends)))
+    beside = [float(axis.coordinate(g)) for g in among if axis.low <= g <= axis.high]
     tried = sorted({*np.linspace(low, high, _SCANNED).tolist(), *(u for u in beside if low <= u <= high)})
     low, middle, high = search.around_best(tried)
     if math.isfinite(search.merit(middle)):

@@ -12,7 +12,7 @@ from pretouch._core.units import format_quantity
 from pretouch.control import Conditioning, Controller
 from pretouch.simulation import ClosedLoop, ImpedancePlant, PositionPlant
 
-from .timing import controller_at, fills_period, loop_at, told_period
+from .timing import controller_at, loop_at, told_period
 
 __all__ = ["Approach", "Candidate", "candidates_of"]
 
@@ -90,7 +90,7 @@ def _of_rate(loop: ClosedLoop, wanted: float | None) -> Candidate:
     rate = _FASTER * loop.chain.rate if wanted is None else _rounded_up(wanted)
     after = loop_at(loop, rate)
     text = f"Read the sensor {_hertz(rate)} instead of {loop.chain.rate:.6g}"
-    if fills_period(loop.chain):
+    if after.chain.exposure < loop.chain.exposure:
         text += f", with an exposure of {format_quantity(after.chain.exposure, 's')}"
     if after.law.period < loop.law.period:
         text += f", and step the controller {_hertz(1 / after.law.period)}"

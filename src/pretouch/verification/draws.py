@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +13,6 @@ from pretouch.motion import Scenario, find_contact
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
-from pretouch.simulation.kernels.layout import RESULT_COLUMNS
 from pretouch.uncertainty import Ensemble, Uncertainty, make_ensemble, sample_inputs
 
 __all__ = ["Draws", "draw_encounters"]
@@ -29,17 +27,19 @@ class Draws:
         sensor: the nominal sensor curve.
         count: how many encounters.
         ensemble: those that were drawn; None where each is the nominal one.
+        sensors: the curve of each, where each has one of its own.
     """
 
     scenario: Scenario
     sensor: SensorModel
     count: int
     ensemble: Ensemble | None
+    sensors: tuple[SensorModel, ...] = ()
 
     @property
     def own_sensors(self) -> bool:
         """Whether each encounter has a sensor curve of its own."""
-        return self.ensemble is not None and any(name.startswith("sensor.") for name in self.ensemble.values)
+        return bool(self.sensors)
 
     @property
     def speed(self) -> FloatArray:
@@ -75,10 +75,10 @@ class Draws:
         n = self.count if count is None else min(count, self.count)
         if self.ensemble is None:
             return loop.run(self.scenario, self.sensor, gain, runs=n)
+        several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
         if not self.own_sensors:
-            several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
             return loop.run(several, self.sensor, gain)
-        return _joined([loop.after(i).run(*self.ensemble.at(i), gain) for i in range(n)])
+        return loop.run_each(several, self.sensors[:n], gain)
 
     def predicted(self, gain: float, method: str, horizon: float) -> BoolArray:
         """Tell which encounters come to a contact in continuous time with a perfect sensor.
@@ -136,11 +136,5 @@ def draw_encounters(
             f"uncertainty: found {known[0]}, which is a number in the law of the loop and known exactly; leave it out"
         )
     several = make_ensemble(scenario, sensor, values, method=method, horizon=horizon)
-    return Draws(scenario=scenario, sensor=sensor, count=count, ensemble=several)
-
-
-def _joined(parts: Sequence[SimulationResult]) -> SimulationResult:
-    """Put single runs side by side; each is traced as it was run."""
-    columns = {name: np.array([float(getattr(part, name)) for part in parts]) for name in RESULT_COLUMNS}
-    contacts = np.stack([part.contact_list for part in parts])
-    return SimulationResult(columns, contacts, lambda i: parts[i].trace())
+    own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
+    return Draws(scenario=scenario, sensor=sensor, count=count, ensemble=several, sensors=own)

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
+from pretouch._core.values import Value
 from pretouch.design.impact import ImpactModel
 from pretouch.motion import ContactResult, Motion, Scenario, find_contact, solve_motion
 from pretouch.sensors import SensorModel
@@ -30,8 +31,8 @@ _HORIZON: Final = 600.0
 _SAMPLES: Final = 400
 
 
-@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class SimulatedEncounter:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SimulatedEncounter(Value):
     """What `simulate_encounter` returns: the runs and predictions at once, what they come to when it is first read.
 
     Args:

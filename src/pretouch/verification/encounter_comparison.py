@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import finite_or_none
+from pretouch._core.values import Value
 from pretouch.control import Status
 from pretouch.design.impact import ImpactModel
 from pretouch.motion import ContactResult, Scenario
@@ -44,7 +45,7 @@ _OF_CONTACT: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class QuantityComparison:
+class QuantityComparison(Value):
     """One quantity of an encounter, on the loop and as predicted, with the gain and without; None where there is none.
 
     Args:
@@ -89,7 +90,7 @@ class QuantityComparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoopContact:
+class LoopContact(Value):
     """One contact of a run; None for what a run without a contact model does not tell.
 
     Args:
@@ -110,7 +111,7 @@ class LoopContact:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportedFlag:
+class ReportedFlag(Value):
     """A flag that the law reported in a run.
 
     Args:
@@ -134,7 +135,7 @@ class ReportedFlag:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Detection:
+class Detection(Value):
     """When the law first saw the object. The prediction lets it act from the start on.
 
     Args:

@@ -73,6 +73,8 @@ def _is_near(check: LimitCheck) -> bool:
 
 def _loop_unstable(stability: StabilityCheck) -> str:
     """Say that the gain is too strong for the loop."""
+    if stability.strongest == 0:
+        return "the loop is unstable with any gain, however weak"
     return (
         f"the loop is unstable: {format_quantity(stability.strongest, 'N*s')} is the strongest stable gain, at a "
         f"distance of {format_quantity(stability.critical_distance, 'm')}"

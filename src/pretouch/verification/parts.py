@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from pretouch._core.values import Value
 from pretouch.design.robust import Required
 from pretouch.simulation import GainLimit
 
@@ -48,7 +49,7 @@ class VerdictStatus(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class Spread(Value):
     """How a quantity differs from run to run, over the runs that came to a contact.
 
     Args:
@@ -71,7 +72,7 @@ class Spread:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class Comparison(Value):
     """One quantity, predicted and simulated, with and without mitigation; magnitudes in SI.
 
     Args:
@@ -94,7 +95,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Effect:
+class Effect(Value):
     """What mitigation does to the speed at contact, over the runs that come to a contact both with and without it.
 
     Args:
@@ -132,7 +133,7 @@ class Effect:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LimitCheck:
+class LimitCheck(Value):
     """One limit on the loop.
 
     Args:
@@ -186,7 +187,7 @@ class LimitCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reached:
+class Reached(Value):
     """Which runs came to a contact.
 
     Args:
@@ -203,15 +204,16 @@ class Reached:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StabilityCheck:
+class StabilityCheck(Value):
     """How far the loop is from oscillating, linearized at each distance that the encounter passes.
 
     Args:
         limit: the strongest stable gain at each distance.
         margin: how many times the gain can grow until the loop is unstable; below 1 it is.
         rate: readings per second of the loop [Hz].
-        lowest_rate: the rate of the sensor at which the gain is just stable [Hz]; infinite where none is high enough.
-        lowest_rate_with_margin: the rate at which the gain could double [Hz]; infinite where none is high enough.
+        lowest_rate: the rate of the sensor from which on the gain is stable at every rate [Hz]; infinite where none is
+            high enough. It can be above `rate` with a margin above 1: then rates between the two are unstable.
+        lowest_rate_with_margin: the rate from which on the gain could double [Hz]; infinite where none is high enough.
     """
 
     limit: GainLimit

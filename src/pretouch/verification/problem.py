@@ -9,12 +9,13 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.design import ImpactModel, Objective
+from pretouch.design.own_objective import OwnObjective, appraise
 from pretouch.design.robust import Required
 from pretouch.simulation import ClosedLoop, SimulationResult
 
 from .draws import Draws
 from .parts import Effect
-from .simulated import simulated_quantity
+from .simulated import simulated_quantity, simulated_state
 
 __all__ = ["LoopProblem", "Outcomes", "Requirement", "effect_of", "mean_and_error"]
 
@@ -158,6 +159,9 @@ class LoopProblem:
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
         speed, value = self.draws.speed[: result.shape[0]], np.zeros(result.shape)
+        if isinstance(self.objective, OwnObjective):
+            state = simulated_state(result, gain, loop, self.impact)
+            return appraise(self.objective, state, result.touched, speed, self.impact)
         for term in self.objective.terms:
             found = simulated_quantity(term.quantity, result, gain, loop, self.impact)
             value = value + term.weight * (found / term.scale_for(speed)) ** 2

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 
 __all__ = ["Change", "LoopCurve", "Loss"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class LoopCurve:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LoopCurve(Value):
     """The gains that were tried on the loop.
 
     Args:
@@ -35,7 +36,7 @@ class LoopCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Loss:
+class Loss(Value):
     """What the gain costs beside the best one for this loop.
 
     Args:
@@ -63,7 +64,7 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class Change(Value):
     """One change of the loop or the gain, as it was simulated.
 
     Args:

@@ -12,6 +12,7 @@ from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
 from pretouch.simulation.law import TunableLaw
+from pretouch.simulation.size import refuse_too_many_runs
 from pretouch.uncertainty import Uncertainty
 
 from .elastic import elastic_impact
@@ -75,6 +76,7 @@ def checked_request(r: Request) -> Request:
         )
     if type(r.runs) is not int or r.runs < 1:
         raise InvalidInputError(f"runs: found {r.runs!r}, expected a positive whole number")
+    refuse_too_many_runs(r.runs)
     if not 0 < finite(r.confidence, "confidence") < 1:
         raise InvalidInputError(f"confidence: found {r.confidence:g}, expected a number between 0 and 1, such as 0.95")
     return r

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from pretouch._core.values import Value
 from pretouch.design import GainDesign, Objective
 from pretouch.motion import ContactResult, Scenario
 from pretouch.sensors import SensorModel
@@ -20,8 +21,8 @@ from .wording import headline
 __all__ = ["Verdict"]
 
 
-@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class Verdict:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Verdict(Value):
     """What `verify_gain` returns: whether a gain holds on a loop, and what would help.
 
     Args:

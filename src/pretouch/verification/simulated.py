@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.design import ImpactModel
+from pretouch.motion import ContactState
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-__all__ = ["QUANTITY_WORDS", "simulated_quantity", "source_of"]
+__all__ = ["QUANTITY_WORDS", "simulated_quantity", "simulated_state", "source_of"]
 
 QUANTITY_WORDS: Final[dict[str, str]] = {
     "time": "time of contact",
@@ -59,6 +62,37 @@ def simulated_quantity(
         mass = loop.plant.coefficients()[0] or known.robot_mass  # an ideal robot has no mass of its own
         return mass * np.asarray(result.largest_acceleration)
     return np.asarray(getattr(result, name), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class _Runs(Value):
+    """The quantities of simulated runs, as a ContactState reads them."""
+
+    result: SimulationResult
+    gain: float
+    loop: ClosedLoop
+    impact: ImpactModel | None
+
+    def column(self, name: str) -> FloatArray:
+        """Return a quantity of every run."""
+        return simulated_quantity(name, self.result, self.gain, self.loop, self.impact)
+
+
+def simulated_state(
+    result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
+) -> ContactState:
+    """Read the state of every run at its first contact, for an objective of a user's own.
+
+    Args:
+        result: the runs.
+        gain: D_p of the runs [N s].
+        loop: what they ran on.
+        impact: physical properties, where given.
+
+    Returns:
+        The state; NaN in runs without contact where it speaks of contact.
+    """
+    return ContactState(_Runs(result, gain, loop, impact))
 
 
 def source_of(name: str, loop: ClosedLoop) -> str:

@@ -79,7 +79,7 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
     """
     if limit is None or gain > 0:
         return None
-    return math.inf if gain == 0 or math.isinf(limit.strongest) else limit.strongest / gain
+    return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
 
 
 def check_stability(

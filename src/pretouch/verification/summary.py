@@ -37,6 +37,7 @@ def verdict_as_dict(verdict: Verdict) -> dict[str, Any]:
             "compared_runs": v.compared_runs,
             "seed": v.seed,
             "confidence": v.confidence,
+            "objective_name": v.definition.name,
             "design": {"status": v.design.status.value, "gain": v.design.gain, "objective": v.design.objective},
             "predicted": contact_as_dict(v.predicted),
             "reached": None if v.reached is None else asdict(v.reached),

@@ -27,18 +27,17 @@ def fills_period(chain: SensorChain) -> bool:
 
 
 def chain_at(chain: SensorChain, rate: float) -> SensorChain:
-    """Read a sensor at another rate; an exposure that fills the period goes on filling it.
+    """Read a sensor at another rate; its exposure stays, but where a period is too short for it.
 
     Args:
         chain: the chain.
         rate: readings per second [Hz].
 
     Returns:
-        The chain, whose exposure and jitter are cut to what the new period allows.
+        The chain, whose exposure and jitter are cut to what the new period allows: continuous in the exposure.
     """
     period = 1 / rate
-    exposure = period if fills_period(chain) else min(chain.exposure, period)
-    return replace(chain, rate=rate, exposure=exposure, jitter=min(chain.jitter, period / 4))
+    return replace(chain, rate=rate, exposure=min(chain.exposure, period), jitter=min(chain.jitter, period / 4))
 
 
 def told_period(controller: Controller) -> float:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pretouch._core.numbers import finite
-from pretouch.design import Constraint, GainDesign, ImpactModel, Objective, design_gain
+from pretouch.design import Constraint, GainDesign, ImpactModel, design_gain
+from pretouch.design.own_objective import AnyObjective, as_objective
 from pretouch.design.robust import Required
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
@@ -36,7 +37,7 @@ __all__ = ["verify_gain"]
 def verify_gain(
     scenario: Scenario,
     sensor: SensorModel,
-    objective: Objective,
+    objective: AnyObjective,
     loop: ClosedLoop,
     *,
     bounds: tuple[float, float],
@@ -56,7 +57,7 @@ def verify_gain(
     Args:
         scenario: one encounter, the nominal one.
         sensor: the sensor curve.
-        objective: what the gain was chosen by.
+        objective: what the gain was chosen by, as in `design_gain`.
         loop: sensor chain, controller, robot and contact.
         bounds: smallest and largest gain [N s], for the ideal design and for the best gain on the loop.
         gain: D_p [N s] to be verified; the ideal design's where none is given.
@@ -103,6 +104,7 @@ def verify_gain(
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
+    objective = as_objective(objective)
     request = checked_request(
         Request(
             scenario=scenario,

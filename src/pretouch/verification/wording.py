@@ -90,6 +90,11 @@ def stability_in_words(check: StabilityCheck) -> str:
         return f"Without a gain nothing can oscillate; {strongest} would be the strongest stable one."
     if math.isinf(check.margin):
         return "No gain makes this loop unstable: the sensor is fast enough."
+    if check.strongest == 0:
+        return (
+            f"No gain is stable on this loop, however weak: its own oscillation at {check.frequency:.3g} Hz is "
+            "undamped or grows, and the virtual force comes too late to damp it."
+        )
     enough = (
         "not fast enough" if check.margin < 1 else "fast enough, but only just" if check.margin < 2 else "fast enough"
     )
@@ -105,6 +110,8 @@ def _rates(check: StabilityCheck) -> str:
     if math.isinf(check.lowest_rate):
         return "no rate is high enough for this gain: delay, filters or robot forbid it"
     text = f"this gain needs {check.lowest_rate:.3g} at the limit"
+    if check.margin >= 1 and check.lowest_rate > check.rate:
+        text += " (below that it is stable at some rates, as at this one, and unstable at others)"
     if math.isinf(check.lowest_rate_with_margin):
         return text + "; no rate is high enough for a margin of 2"
     return text + f", {check.lowest_rate_with_margin:.3g} for a margin of 2"

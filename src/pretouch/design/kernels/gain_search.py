@@ -67,7 +67,7 @@ def _solve_linear(inputs: Any, k: int, gains: Any, slope: float, horizon: float,
 
 
 @kernel
-def _solve_series(inputs: Any, k: int, gains: Any, windows: Any, horizon: float, states: Any, status: Any) -> int:
+def _solve_series(inputs: Any, k: int, gains: Any, curves: Any, horizon: float, states: Any, status: Any) -> int:
     """Solve an encounter of any curve for some gains; return how many contacts are proved before one is not."""
     count = gains.size
     out, found = states[:, :count], status[:count]
@@ -82,7 +82,7 @@ def _solve_series(inputs: Any, k: int, gains: Any, windows: Any, horizon: float,
         inputs[_A, k : k + 1],
         gains,
     )
-    series_block.solve_lanes(one, windows, horizon, out, None, None, found)
+    series_block.solve_lanes(one, curves, horizon, out, None, None, found)
     for i in range(count):
         if found[i] != series_block.CONTACT:
             return i
@@ -147,14 +147,14 @@ def _last_needed(
 
 @kernel
 def _appraise(
-    inputs: Any, k: int, slope: float, windows: Any, horizon: float, terms: Any, gains: Any, f: Any, room: Any
+    inputs: Any, k: int, slope: float, curves: Any, horizon: float, terms: Any, gains: Any, f: Any, room: Any
 ) -> int:
     """Fill f with the objective of some gains; return how many contacts are proved before one is not."""
     states, status, data = room
-    if windows is None:
+    if curves is None:
         solved = _solve_linear(inputs, k, gains, slope, horizon, data, states)
     else:
-        solved = _solve_series(inputs, k, gains, windows, horizon, states, status)
+        solved = _solve_series(inputs, k, gains, curves, horizon, states, status)
     for i in range(solved):
         f[i] = _weigh(inputs, k, terms, gains[i], slope, states, i, False)
     return solved
@@ -162,7 +162,7 @@ def _appraise(
 
 @kernel
 def _scan(
-    inputs: Any, k: int, slope: float, windows: Any, horizon: float, terms: Any, axis: Any, falling: bool, count: int,
+    inputs: Any, k: int, slope: float, curves: Any, horizon: float, terms: Any, axis: Any, falling: bool, count: int,
     table: Any, room: Any,
 ) -> int:  # fmt: skip
     """Appraise gains from the weakest to the strongest that is needed, the rows of table; return how many, or 0."""
@@ -173,10 +173,10 @@ def _scan(
     used = 0
     while used < count:
         start, following = used, count
-        if windows is not None and ends_early:  # strong gains make stiff motions
+        if curves is not None and ends_early:  # strong gains make stiff motions
             following = min(count, used + (_PART if used else LEAST))
         part = gains[start:following]
-        used += _appraise(inputs, k, slope, windows, horizon, terms, part, f[start:following], room)
+        used += _appraise(inputs, k, slope, curves, horizon, terms, part, f[start:following], room)
         if ends_early:
             ends = _last_needed(inputs, k, terms, slope, room[0], f, gains, start, used)
             if ends > 0:
@@ -188,7 +188,7 @@ def _scan(
 
 @kernel
 def _double(
-    inputs: Any, k: int, slope: float, windows: Any, horizon: float, terms: Any, axis: Any, count: int, used: int,
+    inputs: Any, k: int, slope: float, curves: Any, horizon: float, terms: Any, axis: Any, count: int, used: int,
     table: Any, room: Any,
 ) -> bool:  # fmt: skip
     """Put a gain between each two of a scan, which has then count on the whole axis; tell whether all are solved."""
@@ -197,7 +197,7 @@ def _double(
         f[2 * i] = f[i]
     for i in range(used - 1):
         gains[i] = _gain_at(axis, (2 * i + 1) / (count - 1))
-    solved = _appraise(inputs, k, slope, windows, horizon, terms, gains, between, room)
+    solved = _appraise(inputs, k, slope, curves, horizon, terms, gains, between, room)
     for i in range(solved):
         f[2 * i + 1] = between[i]
     return solved == used - 1
@@ -207,7 +207,7 @@ def _double(
 def find_gains(
     inputs: Any,
     slope: float,
-    windows: Any,
+    curves: Any,
     falling: bool,
     horizon: float,
     terms: Any,
@@ -222,8 +222,8 @@ def find_gains(
 
     Args:
         inputs: M, D, K, x~(0), x~'(0), p, v, a, velocity and acceleration of the reference; SI, shape (10, n).
-        slope: g [1/m] at l = 0; everywhere, where windows is None.
-        windows: the curve as curve_windows gives it, or None for a constant slope.
+        slope: g [1/m] at l = 0; everywhere, where curves is None.
+        curves: the curve of all encounters as contact_times has it, or None for a constant slope.
         falling: whether g < 0 wherever an encounter may come.
         horizon: latest time of contact [s].
         terms: one row per term factor * |quantity|^exponent: quantity (TIME to FORCE), factor in SI, exponent, and 1
@@ -246,12 +246,12 @@ def find_gains(
         count = _FIRST
         while abs(strong - weak) > _WIDEST * (count - 1) and 2 * count - 1 <= _LARGEST:
             count = 2 * count - 1
-        used = _scan(inputs, k, slope, windows, horizon, terms, axis, falling, count, table, room)
+        used = _scan(inputs, k, slope, curves, horizon, terms, axis, falling, count, table, room)
         known = used > 0
         while known and not is_resolved(table[1], used):
             count = 2 * count - 1
             known = 2 * used - 1 <= _LARGEST and _double(
-                inputs, k, slope, windows, horizon, terms, axis, count, used, table, room
+                inputs, k, slope, curves, horizon, terms, axis, count, used, table, room
             )
             used = 2 * used - 1
         best = only_minimum(table[1], used) if known else -1
@@ -264,7 +264,7 @@ def find_gains(
         for _ in range(_MOVES):
             for i in range(NODES):
                 nodes[i] = _gain_at(axis, (center + half * AT[i] - weak) / (strong - weak))
-            if _appraise(inputs, k, slope, windows, horizon, terms, nodes, values, room) < NODES:
+            if _appraise(inputs, k, slope, curves, horizon, terms, nodes, values, room) < NODES:
                 break
             z, bottom, fits = bottom_between(values, *work)
             u = center + half * z

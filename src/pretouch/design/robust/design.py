@@ -19,12 +19,12 @@ from pretouch.uncertainty.sampling import check_draw
 from ..constraints import Constraint
 from ..gain import design_gain
 from ..impact import ImpactModel
-from ..objectives import Objective
+from ..own_objective import AnyObjective, as_objective
 from ..result import DesignStatus
 from ..search import GainAxis, Minimum, Scan, refine, scan
 from .evidence import RobustEvidence
 from .importance import rank_uncertain_inputs
-from .measures import Expected, Measure, Required, WorstCase
+from .measures import Expected, Measure, Required, WorstCase, checked_measure
 from .price import price_of_robustness
 from .problem import RobustProblem
 from .result import RobustDesign, WorstEncounter
@@ -45,7 +45,7 @@ _REFINEMENT_OF_OTHERS: Final[dict[str, Any]] = {"most": 4, "finest": 1e-3, "rele
 def design_robust_gain(
     scenario: Scenario,
     sensor: SensorModel,
-    objective: Objective,
+    objective: AnyObjective,
     *,
     bounds: tuple[float, float],
     uncertainty: Uncertainty,
@@ -74,7 +74,7 @@ def design_robust_gain(
     Args:
         scenario: the encounter with every input at its likeliest value.
         sensor: the sensor curve.
-        objective: what is minimized in each encounter.
+        objective: what is minimized in each encounter, as in `design_gain`.
         bounds: smallest and largest gain [N s].
         uncertainty: what is known of inputs, by name, such as `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`;
             beside `evaluate` it may be empty: then only noise differs.
@@ -117,7 +117,7 @@ def design_robust_gain(
     low, high = (finite(b, "bounds", "N*s") for b in bounds)
     if not low < high:
         raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
-    chosen = Expected() if measure is None else measure
+    objective, chosen = as_objective(objective), checked_measure(Expected() if measure is None else measure)
     limits = tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
     _check(uncertainty, chosen, limits, confidence, evaluate)
     if samples is None:

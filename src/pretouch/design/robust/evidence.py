@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
 from pretouch.motion import ContactState
 
 from ..impact import ImpactModel
@@ -21,8 +22,8 @@ __all__ = ["Outcomes", "Reachable", "RobustEvidence", "RobustTradeOff"]
 _BEYOND: Final = 17  # gains between the end of the scan and the strongest that is wanted
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class Outcomes:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Outcomes(Value):
     """What one gain leads to in each of the fresh encounters.
 
     Args:
@@ -57,8 +58,8 @@ class Outcomes:
         return f"<Outcomes: {len(self.objective)} encounters with D_p = {self.gain:.4g} N s>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
-class RobustTradeOff:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RobustTradeOff(Value):
     """The measure of the objective over the gain, on the samples of the design.
 
     Args:
@@ -76,7 +77,7 @@ class RobustTradeOff:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reachable:
+class Reachable(Value):
     """How far a limit can be held, taken alone.
 
     Args:
@@ -90,8 +91,8 @@ class Reachable:
     gain: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class RobustEvidence:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RobustEvidence(Value):
     """What the parts of a robust design are computed from when they are first asked for.
 
     Args:

@@ -21,6 +21,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
 from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
 
@@ -31,10 +32,11 @@ from .slopes import objective_slope
 __all__ = ["InputImportance", "rank_uncertain_inputs"]
 
 _PARTS: Final = 16  # of the samples, from which the spread of the estimates is found
+_FEWEST: Final = 4 * _PARTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InputImportance:
+class InputImportance(Value):
     """How much of the variance of the objective one input is the cause of.
 
     Args:
@@ -72,7 +74,7 @@ def rank_uncertain_inputs(
         make: makes encounters of values of the inputs.
         uncertainty: what is known of the inputs.
         gain: D_p [N s].
-        samples: in each of the two sets.
+        samples: in each of the two sets; more where these are too few to tell shares at all.
         seed: of the samples.
 
     Returns:
@@ -80,6 +82,7 @@ def rank_uncertain_inputs(
     """
     if not uncertainty:
         return ()
+    samples = max(samples, _FEWEST)
     own = problem.ensemble.evaluator
     other = None if own is None else with_noise_after(own, samples)
     both = _two_sets(uncertainty, samples, seed)
@@ -92,7 +95,7 @@ def rank_uncertain_inputs(
         return np.where(result.reached, found, np.nan)
 
     f_a, f_b = values(mine), values(theirs, other)
-    pieces = np.array_split(np.arange(samples), _PARTS)
+    pieces = np.array_split(np.arange(samples), min(_PARTS, samples))
     linear = _linear_shares(problem, make, uncertainty, gain)
     found = []
     members = {n: k.names if isinstance(k, CorrelatedNormal) else (n,) for n, k in uncertainty.items()}
@@ -102,7 +105,7 @@ def rank_uncertain_inputs(
         f_c = values({**mine, **{member: theirs[member] for member in varied}}, own if varied else other)
         alone, total = _shares(f_a, f_b, f_c)
         parts = np.array([_shares(f_a[part], f_b[part], f_c[part]) for part in pieces])
-        error = parts.std(axis=0, ddof=1) / np.sqrt(len(parts))
+        error = parts.std(axis=0, ddof=1) / np.sqrt(len(parts)) if len(parts) > 1 else np.full(2, np.nan)
         found.append(
             InputImportance(
                 name=name,
@@ -127,7 +130,7 @@ def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, f
     """Return S and T; the mean is taken off first, which changes neither and takes noise from S."""
     every = np.concatenate([f_a, f_b])
     middle, variance = every.mean(), every.var()
-    if not variance > 0:
+    if variance == 0:
         return 0.0, 0.0
     return float(((f_b - middle) * (f_c - f_a)).mean() / variance), float(((f_a - f_c) ** 2).mean() / (2 * variance))
 

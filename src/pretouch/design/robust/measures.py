@@ -14,7 +14,7 @@ from pretouch._core.numbers import FloatArray, finite
 
 from ..constraints import Constraint
 
-__all__ = ["ConditionalValueAtRisk", "Expected", "Measure", "Quantile", "Required", "WorstCase"]
+__all__ = ["ConditionalValueAtRisk", "Expected", "Measure", "Quantile", "Required", "WorstCase", "checked_measure"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +44,37 @@ class Measure(ABC):
             return found, math.nan
         again = np.random.default_rng(0).integers(len(values), size=(_DRAWS, len(values)))
         return found, float(np.std(self.of(others[again]) - self.of(values[again]), ddof=1))
+
+
+def checked_measure(measure: Any) -> Measure:
+    """Refuse a measure that would be told as another one.
+
+    Args:
+        measure: the measure.
+
+    Returns:
+        The same.
+
+    Raises:
+        InvalidInputError: it is no Measure, or computes its own number under the label or the interval of another.
+    """
+    if not isinstance(measure, Measure):
+        raise InvalidInputError(
+            f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
+        )
+    home = {name: next(c for c in type(measure).__mro__ if name in vars(c)) for name in ("of", "label", "estimate")}
+    for name in ("label", "estimate"):
+        if not issubclass(home[name], home["of"]):
+            raise InvalidInputError(
+                f"measure: found {type(measure).__name__}, which has an `of` of its own and the `{name}` of "
+                f"{home[name].__name__}, expected its own `{name}`, too"
+            )
+    if isinstance(measure, WorstCase) and home["of"] is not WorstCase:
+        raise InvalidInputError(
+            f"measure: found {type(measure).__name__}, a worst case with an `of` of its own, expected WorstCase "
+            "itself: its encounters are searched for, not computed"
+        )
+    return measure
 
 
 _DRAWS: Final = 400  # of the pairs again: the standard error is then known to some 4 %

@@ -9,11 +9,13 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.uncertainty import Ensemble
 
-from ..bound import least_objective, touches_later
+from ..bound import least_objective, premises_hold, touches_later
 from ..impact import ImpactModel
 from ..objectives import Objective
+from ..own_objective import appraise
 from ..search import GainAxis, Landscape
 from .measures import Measure, Required
 
@@ -25,7 +27,7 @@ _STRIDE: Final = 0.5  # of u between gains that look for the end of the axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobustProblem:
+class RobustProblem(Value):
     """One robust design problem.
 
     Args:
@@ -92,6 +94,8 @@ class RobustProblem:
             return False  # the proof speaks of L(1) from the given state in continuous time
         if several.likeness is not None:
             return bool(touches_later(several.scenario, several.likeness.sensor).all())
+        if several.many is not None:
+            return bool(premises_hold(several.scenario).all()) and several.many.falls(several.scenario)
         return all(bool(touches_later(*several.at(i)).all()) for i in range(len(several)))
 
     def _parts(self, gains: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
@@ -111,7 +115,7 @@ class RobustProblem:
         """Return objective and its least part, shape (m, n), and the ratios, shape (k, m, n)."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed
-        objective = np.where(reached, self.objective.value(state, speed, self.impact), np.inf)
+        objective = appraise(self.objective, state, reached, speed, self.impact)
         ratios = [
             np.where(reached, limit.constraint.magnitude(state, self.impact) / limit.constraint.limit, np.inf)
             for limit in self.limits

@@ -11,6 +11,7 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.values import Value
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
@@ -26,7 +27,7 @@ __all__ = ["LimitOutcome", "LossOfNominal", "Price", "RobustDesign", "Validation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LimitOutcome:
+class LimitOutcome(Value):
     """One constraint at the chosen gain, on fresh samples.
 
     Args:
@@ -43,7 +44,7 @@ class LimitOutcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LossOfNominal:
+class LossOfNominal(Value):
     """What is lost by the nominal gain, on fresh samples that meet both gains.
 
     Args:
@@ -57,7 +58,7 @@ class LossOfNominal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Validation:
+class Validation(Value):
     """What independent samples that the design has not seen say of its gain.
 
     Args:
@@ -84,7 +85,7 @@ class Validation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WorstEncounter:
+class WorstEncounter(Value):
     """The worst encounter of all that are possible, and why none is worse.
 
     Args:
@@ -107,7 +108,7 @@ class WorstEncounter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Price:
+class Price(Value):
     """What one input, known exactly, would gain: the robust gain beside the one made for each value of the input.
 
     Args:
@@ -140,8 +141,8 @@ class Price:
         return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {most:.3g}>"
 
 
-@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class RobustDesign:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class RobustDesign(Value):
     """What `design_robust_gain` returns.
 
     Args:
@@ -189,8 +190,8 @@ class RobustDesign:
     definition: Objective
     limits: tuple[Required, ...]
     impact: ImpactModel | None
-    ranking: Callable[[float], tuple[InputImportance, ...]] = field(repr=False)
-    pricing: Callable[..., Price] = field(repr=False)
+    ranking: Callable[[float], tuple[InputImportance, ...]] = field(repr=False, compare=False)
+    pricing: Callable[..., Price] = field(repr=False, compare=False)
     evidence: RobustEvidence = field(repr=False)
 
     @property

@@ -28,6 +28,7 @@ def robust_as_dict(design: RobustDesign) -> dict[str, Any]:
         "gain": design.gain,
         "measure": measure,
         "value": design.value,
+        "objective_name": design.definition.name,
         "method": design.method,
         "nominal_gain": design.nominal_gain,
         "nearest_gain": design.nearest_gain,

@@ -180,7 +180,7 @@ def _worst(
         inputs=dict(zip(names, found.point.tolist(), strict=True)),
         value=found.value,
         bound=found.bound,
-        lower=decided,
+        lower=min(decided, found.bound),  # where they meet, each comes by a path of its own
         boxes=found.boxes,
         monotone={name: sign for name, sign in zip(names, found.signs, strict=True) if sign},
         encounters=tuple(map(tuple, deciding.tolist())),

@@ -1,10 +1,10 @@
-"""The columns that the kernels write: one row per encounter. Shared by both kernels and their Python skin."""
+"""The quantities that the kernels write, by name and in their order. Shared by the kernels and their Python skin."""
 
 from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["COLUMNS", "TRACE_COLUMNS"]
+__all__ = ["COLUMNS", "PEAKS", "STATES", "TRACE_COLUMNS"]
 
 COLUMNS: Final = (
     "time",
@@ -23,4 +23,25 @@ COLUMNS: Final = (
     "settling_distance",
     "displacement_integral",
 )
+"""What the guaranteed paths write, one row per encounter."""
+
+STATES: Final = (
+    "time",
+    "displacement",
+    "displacement_velocity",
+    "displacement_acceleration",
+    "relative_velocity",
+    "displacement_integral",
+)
+"""What the fast paths find at a contact."""
+
+PEAKS: Final = (
+    "largest_excursion",
+    "largest_travel",
+    "largest_speed",
+    "largest_acceleration",
+    "largest_virtual_force",
+)
+"""The largest demands until then, by kernels of their own."""
+
 TRACE_COLUMNS: Final = ("distance", "displacement", "displacement_velocity", "displacement_acceleration")

@@ -3,7 +3,8 @@
 With x~ = x - x_d, the motion is M x~'' + (D + c D_p) x~' + K x~ = c D_p (v_o + a_o t), and x~''' is a free response: so
 its zeros are known in closed form. Between two of them x~'' is monotone, so every line a + b t has at most one crossing
 with x~' there on each side of the one zero of x~'' + b: a chain that encloses every zero of l'', l' and l, one each.
-No contact can be missed, whatever the damping or the acceleration.
+No contact can be missed, whatever the damping or the acceleration. What lies closer to zero than rounding lets one tell
+is decided by `endings`.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ import math
 from typing import Any
 
 from .compiler import kernel
+from .endings import is_left_alone, never_arrives, resolution
 from .response import respond
 
 __all__ = ["solve_linear"]
 
 CONTACT, NEVER, HORIZON, LEFT_RANGE, UNRESOLVED = 0, 1, 2, 3, 4
 _MAX_INTERVALS = 2_000_000
+_VANISHED = 600.0  # time constants after which a motion about l = 0 is below 1e-260 of its start: it has come to rest
 
 
 @kernel
@@ -134,14 +137,13 @@ def _floor_after(system: Any, obstacle: Any, t: float) -> float:
 
 
 @kernel
-def _settling(system: Any, obstacle: Any) -> float:
+def _settling(values: Any, damping: float) -> float:
     """Return the distance at which the motion comes to rest, infinite where it does not."""
-    mass, damping, stiffness, start, _ = system
-    if obstacle[1] != 0 or obstacle[2] != 0 or damping <= 0:
+    if not is_left_alone(values) or damping <= 0:
         return math.inf
-    if stiffness > 0:
-        return obstacle[0]
-    return obstacle[0] - start[0] - start[1] * mass / damping
+    if values[2] > 0:
+        return values[5]
+    return values[5] - values[3] + (values[6] - values[4]) * values[0] / damping
 
 
 @kernel
@@ -159,10 +161,10 @@ def _keep_extremes(system: Any, obstacle: Any, reference: Any, coupling: float, 
 
 
 @kernel
-def _first_exit(system: Any, obstacle: Any, low: float, high: float, left: float, right: float) -> Any:
-    """Return the first time in (left, right] at which l leaves (low, high), infinite where it does not, and the level.
+def _first_exit(values: Any, system: Any, obstacle: Any, low: float, high: float, left: float, right: float) -> Any:
+    """Return the first time in (left, right] at which l leaves (low, high), the level, and whether it is only touched.
 
-    Between left and right l'' is monotone.
+    The time is infinite where l does not leave. Between left and right l'' is monotone.
     """
     velocity, acceleration = -obstacle[1], -obstacle[2]
     bend = _zero(system, 2, acceleration, 0.0, left, right)
@@ -171,13 +173,17 @@ def _first_exit(system: Any, obstacle: Any, low: float, high: float, left: float
         turn = _zero(system, 1, velocity, acceleration, start, bend_end)
         for end in (turn, bend_end):
             if end > start:
-                distance = _distance(system, obstacle, end)[0]
+                distance, speed = _distance(system, obstacle, end)
+                turns = speed >= 0 or end < bend_end
+                falls = abs(distance - low) <= resolution(values, end) and _distance(system, obstacle, start)[1] < 0
+                if falls and turns:
+                    return end, low, True
                 if distance <= low:
-                    return _crossing(system, obstacle, low, start, end), low
+                    return _crossing(system, obstacle, low, start, end), low, False
                 if distance > high:
-                    return _crossing(system, obstacle, high, start, end), high
+                    return _crossing(system, obstacle, high, start, end), high, False
                 start = end
-    return math.inf, 0.0
+    return math.inf, 0.0, False
 
 
 @kernel
@@ -226,37 +232,61 @@ def _encounter(values: Any, slope: float, gain: float, limits: Any, row: Any) ->
     sigma = system[1] / (2 * system[0])
     if sigma < 0:  # a motion that grows has shown its sign long before its numbers overflow
         horizon = min(horizon, 300.0 / -sigma)
+    alone, vanished = is_left_alone(values), math.inf
+    if alone and obstacle[0] == 0 and values[2] > 0 and sigma > 0:
+        vanished = _VANISHED / sigma
+        horizon = min(horizon, vanished)
     row[7:12] = 0.0
     row[12] = math.inf
-    row[13] = _settling(system, obstacle)
+    row[13] = _settling(values, system[1])
     _keep_extremes(system, obstacle, reference, coupling, 0.0, row)
-    left = 0.0
+    left, floor_level, never = 0.0, max(low, 0.0), False
     for k in range(_MAX_INTERVALS):
         right = min(_next_break(system, k), horizon)
         if not right > left:
             continue
-        leave, level = _first_exit(system, obstacle, max(low, 0.0), high, left, right)
+        if alone and not never:
+            distance, speed = _distance(system, obstacle, left)
+            never = never_arrives(values, system[1], distance, speed, floor_level)
+        lowest = -math.inf if never else floor_level
+        leave, level, touched = _first_exit(values, system, obstacle, lowest, high, left, right)
         stop = min(leave, right)
         _follow_extremes(system, obstacle, reference, coupling, left, right, stop, row)
         _finish(system, obstacle, coupling, stop, row)
         if leave < math.inf:
             row[1] = level
             row[12] = level if level < high else min(row[12], level)
+            if touched:
+                row[3], row[5], row[6] = row[3] + row[5], 0.0, 0.0
             return CONTACT if level == 0.0 else LEFT_RANGE
-        floor = _floor_after(system, obstacle, right)
-        settles = 0 < row[13] < math.inf
-        if values[2] == 0 and settles:
-            floor = row[13]
-        # what recedes leaves a range that ends; what swings about its resting place may
-        stays = high == math.inf or (settles and 2 * row[13] - floor <= high)
-        if floor > 0 and stays and (right >= horizon or row[12] <= floor * (1 + 1e-12)):
-            if settles:
-                row[12] = min(row[12], row[13])
+        never = never or right >= vanished
+        if _is_over(values, system, obstacle, right, right >= horizon, high, never, row):
             return NEVER
         if right >= horizon:
             return HORIZON
         left = right
     return UNRESOLVED
+
+
+@kernel
+def _is_over(values: Any, system: Any, obstacle: Any, t: float, last: bool, high: float, never: bool, row: Any) -> bool:
+    """Tell whether l is proved to stay above 0 and within the range for good, at its end or close to its least."""
+    floor, settles = _floor_after(system, obstacle, t), row[13] < math.inf
+    if values[2] == 0 and settles:
+        floor = row[13]
+    # what recedes leaves a range that ends; what swings about its resting place may
+    stays = high == math.inf or (settles and 2 * row[13] - floor <= high)
+    if never:
+        stays = stays or row[5] <= 0  # then l falls from here on
+    elif not floor > 0:
+        return False
+    if not (stays and (last or row[12] <= floor * (1 + 1e-12))):
+        return False
+    if settles:
+        row[13] = max(row[13], 0.0)
+        row[12] = min(row[12], row[13])
+    row[1], row[12] = max(row[1], 0.0), max(row[12], 0.0)
+    return True
 
 
 @kernel

@@ -7,8 +7,8 @@ Inside one piece the motion
 
 is a polynomial differential equation, so the Taylor coefficients of l follow from each other by convolutions, to any
 order and without a derivative being formed. Each step is a polynomial whose error is at rounding; it is accepted only
-when its coefficients prove that l either stays inside the piece or is monotone, so that a border, the contact among
-them, is never passed twice unseen.
+when its coefficients prove what l does on it (`polynomial`), so that a border, the contact among them, is never passed
+twice unseen. Touches, and motions that come to zero but never arrive there, are told by `endings`.
 """
 
 from __future__ import annotations
@@ -19,33 +19,38 @@ from typing import Any
 import numpy as np
 
 from .compiler import kernel
+from .endings import is_left_alone, never_arrives, rest_resolution
+from .polynomial import ORDER, accepted_step, horner, horner_slope, level_time
+from .series_extremes import integral, keep_extremes
+from .stiff_step import AHEAD, PATIENCE, ROWS, long_step
 
-__all__ = ["ORDER", "solve_series", "trace_series"]
+__all__ = [
+    "MOST_STEPS",
+    "OVERLAP",
+    "expand",
+    "find_piece",
+    "first_unit",
+    "reach_of",
+    "scale_of",
+    "solve_series",
+    "trace_series",
+]
 
 CONTACT, NEVER, HORIZON, LEFT_RANGE, UNRESOLVED = 0, 1, 2, 3, 4
-ORDER = 20
-_MAX_STEPS = 100_000  # about a quarter of a second
-_OVERLAP = 1e-9  # of a piece's width: how far its polynomial is used beyond its border
+MOST_STEPS = 4_000
+"""After so many steps, some hundredths of a second, a motion is given up, unless the curve has many pieces to cross."""
+
+OVERLAP = 1e-9
+"""Of a piece's width: how far its polynomial is used beyond its border."""
+
+_PER_PIECE = 16  # further steps for each piece of the curve
+_LEFT_OUT = 1e-16  # of l': what a step may leave out of it
+_SLOW = 1e-6  # of l over a step: an l' that moves less need not be known better
+_VANISHED = 1e-280  # of l at the start: a motion about l = 0 that is below it has come to rest
 
 
 @kernel
-def _horner(c: Any, order: int, tau: float) -> float:
-    value = c[order]
-    for k in range(order - 1, -1, -1):
-        value = value * tau + c[k]
-    return value
-
-
-@kernel
-def _horner_slope(c: Any, order: int, tau: float) -> float:
-    value = order * c[order]
-    for k in range(order - 1, 0, -1):
-        value = value * tau + k * c[k]
-    return value
-
-
-@kernel
-def _expand(values: Any, gain: float, piece: Any, time: float, unit: float, l: float, speed: float, work: Any) -> None:  # noqa: E741
+def expand(values: Any, gain: float, piece: Any, time: float, unit: float, l: float, speed: float, work: Any) -> None:  # noqa: E741
     """Expand L(1) with L(2), which is L(4), L(7) or L(14) as the curve may be, with the obstacle of L(9), about a time.
 
     Fills the series in tau = (t - time) / unit: of l (work[0]), l' (work[1]) and d ln xi / dt (work[2]).
@@ -81,122 +86,16 @@ def _expand(values: Any, gain: float, piece: Any, time: float, unit: float, l: f
 
 
 @kernel
-def _reach(work: Any, scale: float) -> float:
+def reach_of(work: Any, scale: float) -> float:
     """Return the largest tau at which the series of l and of l' unit are at rounding beside their scales."""
     c = work[0]
-    size = max(abs(c[1]), abs(c[2]), 1e-6 * scale)
+    size = max(abs(c[1]), abs(c[2]), _SLOW * scale)
     reach = 2.0
     for k in (ORDER - 1, ORDER):
         if c[k] != 0:
             reach = min(reach, (1e-17 * scale / abs(c[k])) ** (1.0 / k))
-            reach = min(reach, (1e-16 * size / (k * abs(c[k]))) ** (1.0 / (k - 1)))
+            reach = min(reach, (_LEFT_OUT * size / (k * abs(c[k]))) ** (1.0 / (k - 1)))
     return reach
-
-
-@kernel
-def _certified(c: Any, low: float, high: float, tau: float) -> Any:
-    """Tell whether l is proved monotone on [0, tau], and whether it is proved to stay in (low, high)."""
-    rest, bend, power = 0.0, 0.0, 1.0
-    for k in range(1, ORDER + 1):
-        if k > 1:
-            bend += k * abs(c[k]) * power
-        power *= tau
-        rest += abs(c[k]) * power
-    return abs(c[1]) > bend, c[0] - rest > low and c[0] + rest < high
-
-
-@kernel
-def _level_time(c: Any, level: float, tau: float) -> float:
-    """Find where a monotone series that passes a level on [0, tau] does so."""
-    left, right = 0.0, tau
-    rising = _horner(c, ORDER, tau) > level
-    t = tau
-    for _ in range(100):
-        value = _horner(c, ORDER, t) - level
-        if (value > 0) == rising:
-            right = t
-        else:
-            left = t
-        step = t - value / _horner_slope(c, ORDER, t)
-        if abs(step - t) <= 4e-16 * tau:
-            return t
-        t = step if left <= step <= right else 0.5 * (left + right)
-    return t
-
-
-@kernel
-def _peak(c: Any, order: int, shift: float, tilt: float, tau: float, so_far: float) -> float:
-    """Return the larger of so_far and max |p(s) + shift + tilt s| over s in [0, tau]."""
-    best = max(so_far, abs(c[0] + shift), abs(_horner(c, order, tau) + shift + tilt * tau))
-    rest, power = abs(c[0] + shift), 1.0
-    for k in range(1, order + 1):
-        power *= tau
-        rest += (abs(c[k]) if k > 1 else abs(c[1] + tilt)) * power
-    if rest <= best:
-        return best
-    parts = 8
-    left, slope_left = 0.0, c[1] + tilt
-    if slope_left == 0.0:  # from rest: the way that it bends
-        slope_left = c[2]
-    for i in range(1, parts + 1):
-        right = tau * i / parts
-        slope_right = _horner_slope(c, order, right) + tilt
-        if slope_left * slope_right < 0:
-            a, b = left, right
-            for _ in range(30):  # the peak is flat: 1e-9 in its place is 1e-18 in its height
-                middle = 0.5 * (a + b)
-                if (_horner_slope(c, order, middle) + tilt) * slope_left > 0:
-                    a = middle
-                else:
-                    b = middle
-            best = max(best, abs(_horner(c, order, a) + shift + tilt * a))
-        left, slope_left = right, slope_right
-    return best
-
-
-@kernel
-def _keep_extremes(values: Any, gain: float, work: Any, time: float, unit: float, tau: float, row: Any) -> None:
-    """Raise the largest and lower the smallest quantities of a row over one step."""
-    c, v, force = work[0], work[1], work[2]
-    x = work[3]  # the powers are no longer needed: reuse their first two rows
-    a = work[4]
-    position = values[5] + (values[6] + values[7] * time / 2) * time
-    for k in range(ORDER + 1):
-        x[k] = -c[k]
-        a[k] = -(k + 1) * v[k + 1] / unit if k < ORDER else 0.0
-    x[0] += position
-    x[1] += (values[6] + values[7] * time) * unit
-    x[2] += values[7] / 2 * unit * unit
-    a[0] += values[7]
-    row[7] = _peak(x, ORDER, 0.0, 0.0, tau, row[7])
-    row[10] = _peak(a, ORDER - 1, values[9], 0.0, tau, row[10])
-    row[11] = max(row[11], abs(gain) * _peak(force, ORDER - 1, 0.0, 0.0, tau, row[11] / max(abs(gain), 1e-300)))
-    for k in range(ORDER + 1):
-        a[k] = -v[k]
-    a[0] += values[6] + values[7] * time
-    a[1] += values[7] * unit
-    row[9] = _peak(a, ORDER, values[8] + values[9] * time, values[9] * unit, tau, row[9])
-    x[0] += (values[8] + values[9] * time / 2) * time - values[3]
-    x[1] += (values[8] + values[9] * time) * unit
-    x[2] += values[9] / 2 * unit * unit
-    row[8] = _peak(x, ORDER, 0.0, 0.0, tau, row[8])
-    far, power = 0.0, 1.0
-    for k in range(ORDER + 1):
-        x[k] = -c[k]
-        far += abs(c[k]) * power
-        power *= tau
-    row[12] = min(row[12], far - _peak(x, ORDER, far, 0.0, tau, 0.0))
-
-
-@kernel
-def _integral(values: Any, c: Any, time: float, unit: float, tau: float) -> float:
-    """Integrate x~ over one step."""
-    x0, x1, x2 = values[5] + (values[6] + values[7] * time / 2) * time, values[6] + values[7] * time, values[7]
-    step = unit * tau
-    total = c[ORDER] / (ORDER + 1)
-    for k in range(ORDER - 1, -1, -1):
-        total = total * tau + c[k] / (k + 1)
-    return (x0 + (x1 / 2 + x2 / 6 * step) * step) * step - unit * tau * total
 
 
 @kernel
@@ -211,7 +110,8 @@ def _floor_after(values: Any, gain: float, l: float, speed: float) -> float:  # 
 
 
 @kernel
-def _find_piece(pieces: Any, l: float) -> int:  # noqa: E741
+def find_piece(pieces: Any, l: float) -> int:  # noqa: E741
+    """Return the lowest piece whose upper border is not below l."""
     low, high = 0, pieces.shape[0] - 1
     while low < high:
         middle = (low + high) // 2
@@ -227,14 +127,97 @@ def _finish(values: Any, gain: float, work: Any, state: Any, row: Any) -> None:
     """Write the state at the end of a step."""
     time, unit, tau, l = state  # noqa: E741
     v = work[1]
-    speed = _horner(v, ORDER, tau)
+    speed = horner(v, ORDER, tau)
     end = time + unit * tau
     row[0], row[1] = end, l
     row[2] = values[5] + (values[6] + values[7] * end / 2) * end - l
     row[3] = values[6] + values[7] * end - speed
-    row[4] = values[7] - _horner_slope(v, ORDER, tau) / unit
+    row[4] = values[7] - horner_slope(v, ORDER, tau) / unit
     row[5] = speed
-    row[6] = gain * _horner(work[2], ORDER - 1, tau)
+    row[6] = gain * horner(work[2], ORDER - 1, tau)
+
+
+@kernel
+def scale_of(values: Any, start: float, time: float, l: float) -> float:  # noqa: E741
+    """Return what an error of l [m] is to be small beside: l at the start, unless all that l consists of has gone."""
+    path = abs(values[5]) + (abs(values[6]) + abs(values[7]) / 2 * time) * time
+    return max(l, min(start, path))
+
+
+@kernel
+def first_unit(values: Any, gain: float, piece: Any, speed: float, horizon: float) -> float:
+    """Return the unit of time [s] of the first step."""
+    rate = abs(values[1] + gain * piece[2]) / values[0] + math.sqrt(values[2] / values[0])
+    return min(1.0 / rate if rate > 0 else 1.0, 2 * piece[1] / max(abs(speed), 1e-12), horizon)
+
+
+@kernel
+def _least_damping(values: Any, gain: float, pieces: Any, top: float) -> float:
+    """Bound D + D_p g(l) [N s/m] from below for all l up to a top."""
+    if gain == 0:
+        return values[1]
+    least = math.inf
+    for i in range(pieces.shape[0]):
+        start = pieces[i, 0] - pieces[i, 1]
+        if start >= top:
+            break
+        width = min(2.0, (top - start) / pieces[i, 1])  # of z, from -1 upward
+        here, spread, steep, sign = 0.0, 0.0, 0.0, 1.0
+        for j in range(pieces.shape[1] - 2):
+            here += sign * pieces[i, 2 + j]
+            spread += abs(pieces[i, 2 + j]) if j else 0.0
+            steep += j * abs(pieces[i, 2 + j])
+            sign = -sign
+        bound = max(gain * here - abs(gain) * steep * width, gain * pieces[i, 2] - abs(gain) * spread)
+        least = min(least, bound)
+    return values[1] + (max(least, 0.0) if gain < 0 else least)  # g is never above 0
+
+
+@kernel
+def _never(values: Any, gain: float, pieces: Any, l: float, speed: float) -> bool:  # noqa: E741
+    """Tell whether an l that is left alone is proved never to reach the lowest border from here on."""
+    top = l
+    if speed > 0 and values[2] > 0:
+        top = values[5] + math.sqrt((l - values[5]) ** 2 + speed**2 * values[0] / values[2])
+    bottom = pieces[0, 0] - pieces[0, 1]
+    damping = _least_damping(values, gain, pieces, top)
+    return never_arrives(values, damping, l, speed, bottom)
+
+
+@kernel
+def _rest(values: Any, damping: float, l: float, speed: float) -> float:  # noqa: E741
+    """Return how far [m] an l that is left alone may still be from its resting place."""
+    if values[2] == 0:
+        return abs(speed) * values[0] / damping if damping > 0 else (math.inf if speed else 0.0)
+    return math.sqrt((l - values[5]) ** 2 + speed**2 * values[0] / values[2])
+
+
+@kernel
+def _is_over(values: Any, gain: float, pieces: Any, open_ended: bool, last: bool, never: bool, row: Any) -> bool:
+    """Tell whether l is proved to stay above 0 and within the range for good, at its end or close to its least."""
+    l, speed, top = row[1], row[5], pieces[-1, 0] + pieces[-1, 1]  # noqa: E741
+    if never and (open_ended or speed <= 0):
+        damping = _least_damping(values, gain, pieces, l)
+        rest, doubt = _rest(values, damping, l, speed), rest_resolution(values, damping)
+        if not (last or rest <= doubt):
+            return False
+        if values[2] == 0:
+            row[13] = max(l - rest, 0.0) if rest <= doubt else math.inf
+        else:
+            row[13] = max(row[13], 0.0)
+        row[12] = min(row[12], row[13])
+        return True
+    floor = _floor_after(values, gain, l, speed)
+    ceiling = 2 * values[5] - floor if values[2] > 0 else 2 * l - floor
+    if not (floor > 0 and (open_ended or ceiling <= top)):
+        return False
+    settled = abs(l - floor) <= 1e-12 * l
+    if not (settled or last or row[12] <= floor):
+        return False
+    if values[2] == 0:
+        row[13] = floor if settled else math.inf
+    row[12] = min(row[12], row[13])
+    return True
 
 
 @kernel
@@ -242,71 +225,71 @@ def _encounter(values: Any, gain: float, pieces: Any, limits: Any, work: Any, ro
     """Solve one encounter; return its status. Where times are given, fill the trace at them."""
     horizon, contact_border, open_ended = limits
     l, speed = values[5] - values[3], values[6] - values[4]  # noqa: E741
-    scale = l
-    time, sample = 0.0, 0
-    index = _find_piece(pieces, l)
+    start, time, sample = l, 0.0, 0
+    index, last = find_piece(pieces, l), pieces.shape[0] - 1
     bottom, top = pieces[0, 0] - pieces[0, 1], pieces[-1, 0] + pieces[-1, 1]
     row[7:12] = 0.0
     row[12], row[13], row[14] = l, math.inf, 0.0
     if values[6] == 0 and values[7] == 0 and values[2] > 0 and gain <= 0:
         row[13] = values[5]
-    rate = abs(values[1] + gain * pieces[index, 2]) / values[0] + math.sqrt(values[2] / values[0])
-    unit = min(1.0 / rate if rate > 0 else 1.0, 2 * pieces[index, 1] / max(abs(speed), 1e-12), horizon)
-    for _ in range(_MAX_STEPS):
+    alone = is_left_alone(values)
+    never = alone and _never(values, gain, pieces, l, speed)
+    taylor = first_unit(values, gain, pieces[index], speed, horizon)
+    pace = np.array([0.0, PATIENCE, PATIENCE, 0.0])
+    c = work[0]
+    for _ in range(MOST_STEPS + _PER_PIECE * pieces.shape[0]):
         piece = pieces[index]
-        _expand(values, gain, piece, time, unit, l, speed, work)
-        c = work[0]
-        reach = _reach(work, max(scale, l))
-        tau = min(reach, (horizon - time) / unit)
         low, high = piece[0] - piece[1], piece[0] + piece[1]
-        low -= _OVERLAP * piece[1] if index > 0 else 0.0
-        high += _OVERLAP * piece[1]  # at the top as well: an object may rest where the range starts
-        monotone, inside = _certified(c, low, high, tau)
-        while not (monotone or inside) and tau > 1e-14:
-            tau *= 0.5
-            monotone, inside = _certified(c, low, high, tau)
-        end = _horner(c, ORDER, tau)
-        moved = 0
-        if not inside and end <= low:
-            tau, end, moved = _level_time(c, low, tau), low, -1
-        elif not inside and end >= high:
-            end = max(l, top) if index == pieces.shape[0] - 1 else high
-            tau, moved = _level_time(c, end, tau), 1
+        low -= OVERLAP * piece[1] if index > 0 else 0.0
+        high += OVERLAP * piece[1]  # at the top as well: an object may rest where the range starts
+        way = l - low if speed < 0 else high - l
+        longest = min(horizon - time, AHEAD * way / max(abs(speed), 1e-300))
+        unit = long_step(values, gain, piece, (time, l, speed), taylor, longest, pace, work)
+        tau = 1.0
+        if unit == 0.0:
+            unit, scale = taylor, scale_of(values, start, time, l)
+            expand(values, gain, piece, time, unit, l, speed, work)
+            tau = reach_of(work, scale)
+            taylor = min(unit * tau, horizon)
+            pace[3] = _LEFT_OUT * _SLOW * scale / taylor
+        tau = min(tau, (horizon - time) / unit)
+        borders = (low, high, index == 0 and not never)
+        tau, end, moved, touched, since = accepted_step(values, c, borders, (time, unit), tau)
+        if moved > 0 and index == last:
+            end = max(l, top)
+            tau = level_time(c, end, since, tau) if horner(c, ORDER, since) < end else since
         while sample < times.shape[0] and times[sample] <= time + unit * tau:
             s = (times[sample] - time) / unit
-            at, fast = _horner(c, ORDER, s), _horner(work[1], ORDER, s)
+            at, fast = horner(c, ORDER, s), horner(work[1], ORDER, s)
             trace[sample, 0] = at
             t = times[sample]
             trace[sample, 1] = values[5] + (values[6] + values[7] * t / 2) * t - at
             trace[sample, 2] = values[6] + values[7] * t - fast
-            trace[sample, 3] = values[7] - _horner_slope(work[1], ORDER, s) / unit
+            trace[sample, 3] = values[7] - horner_slope(work[1], ORDER, s) / unit
             sample += 1
-        row[14] += _integral(values, c, time, unit, tau)
+        row[14] += integral(values, c, time, unit, tau)
         _finish(values, gain, work, (time, unit, tau, end), row)
-        _keep_extremes(values, gain, work, time, unit, tau, row)
+        keep_extremes(values, gain, work, time, unit, tau, row)
         time, l, speed = row[0], end, row[5]  # noqa: E741
         if moved < 0 and index == 0:
             row[1] = row[12] = bottom
-            return CONTACT if contact_border else LEFT_RANGE
-        if moved > 0 and index == pieces.shape[0] - 1:
+            if touched:
+                row[3], row[5], row[6] = row[3] + speed, 0.0, 0.0
+            row[13] = bottom if never else row[13]  # then it is as close to its rest as rounding lets it come
+            return NEVER if never else CONTACT if contact_border else LEFT_RANGE
+        if moved > 0 and index == last:
             row[1] = top
             return UNRESOLVED if open_ended else LEFT_RANGE
         index += moved
-        floor = _floor_after(values, gain, l, speed)
-        ceiling = 2 * values[5] - floor if values[2] > 0 else 2 * l - floor
-        if floor > 0 and (open_ended or ceiling <= top):
-            settled = abs(l - floor) <= 1e-12 * l
-            if settled or time >= horizon or row[12] <= floor:
-                if values[2] == 0:
-                    row[13] = floor if settled else math.inf
-                row[12] = min(row[12], row[13])
-                return NEVER
-        if time >= horizon:
-            return HORIZON
-        if not (math.isfinite(l) and math.isfinite(speed)):
-            return UNRESOLVED
-        unit = min(unit * reach, horizon)
-    return UNRESOLVED
+        never = never or (alone and _never(values, gain, pieces, l, speed))
+        vanished = alone and values[5] == 0 and values[2] > 0 and _rest(values, 0.0, l, speed) <= _VANISHED * start
+        if vanished:
+            row[12] = row[13] = 0.0
+        if vanished or _is_over(values, gain, pieces, open_ended, time >= horizon, never, row):
+            return NEVER
+        if time >= horizon or not math.isfinite(l + speed):
+            return HORIZON if time >= horizon else UNRESOLVED
+    return NEVER if never and _is_over(values, gain, pieces, open_ended, True, never, row) else UNRESOLVED
 
 
 @kernel
@@ -321,7 +304,7 @@ def solve_series(values: Any, gains: Any, pieces: Any, limits: Any, rows: Any, s
         rows: filled with layout.COLUMNS, shape (n, 15).
         status: filled with the numbers of ContactStatus, shape (n,).
     """
-    work = np.zeros((3 + max(2, pieces.shape[1] - 2), ORDER + 2))
+    work = np.zeros((max(ROWS, 3 + pieces.shape[1] - 2), ORDER + 2))
     none, nowhere = np.zeros(0), np.zeros((0, 4))
     for i in range(values.shape[0]):
         status[i] = _encounter(values[i], gains[i], pieces, limits, work, rows[i], none, nowhere)
@@ -330,7 +313,7 @@ def solve_series(values: Any, gains: Any, pieces: Any, limits: Any, rows: Any, s
 @kernel
 def trace_series(values: Any, gains: Any, pieces: Any, limits: Any, times: Any, trace: Any) -> None:
     """Fill trace[i, j] with layout.TRACE_COLUMNS of encounter i at times[i, j], ascending, until its end."""
-    work = np.zeros((3 + max(2, pieces.shape[1] - 2), ORDER + 2))
+    work = np.zeros((max(ROWS, 3 + pieces.shape[1] - 2), ORDER + 2))
     row = np.zeros(15)
     for i in range(values.shape[0]):
         _encounter(values[i], gains[i], pieces, limits, work, row, times[i], trace[i])

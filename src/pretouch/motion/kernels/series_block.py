@@ -1,9 +1,10 @@
-"""Solve many encounters of one curve side by side, and leave to solve_series whatever is not proved.
+"""Solve many encounters side by side, and leave to solve_series whatever is not proved.
 
-Eight encounters at a time take Taylor steps, each with its own time, its own step and its own window of the curve;
-series_step holds the arithmetic. An encounter that ends makes room for the next at once: no lane waits for another, and
-no result depends on what the other lanes hold. Encounters that reach the contact wait in a second set of rows until
-there are eight of them, to be finished together.
+Eight encounters at a time take Taylor steps, each with its own time, its own step and its own window of its curve;
+series_step holds the arithmetic. The windows of all curves lie in one table, and each encounter knows which are its
+own. An encounter that ends makes room for the next at once: no lane waits for another, and no result depends on what
+the other lanes hold. Encounters that reach the contact wait in a second set of rows until there are eight of them, to
+be finished together.
 
 What is proved. On each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) bounds dl/ds from
 above. A step counts only where that bound is negative: then l falls all along, its value at the end decides whether it
@@ -35,7 +36,7 @@ from .series_lane import (
     take_step,
     window_slope,
 )
-from .series_peaks import ALL_ROWS, KEPT_ROWS, follow_peaks, settle_peaks, start_peaks, write_peaks
+from .series_peaks import ALL_ROWS, KEPT_ROWS, SPARE, follow_peaks, settle_peaks, start_peaks, write_peaks
 from .series_step import MOST_STEPS, ORDER, ROWS, Row, find_in_step
 
 __all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_times", "solve_lanes"]
@@ -58,9 +59,10 @@ TERMS, WIDEST, EXCESS = Row.TERMS, Row.WIDEST, Row.EXCESS
 
 @kernel
 def _finish(
-    queue: Any, owners: Any, count: int, windows: Any, out: Any, gradients: Any, demands: Any, status: Any
+    queue: Any, owners: Any, count: int, curves: Any, out: Any, gradients: Any, demands: Any, status: Any
 ) -> None:
     """Find the contacts of the encounters that wait, and write them."""
+    windows, starts, curve_of = curves
     degree = windows.shape[1] - _TERMS - 1
     find_in_step(queue)
     if gradients is not None:
@@ -69,7 +71,6 @@ def _finish(
     if demands is not None:
         cut_steps(queue, count)
         follow_peaks(queue, degree, owners, demands[3], demands[2])
-    slope = window_slope(windows, 0, 0.0)
     for lane in range(count):
         i, time = owners[lane], queue[FINAL_TIME, lane]
         if queue[DOUBT, lane] <= _LARGEST_DOUBT and time <= queue[HORIZON, lane] and queue[FINAL_SPEED, lane] < 0:
@@ -82,7 +83,8 @@ def _finish(
             out[5, i] = queue[FINAL_INTEGRAL, lane]
             status[i] = CONTACT
             if gradients is not None and (smooth >> lane) & 1:
-                write_gradient(queue, lane, slope, gradients[:, :, i])
+                first = starts[curve_of[i] if curve_of.shape[0] > 1 else curve_of[0]]
+                write_gradient(queue, lane, window_slope(windows, first, 0.0), gradients[:, :, i])
             if demands is not None:
                 write_peaks(queue, lane, degree, i, demands[2])
 
@@ -90,28 +92,29 @@ def _finish(
 @kernel
 def contact_times(
     inputs: Any,
-    windows: Any,
+    curves: Any,
     horizon: float,
     out: Any,
     status: Any,
 ) -> None:
-    """Find the first contact of encounters of one curve, where that can be proved.
+    """Find the first contact of encounters, where that can be proved.
 
     Args:
         inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
             [m/s^2] of the obstacle relative to the reference, and D_p [N s]: nine arrays, (n,) or (1,), contiguous.
-        windows: the curve as curve_windows gives it, from l = 0 upward.
+        curves: windows of all curves as curve_windows gives them, from l = 0 upward; where those of each curve start
+            there, and where the last ends; and which curve is that of each encounter, (n,) or (1,).
         horizon: the latest contact of interest [s].
         out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
         status: filled with CONTACT or OPEN, shape (n,).
     """
-    solve_lanes(inputs, windows, horizon, out, None, None, status)
+    solve_lanes(inputs, curves, horizon, out, None, None, status)
 
 
 @kernel
 def contact_gradients(
     inputs: Any,
-    windows: Any,
+    curves: Any,
     horizon: float,
     out: Any,
     gradients: Any,
@@ -121,7 +124,7 @@ def contact_gradients(
 
     Args:
         inputs: see contact_times.
-        windows: see contact_times.
+        curves: see contact_times.
         horizon: see contact_times.
         out: see contact_times.
         gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs in the order above,
@@ -129,13 +132,13 @@ def contact_gradients(
         status: see contact_times.
     """
     gradients[:] = np.nan
-    solve_lanes(inputs, windows, horizon, out, gradients, None, status)
+    solve_lanes(inputs, curves, horizon, out, gradients, None, status)
 
 
 @kernel
 def solve_lanes(
     inputs: Any,
-    windows: Any,
+    curves: Any,
     horizon: float,
     out: Any,
     gradients: Any,
@@ -147,16 +150,16 @@ def solve_lanes(
     Demands are the velocity and the acceleration of the reference, what is to be filled, and room for peaks.
     """
     mass, damping, stiffness, x0, u0, p, v, a, gain = inputs
+    windows, starts, curve_of = curves
     n = status.shape[0]
     out[:] = np.nan
     status[:] = OPEN
-    if windows.shape[0] == 0 or windows[0, _LOW] != 0.0:
-        return
     degree = windows.shape[1] - _TERMS - 1
     rows = ROWS if demands is None else ALL_ROWS
     work, queue = aligned_rows(rows), aligned_rows(rows)
     owner, owners = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     place, cuts = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    first, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)  # of the windows of its curve
     waiting, following, active, hint = 0, 0, 0, 0
     before = np.zeros((CAP - TIME, LANES))
     copied = EDGE if gradients is None else ROWS
@@ -179,9 +182,13 @@ def solve_lanes(
             g = gain[i] if gain.shape[0] > 1 else gain[0]
             l, speed = position - x, velocity - u  # noqa: E741
             whole = abs(d) + abs(s) + abs(acceleration) + abs(g) + abs(position) + abs(x) + abs(velocity) + abs(u)
-            if not (m > 0 and m < math.inf and whole < math.inf and l > 0 and (gradients is None or speed != 0)):
-                continue  # gradients are found by a division by l'(0)
-            index = find_window(windows, l, hint)
+            if not (m > 0 and m < math.inf and whole < math.inf and l > 0):
+                continue
+            curve = curve_of[i] if curve_of.shape[0] > 1 else curve_of[0]
+            lowest, beyond = starts[curve], starts[curve + 1]
+            if lowest == beyond or windows[lowest, _LOW] != 0.0:
+                continue
+            index = find_window(windows, lowest, beyond, l, hint)
             if index < 0:
                 continue
             hint = index
@@ -191,14 +198,15 @@ def solve_lanes(
             work[TIME, lane], work[DISTANCE, lane], work[SPEED, lane] = 0.0, l, speed
             work[INTEGRAL, lane], work[ERROR, lane], work[STRONGEST, lane] = 0.0, 0.0, 0.0
             work[CAP, lane], work[SCALE, lane], work[STEPS, lane], work[HORIZON, lane] = _NEVER, l, 0.0, horizon
-            enter_window(windows, index, work, lane)
+            enter_window(windows, lowest, index, work, lane)
             if gradients is not None:
-                work[MASS, lane], work[FIRST_SPEED, lane] = m, speed
-                work[WIDEST, lane] = 0.0
+                work[MASS, lane], work[WIDEST, lane] = m, 0.0
+                work[SCALE, lane] /= SPARE  # dl'/dq rests on l'', which has lost two factors of order over length
                 for row in range(RESPONSES, TERMS):
                     work[row, lane] = 0.0
-                work[TERMS - 2, lane] = 1.0  # the response to l(0), and its momentum
-                work[TERMS - 1, lane] = (d + g * window_slope(windows, index, l)) * inverse
+                work[TERMS - 4, lane] = 1.0  # the response to l(0), and its momentum
+                work[TERMS - 3, lane] = (d + g * window_slope(windows, index, l)) * inverse
+                work[TERMS - 1, lane] = 1.0  # that to l'(0)
             if demands is not None:
                 drift, pull = demands[0], demands[1]
                 work[MASS, lane], work[FIRST_SPEED, lane] = m, speed
@@ -210,6 +218,7 @@ def solve_lanes(
                     pull[i] if pull.shape[0] > 1 else pull[0],
                 )
             owner[lane], place[lane], cuts[lane] = i, index, 0
+            first[lane], last[lane] = lowest, beyond
             free &= ~(1 << lane)
             active |= 1 << lane
         if active == 0:
@@ -247,10 +256,10 @@ def solve_lanes(
         for lane in range(LANES):
             if (late >> lane) & 1:
                 index = place[lane]
-                while index > 0 and work[DISTANCE, lane] <= windows[index, _SWITCH]:
+                while index > first[lane] and work[DISTANCE, lane] <= windows[index, _SWITCH]:
                     index -= 1
                 place[lane] = index
-                enter_window(windows, index, work, lane)
+                enter_window(windows, first[lane], index, work, lane)
             if not (stuck >> lane) & 1:
                 continue
             end, bound, length = work[END, lane], work[BOUND, lane], work[LENGTH, lane]
@@ -258,7 +267,7 @@ def solve_lanes(
             if work[CAP, lane] == _NEVER:  # the last step counted
                 cuts[lane] = 0
             if bound < -1e-9 * abs(work[1, lane]) and work[STEPS, lane] < MOST_STEPS:
-                if end <= 0.0 and place[lane] == 0:
+                if end <= 0.0 and place[lane] == first[lane]:
                     for row in range(copied):
                         queue[row, waiting] = work[row, lane]
                     if demands is not None:
@@ -267,7 +276,7 @@ def solve_lanes(
                     owners[waiting] = owner[lane]
                     waiting += 1
                     if waiting == LANES:
-                        _finish(queue, owners, waiting, windows, out, gradients, demands, status)
+                        _finish(queue, owners, waiting, curves, out, gradients, demands, status)
                         waiting = 0
                 elif end <= work[EDGE, lane]:
                     work[CAP, lane] = length * level_part(work, lane, windows[place[lane], _LOW])
@@ -275,9 +284,9 @@ def solve_lanes(
             elif bound < math.inf and cuts[lane] < _MOST_CUTS and work[STEPS, lane] < MOST_STEPS:
                 cuts[lane] += 1
                 over = False
-                if place[lane] + 1 < windows.shape[0] and work[DISTANCE, lane] > windows[place[lane] + 1, _SWITCH]:
+                if place[lane] + 1 < last[lane] and work[DISTANCE, lane] > windows[place[lane] + 1, _SWITCH]:
                     place[lane] += 1  # l may rise: the window above has room
-                    enter_window(windows, place[lane], work, lane)
+                    enter_window(windows, first[lane], place[lane], work, lane)
                 else:
                     spare = work[1, lane] / (work[1, lane] - bound)
                     work[CAP, lane] = length * (0.95 * spare if 0.8 < spare < 1 else 0.7)
@@ -285,7 +294,7 @@ def solve_lanes(
                 free |= 1 << lane
                 active &= ~(1 << lane)
     if waiting:
-        _finish(queue, owners, waiting, windows, out, gradients, demands, status)
+        _finish(queue, owners, waiting, curves, out, gradients, demands, status)
     if demands is not None:
         settle_peaks(demands[3], demands[2])
         for i in range(n):

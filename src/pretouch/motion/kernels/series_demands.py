@@ -19,7 +19,7 @@ def contact_peaks(
     inputs: Any,
     drift: Any,
     pull: Any,
-    windows: Any,
+    curves: Any,
     horizon: float,
     out: Any,
     peaks: Any,
@@ -31,7 +31,7 @@ def contact_peaks(
         inputs: see contact_times.
         drift: velocity of the reference at the start [m/s].
         pull: its acceleration [m/s^2].
-        windows: see contact_times.
+        curves: see contact_times.
         horizon: see contact_times.
         out: see contact_times.
         peaks: filled with max |x~|, |x - x(0)|, |x'|, |x''| and |F_p|, shape (5, n); nan where open or not settled.
@@ -40,4 +40,4 @@ def contact_peaks(
     peaks[:] = 0.0
     room = (aligned_rows(WAITING_ROWS), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(1, np.int64))
     demands = (drift, pull, peaks, room)
-    solve_lanes(inputs, windows, horizon, out, None, demands, status)
+    solve_lanes(inputs, curves, horizon, out, None, demands, status)

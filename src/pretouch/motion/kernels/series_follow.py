@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 
 from .compiler import kernel
-from .series import ORDER, _certified, _expand, _find_piece, _horner, _horner_slope, _level_time, _reach
+from .polynomial import ORDER, accepted_step, horner, horner_slope
+from .series import OVERLAP, expand, find_piece, first_unit, reach_of, scale_of
 
 __all__ = ["FOLLOWED", "follow_gradients"]
 
 FOLLOWED = 9
 """How many inputs there are before those of the curve: M, D, K, x~(0), x~'(0), p, v, a, D_p."""
 
-_MAX_STEPS = 100_000  # as in series
-_OVERLAP = 1e-9
+_MOST_STEPS = 20_000  # what is stiffer is differentiated by differences
 _TRIES = 8
 _LEFT_OUT = 1e-15  # of the largest value of a response, per step
 
@@ -129,13 +129,12 @@ def _follow(values: Any, gain: float, pieces: Any, terms: Any, horizon: float, r
     """Follow one encounter to its contact and write its gradients; tell whether it came there."""
     work, held, rest, forces, state, series, sizes = room
     l, speed = values[5] - values[3], values[6] - values[4]  # noqa: E741
-    scale, time = l, 0.0
-    index, last = _find_piece(pieces, l), pieces.shape[0] - 1
-    rate = abs(values[1] + gain * pieces[index, 2]) / values[0] + math.sqrt(values[2] / values[0])
-    unit = min(1.0 / rate if rate > 0 else 1.0, 2 * pieces[index, 1] / max(abs(speed), 1e-12), horizon)
-    for step in range(_MAX_STEPS):
+    start, time = l, 0.0
+    index, last = find_piece(pieces, l), pieces.shape[0] - 1
+    unit = first_unit(values, gain, pieces[index], speed, horizon)
+    for step in range(_MOST_STEPS):
         piece = pieces[index]
-        _expand(values, gain, piece, time, unit, l, speed, work)
+        expand(values, gain, piece, time, unit, l, speed, work)
         c = work[0]
         _slopes(piece, terms[index], work, held, rest, values[1], gain)
         held /= values[0]
@@ -144,26 +143,19 @@ def _follow(values: Any, gain: float, pieces: Any, terms: Any, horizon: float, r
             sizes[:] = 0.0
         _fill_forces(values, gain, time, unit, work, rest, forces)
         _expand_responses(state, held, forces, values[2] / values[0], unit, series)
-        reach = _response_reach(series, sizes, _reach(work, max(scale, l)))
+        reach = _response_reach(series, sizes, reach_of(work, scale_of(values, start, time, l)))
         tau = min(reach, (horizon - time) / unit)
         low, high = piece[0] - piece[1], piece[0] + piece[1]
-        low -= _OVERLAP * piece[1] if index > 0 else 0.0
-        high += _OVERLAP * piece[1]
-        monotone, inside = _certified(c, low, high, tau)
-        while not (monotone or inside) and tau > 1e-14:
-            tau *= 0.5
-            monotone, inside = _certified(c, low, high, tau)
-        end = _horner(c, ORDER, tau)
-        moved = 0
-        if not inside and end <= low:
-            tau, end, moved = _level_time(c, low, tau), low, -1
-        elif not inside and end >= high:
-            tau, end, moved = _level_time(c, high, tau), high, 1
+        low -= OVERLAP * piece[1] if index > 0 else 0.0
+        high += OVERLAP * piece[1]
+        tau, end, moved, touched, _ = accepted_step(values, c, (low, high, index == 0), (time, unit), tau)
         for row in range(state.shape[0]):
-            state[row, 0], state[row, 1] = _horner(series[row, 0], ORDER, tau), _horner(series[row, 1], ORDER, tau)
-        time, l, speed = time + unit * tau, end, _horner(work[1], ORDER, tau)  # noqa: E741
+            state[row, 0], state[row, 1] = horner(series[row, 0], ORDER, tau), horner(series[row, 1], ORDER, tau)
+        time, l, speed = time + unit * tau, end, horner(work[1], ORDER, tau)  # noqa: E741
+        if touched:
+            return False  # a contact with l' = 0, which an arbitrarily small change turns into none
         if moved < 0 and index == 0:
-            bend, now = _horner_slope(work[1], ORDER, tau) / unit, _horner(held, ORDER, tau)
+            bend, now = horner_slope(work[1], ORDER, tau) / unit, horner(held, ORDER, tau)
             for row in range(state.shape[0]):
                 found[0, row] = -state[row, 0] / speed
                 found[1, row] = state[row, 1] - now * state[row, 0] + bend * found[0, row]

@@ -5,19 +5,18 @@ A change of an input changes l by d(t), which obeys the linear equation of small
     M d'' + D d' + K d + D_p (g d)' = f,    d' = y - c d,   y' = -(K d - f) / M,   c = (D + D_p g) / M,
 
 along the motion that is known already, so its Taylor coefficients follow over the same steps by one convolution of c
-and d. Seven responses are followed: h_1, to l(0), and from rest those to the forces x~' (for D), x~ (for K),
--d(ln xi)/dt (for D_p), and M times 1, t and t^2/2 (F_0, F_1, F_2). They give
+and d. Eight responses are followed: h_1 to l(0) and h_2 to l'(0), and from rest those to the forces x~' (for D), x~
+(for K), -d(ln xi)/dt (for D_p), and M times 1, t and t^2/2 (F_0, F_1, F_2). They give
 
     d_x0 = -h_1,   d_p = h_1 + (K/M) F_0,   d_a = F_0 + (D F_1 + K F_2) / M,
     d_u0 = -h_2,   d_v = h_2 + (D F_0 + K F_1) / M,
 
-and two symmetries of the equation of motion the rest, h_2 (to l'(0)) and d_M:
+and a symmetry of the equation of motion, the same factor on M, D, K and D_p, gives the last,
 
-    the same factor on M, D, K, D_p:    0 = M d_M + D d_D + K d_K + D_p d_Dp
-    another unit of time:            t l' = D d_D + 2 K d_K + D_p d_Dp + v d_v + 2 a d_a + u_0 d_u0
+    0 = M d_M + D d_D + K d_K + D_p d_Dp.
 
-The second is solved for h_2, whose factor is l'(0): not zero, or there is no approach. (Another origin of time would
-give h_1 as well, but where the motion is stiff that loses the digits of its damping rate.)
+(Other units and another origin of time would give h_2 and h_1 as well, but lose digits: the one divides by l'(0), which
+is small at a slow start, the other takes those of the damping rate where the motion is stiff.)
 """
 
 from __future__ import annotations
@@ -84,7 +83,7 @@ def _inverse(work: Rows, b: dict[int, Vector], order: int) -> dict[int, Vector]:
 
 
 def _carry(work: Rows, degree: int) -> Any:
-    """Build what one step adds to the seven responses, in the lanes that were moved."""
+    """Build what one step adds to the eight responses, in the lanes that were moved."""
     b = {k: work[k] for k in range(ORDER + 1)}
     length, start, stiffness, bend = work[Row.LENGTH], work[Row.START], work[Row.STIFFNESS], work[Row.ACCELERATION]
     last = ORDER - 1
@@ -108,7 +107,7 @@ def _carry(work: Rows, degree: int) -> Any:
     forces.append({0: square})
     forces.append({0: square * start, 1: square * length})
     forces.append({0: square * start * start * 0.5, 1: square * length * start, 2: square * square * 0.5})
-    forces.append({})
+    forces += [{}, {}]
     pull = -stiffness * square
     ds = [{0: work[Row.RESPONSES + 2 * i]} for i in range(len(forces))]
     ys = [work[Row.RESPONSES + 2 * i + 1] * length for i in range(len(forces))]
@@ -143,7 +142,6 @@ carry_12: Any = intrinsic(make_intrinsic(lambda work: _carry(work, 12)))
 
 DAMPING, STIFFNESS, GAIN, MASS, RESPONSES = Row.DAMPING, Row.STIFFNESS, Row.GAIN, Row.MASS, Row.RESPONSES
 VELOCITY, ACCELERATION = Row.VELOCITY, Row.ACCELERATION
-FIRST_SPEED = Row.FIRST_SPEED
 FINAL_TIME, FINAL_SPEED, FINAL_BEND = Row.FINAL_TIME, Row.FINAL_SPEED, Row.FINAL_BEND
 
 
@@ -152,22 +150,20 @@ def write_gradient(queue: Any, lane: int, slope: float, found: Any) -> None:
     """Write the derivatives of time, x~ and l' at contact by the nine inputs, shape (3, 9); slope: g at contact."""
     dm, km, gm, m = queue[DAMPING, lane], queue[STIFFNESS, lane], queue[GAIN, lane], queue[MASS, lane]
     v, a, time = queue[VELOCITY, lane], queue[ACCELERATION, lane], queue[FINAL_TIME, lane]
-    speed, bend, first = queue[FINAL_SPEED, lane], queue[FINAL_BEND, lane], queue[FIRST_SPEED, lane]
+    speed, bend = queue[FINAL_SPEED, lane], queue[FINAL_BEND, lane]
     held = dm + gm * slope
     for part in range(2):  # the change of l, then that of l', at the time of contact
-        r = np.zeros(7)
-        for j in range(7):
+        r = np.zeros(8)
+        for j in range(8):
             d, y = queue[RESPONSES + 2 * j, lane], queue[RESPONSES + 2 * j + 1, lane]
             r[j] = d if part == 0 else y - held * d
-        scaling = time * speed if part == 0 else speed + time * bend
         by_a = r[3] + dm * r[4] + km * r[5]
         driven = dm * r[3] + km * r[4]
-        h2 = (scaling - dm * r[0] - 2 * km * r[1] - gm * r[2] - v * driven - 2 * a * by_a) / first
         row = 2 * part
         found[row, 0] = -(dm * r[0] + km * r[1] + gm * r[2]) / m
         found[row, 1], found[row, 2], found[row, 8] = r[0] / m, r[1] / m, r[2] / m
-        found[row, 3], found[row, 4] = -r[6], -h2
-        found[row, 5], found[row, 6], found[row, 7] = r[6] + km * r[3], h2 + driven, by_a
+        found[row, 3], found[row, 4] = -r[6], -r[7]
+        found[row, 5], found[row, 6], found[row, 7] = r[6] + km * r[3], r[7] + driven, by_a
     for j in range(9):
         found[0, j] = -found[0, j] / speed
         found[2, j] += bend * found[0, j]

@@ -8,7 +8,7 @@ from typing import Any
 from .compiler import kernel
 from .lanes import LANES
 from .series_gradient import carry_4, carry_12, carry_power
-from .series_step import ORDER, Row, step_1, step_4, step_12, step_power
+from .series_step import MOST_STEPS, ORDER, Row, step_1, step_4, step_12, step_power
 
 __all__ = [
     "carry_responses",
@@ -94,12 +94,15 @@ def window_slope(windows: Any, index: int, l: float) -> float:  # noqa: E741
 
 
 @kernel
-def find_window(windows: Any, l: float, hint: int) -> int:  # noqa: E741
-    """Return the lowest window whose TOP is not below l, -1 where there is none; quickly where the hint is right."""
-    low, high = 0, windows.shape[0] - 1
+def find_window(windows: Any, first: int, last: int, l: float, hint: int) -> int:  # noqa: E741
+    """Return the lowest window from first to before last whose TOP is not below l, -1 where there is none.
+
+    It is quick where the hint is right, and none of the worse where not.
+    """
+    low, high = first, last - 1
     if not l <= windows[high, _TOP]:
         return -1
-    if l <= windows[hint, _TOP] and (hint == 0 or l > windows[hint - 1, _TOP]):
+    if low <= hint <= high and l <= windows[hint, _TOP] and (hint == low or l > windows[hint - 1, _TOP]):
         return hint
     while low < high:
         middle = (low + high) // 2
@@ -111,10 +114,10 @@ def find_window(windows: Any, l: float, hint: int) -> int:  # noqa: E741
 
 
 @kernel
-def enter_window(windows: Any, index: int, work: Any, lane: int) -> None:
-    """Let a lane read another window."""
+def enter_window(windows: Any, first: int, index: int, work: Any, lane: int) -> None:
+    """Let a lane read another window of its curve, whose lowest is the first."""
     work[EDGE, lane] = windows[index, _EDGE]
-    work[SWITCH, lane] = windows[index, _SWITCH] if index > 0 else -math.inf
+    work[SWITCH, lane] = windows[index, _SWITCH] if index > first else -math.inf
     work[MIDDLE, lane] = windows[index, _MIDDLE]
     for j in range(windows.shape[1] - _TERMS):
         work[TERMS + j, lane] = windows[index, _TERMS + j]
@@ -141,8 +144,10 @@ def pass_turn(work: Any, lane: int, low: float, top: float) -> bool:
     """Move a lane over a step on which l need not fall, where its coefficients prove that l stays between two levels.
 
     Returns:
-        Whether that is proved and the step ends within the horizon.
+        Whether that is proved, the step ends within the horizon, and it is none too many.
     """
+    if not work[STEPS, lane] < MOST_STEPS:
+        return False
     below, above, area, speed = 0.0, 0.0, 0.0, 0.0
     for k in range(1, ORDER + 1):
         b = work[k, lane]

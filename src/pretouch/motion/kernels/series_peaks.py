@@ -29,6 +29,7 @@ __all__ = [
     "ALL_ROWS",
     "BEST",
     "KEPT_ROWS",
+    "SPARE",
     "WAITING_ROWS",
     "follow_peaks",
     "settle_peaks",
@@ -38,7 +39,7 @@ __all__ = [
 
 _PARTS = 8
 _LOW_DEGREE = 6
-_SPARE = 64.0  # steps are as short as a tolerance smaller by this makes them: derivatives lose digits
+SPARE = 64.0  # steps are as short as a tolerance smaller by this makes them: derivatives lose digits
 _PEAKS = 5
 BEST, TAIL_SPEED, TAIL_BEND, TERMS_OF_FORCE, DRIFT, PULL, X0 = (ROWS + k for k in (0, 5, 6, 7, 8, 9, 10))
 KEPT_ROWS = ROWS + 11
@@ -215,7 +216,7 @@ def start_peaks(work: Any, lane: int, x0: float, drift: float, pull: float) -> N
     for row in range(BEST, KEPT_ROWS):
         work[row, lane] = 0.0
     work[DRIFT, lane], work[PULL, lane], work[X0, lane] = drift, pull, x0
-    work[SCALE, lane] /= _SPARE
+    work[SCALE, lane] /= SPARE
 
 
 @kernel

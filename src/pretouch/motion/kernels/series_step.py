@@ -54,7 +54,7 @@ class Row:
     EDGE, SWITCH, MIDDLE = range(ORDER + 21, ORDER + 24)
     FINAL_TIME, FINAL_SPEED, FINAL_BEND, FINAL_INTEGRAL, DOUBT = range(ORDER + 24, ORDER + 29)  # of find_in_step
     START, MOVED, MASS, FIRST_SPEED, RESPONSES = range(ORDER + 29, ORDER + 34)
-    TERMS = RESPONSES + 14
+    TERMS = RESPONSES + 16
     WIDEST, EXCESS = range(TERMS + 13, TERMS + 15)  # the largest response to D_p, and what last terms add beside it
 
 

@@ -9,7 +9,16 @@ import numpy as np
 
 from pretouch.control import Sample
 
-from .mechanics import advance, contact_force, contact_step, crossing, elastic_duration, hermite
+from .mechanics import (
+    advance,
+    contact_force,
+    contact_step,
+    elastic_duration,
+    first_touch,
+    hermite,
+    hermite_slope,
+    resolution,
+)
 from .noise import mix
 from .sensing import instant_of, log_output, raw_reading, start_of
 
@@ -157,16 +166,19 @@ def encounters(
                     end[22] = max(end[22], abs(rate))
                 gap, closing = body[3] - body[0], (body[4] - body[1]) * h
                 gap_after, closing_after = moved[3] - moved[0], (moved[4] - moved[1]) * h
-                hit = not touching and gap_after <= 0.0
+                part, least = 2.0, gap_after
+                if not touching:
+                    doubt = resolution(x_start, (xo_start, vo_start, ao), moved[0], t + at + h)
+                    part, least = first_touch(gap, closing, gap_after, closing_after, doubt)
+                hit = part <= 1.0
                 if hit:
-                    part = crossing(gap, closing, gap_after, closing_after)
                     if ideal:
                         body = (
                             hermite(body[0], body[1] * h, moved[0], moved[1] * h, part),
-                            body[1] + part * (moved[1] - body[1]),
+                            hermite_slope(body[0], body[1] * h, moved[0], moved[1] * h, part) / h,
                             0.0,
                             hermite(body[3], body[4] * h, moved[3], moved[4] * h, part),
-                            body[4] + part * (moved[4] - body[4]),
+                            hermite_slope(body[3], body[4] * h, moved[3], moved[4] * h, part) / h,
                             0.0,
                         )
                         at += part * h
@@ -174,6 +186,7 @@ def encounters(
                         h *= part
                         moved = advance(body, at, h, target, plant, apart_from, push) if h > 0.0 else body
                         gap_after, closing_after = moved[3] - moved[0], (moved[4] - moved[1]) * h
+                        least = gap_after
                 while instant <= t + at + h + _TINY and not (hit and ideal):
                     part = min(max((instant - t - at) / h, 0.0), 1.0) if h > 0.0 else 1.0
                     distance = hermite(gap, closing, gap_after, closing_after, part)
@@ -194,7 +207,7 @@ def encounters(
                 else:
                     body = moved
                     at += h
-                    end[6] = min(end[6], gap_after)
+                    end[6] = min(end[6], least)
                 now = t + at
                 if count == 0:
                     away = xd_start + now * (vd_start + 0.5 * ad * now)

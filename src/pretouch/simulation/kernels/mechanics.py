@@ -5,7 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
-__all__ = ["advance", "contact_force", "contact_step", "crossing", "elastic_duration", "hermite"]
+__all__ = [
+    "advance",
+    "contact_force",
+    "contact_step",
+    "elastic_duration",
+    "first_touch",
+    "hermite",
+    "hermite_slope",
+    "resolution",
+]
+
+_RESOLUTION = 1e-12
+"""How close to zero a smallest distance is taken for zero, of the terms that l is the difference of, as in motion."""
 
 
 def contact_force(contact: Any, depth: float, rate: float) -> float:
@@ -48,9 +60,63 @@ def hermite(start: float, start_slope: float, end: float, end_slope: float, s: f
     )
 
 
-def crossing(start: float, start_slope: float, end: float, end_slope: float) -> float:
-    """Return the part of a step after which the cubic through both ends first changes its sign, by bisection."""
-    low, high = 0.0, 1.0
+def hermite_slope(start: float, start_slope: float, end: float, end_slope: float, s: float) -> float:
+    """Return the slope of the cubic through both ends at the part s of the step, over the whole step."""
+    rise = end - start
+    second, third = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
+    return start_slope + s * (2.0 * second + s * 3.0 * third)
+
+
+def resolution(start: float, obstacle: Any, position: float, t: float) -> float:
+    """Return the distance [m] at a time that is not told from zero; obstacle: x_o, x_o' and x_o'' at the start."""
+    way = (abs(obstacle[1]) + 0.5 * abs(obstacle[2]) * t) * t
+    return _RESOLUTION * (abs(start) + abs(position) + abs(obstacle[0]) + way)
+
+
+def first_touch(start: float, start_slope: float, end: float, end_slope: float, doubt: float) -> Any:
+    """Find where the cubic through both ends of a step first comes to zero, and the least that it comes to.
+
+    Between its turning points the cubic rises or falls, so that none of its zeros is missed, however short the dip. A
+    smallest distance closer to zero than `doubt`, on either side, is a touch, there; one that the cubic only rises
+    from, as after a contact, is none.
+
+    Args:
+        start: distance at the start of the step [m].
+        start_slope: its slope there over the whole step [m].
+        end: distance at the end [m].
+        end_slope: its slope there over the whole step [m].
+        doubt: the distance that is not told from zero [m].
+
+    Returns:
+        The part of the step at which it touches, 2 where it does not; the least distance up to the end [m].
+    """
+    lowest = min(start, end)
+    if end > doubt and min(start + start_slope / 3.0, end - end_slope / 3.0) >= lowest:  # Bernstein: not below its ends
+        return 2.0, lowest
+    rise = end - start
+    second, third = 3.0 * rise - 2.0 * start_slope - end_slope, start_slope + end_slope - 2.0 * rise
+    root = second * second - 3.0 * third * start_slope
+    near, far = 1.0, 1.0
+    if root > 0.0:
+        q = -second - math.copysign(math.sqrt(root), second)
+        one = start_slope / q if abs(start_slope) < abs(q) else 1.0
+        other = q / (3.0 * third) if abs(q) < abs(3.0 * third) else 1.0
+        one, other = one if one > 0.0 else 1.0, other if other > 0.0 else 1.0
+        near, far = min(one, other), max(one, other)
+    left, before = 0.0, start
+    for right in (near, far, 1.0):
+        value = hermite(start, start_slope, end, end_slope, right)
+        lowest = min(lowest, value)
+        if value < before and value <= doubt:
+            if right < 1.0 and value >= -doubt:
+                return right, lowest
+            return _zero(start, start_slope, end, end_slope, left, right), lowest
+        left, before = right, value
+    return 2.0, lowest
+
+
+def _zero(start: float, start_slope: float, end: float, end_slope: float, low: float, high: float) -> float:
+    """Return where the cubic, which falls from low to high, comes to zero: by bisection."""
     for _ in range(60):
         middle = 0.5 * (low + high)
         if hermite(start, start_slope, end, end_slope, middle) > 0.0:

@@ -1,0 +1,224 @@
+"""The windows of many curves in one table, as the block kernel reads it: made together, not one curve after another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch.sensors import SensorModel
+
+from .images import Images
+from .windows import (
+    EDGE,
+    HIGH_DEGREE,
+    LOW,
+    LOW_DEGREE,
+    MIDDLE,
+    TERMS,
+    TOLERANCE,
+    TOP,
+    curve_windows,
+    nodes_and_probes,
+    polynomial_windows,
+    power_window,
+)
+
+__all__ = ["ManyWindows", "windows_of_images", "windows_side_by_side"]
+
+_BETWEEN: Final = 4.0  # times the tolerance: for a curve between those for which the windows were chosen
+_COUNTS: Final = (16, 20, 24, 32, 48, 64)  # nodes of one polynomial over all windows
+_FEW_TESTED: Final = 11
+_LOOKED_AT: Final = 17  # distances in a window at which the sign of g is looked at
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ManyWindows:
+    """Windows of many curves.
+
+    Args:
+        table: the windows as `curve_windows` has them, those of the first curve first; a curve that cannot be met has
+            none.
+        starts: the row at which the windows of each curve start, and the row after the last, shape (n + 1,).
+        falling: whether every curve has windows, and its ln xi falls with the distance on all of them.
+    """
+
+    table: FloatArray
+    starts: IntArray
+    falling: bool
+
+
+def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
+    """Scale and shift the windows of one curve.
+
+    Args:
+        images: the curves.
+        tops: where the windows of each end [m], shape (n,).
+
+    Returns:
+        Their windows, from l = 0 upward.
+    """
+    sensor, scale, shift = images.sensor, images.scale, images.shift
+    low, high = sensor.valid_range
+    ends = scale * tops + shift
+    one = curve_windows(sensor, max(float(shift.min()), low), min(float(ends.max()), high))
+    if not len(one):
+        return _joined([one] * len(tops))
+    first = np.maximum(np.searchsorted(one[:, LOW], shift, side="right") - 1, 0)
+    last = np.minimum(np.searchsorted(one[:, TOP], ends, side="left"), len(one) - 1)
+    counts = last - first + 1
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    owner = np.repeat(np.arange(len(tops)), counts)
+    table = one[np.arange(starts[-1]) + np.repeat(first - starts[:-1], counts)]
+    table[:, :TERMS] = (table[:, :TERMS] - shift[owner, None]) / scale[owner, None]
+    if table.shape[1] > TERMS + 1:
+        table[:, TERMS:] *= scale[owner, None] ** np.arange(table.shape[1] - TERMS)
+    table[:, TOP] = np.minimum(table[:, TOP], tops[owner])
+    table[starts[:-1], EDGE] = table[starts[:-1], LOW] = 0.0
+    return _finished(table, starts, falling=_falls(one))
+
+
+def windows_side_by_side(
+    sensors: Sequence[SensorModel], values: Mapping[str, FloatArray], tops: FloatArray
+) -> ManyWindows:
+    """Meet curves of one kind on common windows, and those that need others on their own.
+
+    The windows are chosen for the curves with the smallest and the largest value of each parameter and one in the
+    middle. All curves are then looked at where these were, and each must be met there.
+
+    Args:
+        sensors: the curves, n of them.
+        values: the parameters that differ, shape (n,) each.
+        tops: where the windows of each end [m], shape (n,).
+
+    Returns:
+        Their windows, from l = 0 upward.
+    """
+    places = [place for value in values.values() for place in (np.argmin(value), np.argmax(value))]
+    chosen = [sensors[i] for i in dict.fromkeys([len(sensors) // 2, *map(int, places)])]
+    top = float(tops.min())
+    if any(sensor.knots for sensor in chosen) or power_window(chosen[0], 0.0, top) is not None:
+        return _one_by_one(sensors, tops)
+    whole = _whole(chosen, top)
+    look = whole.slope if whole else lambda distance: np.stack([s.log_slope(distance) for s in chosen])
+    frame = polynomial_windows(look, (0.0, top), LOW_DEGREE, most=4)
+    if frame is None:
+        frame = polynomial_windows(look, (0.0, top), HIGH_DEGREE)
+    if frame is None:
+        return _one_by_one(sensors, tops)
+    terms, met = _on_frame(sensors, whole, frame)
+    table = np.tile(frame, (len(sensors), 1))
+    table[:, TERMS:] = terms.reshape(-1, terms.shape[-1])
+    if met.all():
+        return _finished(table, len(frame) * np.arange(len(sensors) + 1))
+    each, degree = table.reshape(len(sensors), *frame.shape), frame.shape[1] - TERMS - 1
+    return _joined([each[i] if met[i] else _own(sensor, float(tops[i]), degree) for i, sensor in enumerate(sensors)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Whole:
+    """One polynomial of g over all windows, for each of some curves.
+
+    Windows overlap and are short where a curve bends: one polynomial needs a curve at fewer distances.
+
+    Args:
+        nodes: where curves are evaluated [m], shape (m,).
+        to_terms: from g there to coefficients of Chebyshev's polynomials, shape (m, m).
+        terms: those of the chosen curves, shape (m, k).
+        top: where the windows end [m].
+    """
+
+    nodes: FloatArray
+    to_terms: FloatArray
+    terms: FloatArray
+    top: float
+
+    def basis(self, distance: FloatArray) -> FloatArray:
+        """Return Chebyshev's polynomials at distances [m]."""
+        return np.asarray(np.polynomial.chebyshev.chebvander(2 * distance / self.top - 1, len(self.nodes) - 1))
+
+    def slope(self, distance: FloatArray) -> FloatArray:
+        """Return g [1/m] of the chosen curves."""
+        return np.asarray((self.basis(distance) @ self.terms).T)
+
+
+def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
+    """Return one polynomial that meets each of some curves at points in between, or None."""
+    for count in _COUNTS:
+        z = np.cos((np.arange(count) + 0.5) * np.pi / count)
+        nodes, between = (1 + z) * top / 2, (1 + np.cos(np.arange(count + 1) * np.pi / count)) * top / 2
+        found = np.stack([sensor.log_slope(np.concatenate([nodes, between])) for sensor in chosen])
+        to_terms = np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(z, count - 1)), dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # a curve without a finite slope is not met
+            whole = _Whole(nodes=nodes, to_terms=to_terms, terms=to_terms @ found[:, :count].T, top=top)
+            if (np.abs(whole.slope(between) - found[:, count:]) <= TOLERANCE * np.abs(found[:, count:])).all():
+                return whole
+    return None
+
+
+def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the coefficients of ln xi of every curve on common windows, (n, windows, terms), and which it meets."""
+    degree = frame.shape[1] - TERMS - 1
+    nodes, probes = nodes_and_probes(degree)
+    low, high = frame[:, LOW, None], frame[:, TOP, None]
+    half = (high - low) / 2
+    at_nodes, at_probes = (np.clip(frame[:, MIDDLE, None] + half * z, low, high) for z in (nodes, probes))
+    given, step = (at_nodes.ravel(), 1) if whole is None else (whole.nodes, _FEW_TESTED)
+    distance = np.concatenate([given, at_probes.ravel()[::step]])
+    found = np.stack([sensor._log_slope(distance) for sensor in sensors])  # the distances are known to be valid
+    with np.errstate(invalid="ignore"):
+        slopes = found[:, : len(given)]
+        if whole is not None:
+            slopes = slopes @ (whole.basis(at_nodes.ravel()) @ whole.to_terms).T
+        slopes = slopes.reshape(-1, *at_nodes.shape)
+        terms = slopes @ np.linalg.inv(np.vander(nodes, increasing=True)).T
+        predicted = (terms @ np.vander(probes, degree, increasing=True).T).reshape(len(sensors), -1)[:, ::step]
+        largest = np.repeat(np.abs(slopes).max(axis=-1), len(probes), axis=1)[:, ::step]
+        met = (np.abs(predicted - found[:, len(given) :]) <= _BETWEEN * TOLERANCE * largest).all(axis=1)
+    powers = np.arange(1, degree + 1)
+    terms = terms / powers / half ** (powers - 1.0)
+    return np.concatenate([np.zeros((*terms.shape[:-1], 1)), terms], axis=-1), np.asarray(met)
+
+
+def _own(sensor: SensorModel, top: float, degree: int) -> FloatArray:
+    """Return the windows of one curve in polynomials of a degree; no row where they do not meet it."""
+    found = polynomial_windows(sensor.log_slope, (0.0, top), degree)
+    return np.zeros((0, TERMS + degree + 1)) if found is None else found
+
+
+def _one_by_one(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
+    """Make the windows of each curve for itself."""
+    tables = [curve_windows(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)]
+    widths = {table.shape[1] for table in tables if len(table)}
+    if len(widths) > 1:  # only a table of one kind goes into a kernel
+        tables = [_own(sensor, float(top), HIGH_DEGREE) for sensor, top in zip(sensors, tops, strict=True)]
+    width = tables[0].shape[1] if len(widths) > 1 else max(widths, default=TERMS + 1)
+    return _joined([table if len(table) else np.zeros((0, width)) for table in tables])
+
+
+def _joined(tables: list[FloatArray]) -> ManyWindows:
+    return _finished(np.concatenate(tables), np.concatenate([[0], np.cumsum([len(table) for table in tables])]))
+
+
+def _finished(table: FloatArray, starts: IntArray, *, falling: bool | None = None) -> ManyWindows:
+    table, starts = np.ascontiguousarray(table), starts.astype(np.int64)
+    for array in (table, starts):
+        array.setflags(write=False)  # all alike: a kernel is compiled for each kind of array
+    known = bool((np.diff(starts) > 0).all())
+    return ManyWindows(table=table, starts=starts, falling=known and (_falls(table) if falling is None else falling))
+
+
+def _falls(table: FloatArray) -> bool:
+    """Tell whether g < 0 on all windows."""
+    middle, terms = table[:, MIDDLE], table[:, TERMS:]
+    if terms.shape[1] == 1:
+        ends = terms / (table[:, [LOW, TOP]] - middle[:, None])
+        return bool((ends < 0).all())
+    z = np.linspace(table[:, LOW], table[:, TOP], _LOOKED_AT) - middle
+    slope = np.zeros_like(z)
+    for j in range(terms.shape[1] - 1, 0, -1):
+        slope = slope * z + j * terms[:, j]
+    return bool((slope < 0).all())

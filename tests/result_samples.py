@@ -1,0 +1,180 @@
+"""One of everything that pretouch returns, and of what it is asked with: made anew by each call of `fresh`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pretouch as pt
+from pretouch import control, simulation, uncertainty
+from pretouch.control.log_slope import observe, start_sensing
+from pretouch.design import find_physical_bound
+from pretouch.sweep import Axis, Progress
+from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+CONSTANT = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
+SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.linspace(-0.35, -0.2, 12)))
+SPEED = {"obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2)}
+LIMITS = (pt.Constraint(name="relative_velocity", limit=0.09),)
+IMPACT = pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
+FREE = {"damping_ratio": (0.7, 1.3)}
+ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0)
+TOUCHING = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=2e6, dissipation=1.0))
+
+
+def log_output(distance: Any) -> Any:
+    return -40 * distance
+
+
+def log_slope(distance: Any) -> Any:
+    return np.full_like(distance, -40.0)
+
+
+def half(scenario: Any, sensor: Any, gain: Any) -> pt.ContactResult:
+    """Solve encounters as a user's function may."""
+    return pt.find_contact(scenario, sensor, 0.5 * np.asarray(gain))
+
+
+@cache
+def _report() -> pt.CalibrationReport:
+    return pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
+
+
+def _robust(**options: Any) -> pt.RobustDesign:
+    given = {"bounds": BOUNDS, "uncertainty": SPEED, "samples": 64, "validation": 64} | options
+    return pt.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, **given)
+
+
+def _signals(law: control.Controller) -> tuple[Any, ...]:
+    parameters, sample = law.parameters(), control.Sample(reading=0.1)
+    sensing, seen = observe(parameters.sensing, start_sensing(parameters.sensing), sample)
+    state, output = law.step(parameters, law.start(), sample)
+    return parameters, sensing, state, sample, seen, output
+
+
+def _witness() -> simulation.WitnessResult:
+    row = np.linspace(0.0, 1.0, 3)
+    names = ("time", "distance", "position", "velocity", "obstacle_position", "obstacle_velocity")
+    return simulation.WitnessResult(
+        **dict.fromkeys(("time", "position", "velocity", "relative_velocity", "peak_force", "impact_force"), 0.1),
+        status=pt.ContactStatus.CONTACT,
+        impulse=0.2,
+        rebound_velocity=float("nan"),
+        trace=simulation.WitnessTrace(**dict.fromkeys((*names, "drive_force", "contact_force"), row)),
+    )
+
+
+RESULTS: dict[str, Callable[[], Any]] = {
+    "contact": lambda: pt.find_contact(SCENARIO, SENSOR, -0.7),
+    "contact, closed form": lambda: pt.find_contact(SCENARIO, CONSTANT, -0.7),
+    "contacts": lambda: pt.find_contact(SEVERAL, SENSOR, -0.7),
+    "contacts, closed form": lambda: pt.find_contact(SEVERAL, CONSTANT, np.linspace(-2, 2, 24)[:, None]),
+    "contacts, uniform motion": lambda: pt.find_contact(
+        SEVERAL, pt.ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0), -0.7, method="uniform-motion"
+    ),
+    "contacts, loop": lambda: NOISY(SEVERAL, SENSOR, -0.7),
+    "contacts, like sensors": lambda: uncertainty.make_ensemble(
+        SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}
+    ).contacts(-0.7),
+    "contacts, other sensors": lambda: uncertainty.make_ensemble(
+        SCENARIO, pt.MittagLeffler(scale=1.0, rate=-80.0, order=0.8), {"sensor.order": [0.75, 0.8]}
+    ).contacts(-0.7),
+    "no contact": lambda: pt.find_contact(SCENARIO, SENSOR, -0.7, horizon=0.01),
+    "gradients": lambda: pt.find_contact(SEVERAL, SENSOR, -0.7).gradients,
+    "gradients, like sensors": lambda: (
+        uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}).contacts(-0.7).gradients
+    ),
+    "motion": lambda: pt.solve_motion(SCENARIO, SENSOR, [-0.7, -0.5], samples=20),
+    "design": lambda: pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=LIMITS, impact=IMPACT),
+    "design, settled": lambda: pt.design_gain(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS),
+    "design, infeasible": lambda: pt.design_gain(
+        SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, constraints=[pt.Constraint(name="relative_velocity", limit=1e-5)]
+    ),
+    "design on a loop": lambda: pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, -0.5), evaluate=NOISY),
+    "design on a function": lambda: pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=half),
+    "designs": lambda: pt.design_gain(SEVERAL, SENSOR, OBJECTIVE, bounds=BOUNDS),
+    "designs on a loop": lambda: pt.design_gain(
+        replace(SEVERAL, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2]))),
+        SENSOR,
+        OBJECTIVE,
+        bounds=(-1.0, -0.5),
+        evaluate=NOISY,
+    ),
+    "admittance": lambda: pt.design_admittance(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, **FREE),
+    "front": lambda: pt.pareto_front(
+        SCENARIO, CONSTANT, bounds=BOUNDS, choice=-0.8, constraints=[pt.Constraint(name="acceleration", limit=3.0)]
+    ),
+    "front with admittance": lambda: pt.pareto_front(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE),
+    "bound": lambda: find_physical_bound(SCENARIO, acceleration_limit=2.0),
+    "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.Quantile(probability=0.9)),
+    "robust, worst case": lambda: _robust(measure=pt.WorstCase()),
+    "robust on a loop": lambda: _robust(
+        evaluate=NOISY, bounds=(-1.0, -0.5), measure=pt.ConditionalValueAtRisk(probability=0.9), samples=8
+    ),
+    "fit": lambda: pt.fit_sensor(pt.read_calibration(EXAMPLES / "sensor.csv"), "inverse-power"),
+    "ranking": lambda: replace(_report()),
+    "distribution": lambda: pt.parameter_distribution(_report().best),
+    "simulation": lambda: TOUCHING.run(SCENARIO, SENSOR, -0.7),
+    "simulations": lambda: NOISY.run(SEVERAL, SENSOR, -0.7),
+    "trace": lambda: NOISY.run(SCENARIO, SENSOR, -0.7).trace(),
+    "encounter": lambda: pt.simulate_encounter(SCENARIO, SENSOR, TOUCHING, -0.7, impact=IMPACT),
+    "verdict": lambda: verdict(NOISY, constraints=[velocity_limit(0.1)], runs=12),
+    "verdict, uncertain sensor": lambda: verdict(
+        NOISY, uncertainty={"sensor.exponent": pt.Uniform(low=3.2, high=3.4)}, runs=4, changes=False
+    ),
+    "gain limit": lambda: pt.gain_limit(
+        SENSOR, SCENARIO.admittance, pt.timing_of(NOISY.chain, NOISY.law), distance=[0.0, 0.04]
+    ),
+    "witness": _witness,
+    "conformance": lambda: pt.check_sensor(SENSOR),
+    "letter": lambda: pt.reproduce(["figure-5", "impact-force"]),
+    "progress": lambda: Progress(finished=1, total=2, seconds=3.0),
+}
+"""What is returned, by name."""
+
+REQUESTS: dict[str, Callable[[], Any]] = {
+    "problem": lambda: pt.load_scenario(EXAMPLES / "approach.toml"),
+    "problem with a loop": lambda: pt.load_scenario(EXAMPLES / "loop.toml"),
+    "encounters": lambda: SEVERAL,
+    "objective": lambda: pt.time_objective(time_scale=1.0, velocity_scale="obstacle speed"),
+    "ensemble": lambda: uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}),
+    "axis": lambda: Axis(name="gain", columns={"gain": np.linspace(-1.0, -0.5, 3)}),
+    "loop": lambda: TOUCHING,
+    "timing": lambda: pt.timing_of(NOISY.chain, NOISY.law),
+    "part": lambda: pt.sensor_part("VCNL4010"),
+    "position plant": lambda: pt.PositionPlant(mass=2.0, bandwidth=20.0),
+    "hertz": lambda: pt.HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01),
+    "spring damper": lambda: pt.SpringDamper(stiffness=1e4, damping=3.0),
+    "controller": lambda: replace(controller(1e-3), limits=control.Limits(speed=1.0)),
+    "expected": pt.Expected,
+    "signals": lambda: _signals(controller(1e-3)),
+    "panel": lambda: pt.Panel(
+        x_label="t [s]",
+        y_label="l [m]",
+        curves=(pt.Curve(label="l", x=[0.0, 1.0], y=[0.0, 1.0]),),
+        marks=(pt.Mark(label="end", x=1.0, y=1.0),),
+    ),
+    "curves": lambda: (
+        CONSTANT,
+        pt.ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0),
+        pt.MittagLeffler(scale=1.0, rate=-80.0, order=0.8),
+        pt.Table(distances=(0.0, 0.01, 0.02, 0.03), outputs=(0.4, 0.3, 0.2, 0.1)),
+        pt.Recessed(sensor=SENSOR, recess=0.01),
+        pt.CustomSensor(log_output_function=log_output, log_slope_function=log_slope),
+    ),
+    "distributions": lambda: (
+        pt.Normal(mean=1.0, deviation=0.1),
+        pt.TruncatedNormal(location=1.0, deviation=0.1, low=0.8, high=1.2),
+        pt.Uniform(low=0.0, high=1.0),
+        pt.Interval(low=0.0, high=1.0),
+        pt.Empirical(samples=(1.0, 2.0, 3.0)),
+        pt.CorrelatedNormal(names=("a", "b"), mean=(1.0, 2.0), covariance=((1.0, 0.0), (0.0, 1.0))),
+    ),
+}
+"""What is asked with, by name."""

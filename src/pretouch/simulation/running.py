@@ -143,10 +143,8 @@ def run_loop(
 
     from .kernels.loop import encounters  # noqa: PLC0415
 
-    scenes, draws = (
-        _scenes(loop),
-        loop.noise_of.flatten(),
-    )  # a copy, whatever it is a view of: a kernel is compiled for each kind of array
+    # a copy, whatever the numbers of the runs are a view of: a kernel is compiled for each kind of array
+    scenes, draws = _scenes(loop), loop.noise_of.flatten()
     law, chain = loop.laws[0], loop.chain
     contact = loop.contact.numbers() if loop.contact else _NO_CONTACT
     clock = (law.period, _plant_step(loop.plant, law.period), loop.horizon, loop.follow)

@@ -36,7 +36,7 @@ CLAIM, RESOLUTION, HORIZON = 1e-9, 1e-12, 30.0
 CONTACT, NEVER, LATE, LEFT, UNRESOLVED = (
     ContactStatus[n].value for n in ("CONTACT", "NEVER", "HORIZON", "LEFT_RANGE", "UNRESOLVED")
 )
-PER_SENSOR = 500
+PER_SENSOR, ONE_BY_ONE = 2000, 500
 
 
 def one_of(scenario: Scenario, i: int) -> Scenario:
@@ -99,7 +99,9 @@ class Batch:
         doubt = 8 * ref.error + rounding + 3 * noise
         self.bend = np.abs(ref.bend)
         with np.errstate(invalid="ignore"):
-            known = solved & np.isfinite(ref.distance) & (doubt < 0.01 * terms)
+            known = (
+                solved & np.isfinite(ref.distance) & (doubt < 1e-5 * terms)
+            )  # else its meshes do not agree: it is counted as loose
             self.loose += int((solved & ~(doubt < 1e-8 * terms)).sum())
             allowed = promise + RESOLUTION * terms + doubt
             off = known & (np.abs(ref.distance - distance) > allowed)
@@ -133,9 +135,9 @@ class Batch:
         stiff = ((fast + away) * np.maximum(t, 1e-3) > 1e4) | (growth * HORIZON > 20)
         self.blame((status == UNRESOLVED) & ~stiff & (fast * HORIZON < 1e5), "unresolved without need", fast * t, 5e4)
         with np.errstate(invalid="ignore"):
-            held = (status == CONTACT) & known & (growth == 0) & (found.impulse_residual > 1e-9)
+            held = (status == CONTACT) & known & (growth == 0) & (found.impulse_residual > 1e-8)
             held &= self.regime != "already near"  # ln xi rounds
-        self.blame(held, "the impulse balance does not hold", found.impulse_residual, 1e-9)
+        self.blame(held, "the impulse balance does not hold", found.impulse_residual, 1e-8)
 
     def obstacle_at(self, t: np.ndarray) -> np.ndarray:
         o = self.scenario.obstacle
@@ -292,7 +294,7 @@ def main() -> int:
     while done < options.count:
         family = options.families[number % len(options.families)]
         rng = np.random.default_rng([seed, number])
-        batch, status = check(rng, family, min(PER_SENSOR, options.count - done), PER_SENSOR)
+        batch, status = check(rng, family, min(PER_SENSOR, options.count - done), ONE_BY_ONE)
         for i, text in batch.finds:
             print(
                 f"FOUND ({family}, {batch.regime[i]}, --seed {seed} --first {number}): {text}\n  {batch.call(i)}",

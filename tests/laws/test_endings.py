@@ -265,6 +265,32 @@ def test_a_touch_of_the_nearest_valid_distance_leaves_the_range_alike() -> None:
             assert status_of(found) in {ContactStatus.HORIZON, ContactStatus.NEVER}
 
 
+@pytest.mark.parametrize("margin", [1e-15, 1e-14, 1e-13, 2e-13])
+def test_a_touch_in_the_curve_s_second_nearest_piece_is_one(margin: float) -> None:
+    """A table is as smooth as its nearest interval: its pieces grow from 1e-14 m, and all but one end above zero."""
+    position, speed = 0.0673735390761907, -0.12257143327043009
+    scenario = Scenario(
+        admittance=Admittance(mass=0.28, damping=0.91, stiffness=1.93),
+        obstacle=Obstacle(
+            position=position, velocity=speed, acceleration=speed**2 / (2 * position) * (1 + margin / position)
+        ),
+    )
+    table = Table(
+        distances=(0.0, 0.0075256127864498515, 0.0329441054311641, 0.05792378550333033, 0.08685294847901223, 0.0911),
+        outputs=(
+            1.0,
+            0.594730976284948,
+            0.5937711392778147,
+            0.5924260843580438,
+            0.3307313352236737,
+            0.20712346593650155,
+        ),
+    )
+    for found in every_way(scenario, table, 0.0, horizon=30.0):
+        assert status_of(found) == ContactStatus.CONTACT
+        assert np.ravel(found.closest_distance)[0] == 0.0
+
+
 def test_the_motion_of_a_touch_can_be_sampled() -> None:
     motion = solve_motion(passing((1, 10, 25), 0.0), FAR["table"], 0.0, samples=101)
     assert (motion.distance[:-1] > 0).all()

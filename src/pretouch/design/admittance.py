@@ -28,6 +28,7 @@ __all__ = ["design_admittance"]
 
 _GAINS: Final = 65
 _STARTS: Final = 8
+_HOPELESS: Final = 10.0  # times a limit: what misses one by so much on the whole grid meets it nowhere between
 _TESTS: Final = 11  # 2^11 encounters
 _SAME: Final = 1e-3  # of the range of each coordinate: minima closer than this are one
 _BETTER: Final = 1e-9  # relative: an objective that is lower by less is the same
@@ -244,7 +245,10 @@ class _Search:
         shape = self._shape()
         function = self.values if np.isfinite(self.values).any() else self._worst()
         table = function.reshape(shape)
-        lowest = np.flatnonzero((table <= minimum_filter(table, size=3, mode="nearest")) & np.isfinite(table))
+        low = (table <= minimum_filter(table, size=3, mode="nearest")) & np.isfinite(table)
+        if function is not self.values:
+            low &= table < _HOPELESS
+        lowest = np.flatnonzero(low)
         return np.asarray(lowest[np.argsort(function[lowest], kind="stable")][:_STARTS], dtype=np.int64)
 
     def _worst(self) -> FloatArray:

@@ -40,6 +40,7 @@ _LEAST_FOLLOWED: Final = 16
 _MOST_FOLLOWED: Final = 256
 _FARTHEST: Final = 1e12
 _GROWTH: Final = 64.0
+_STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
 _OPEN: Final = np.int8(-1)
 
 
@@ -105,12 +106,21 @@ class GradientRows(Travels):
             rows[:, :, ~left] = np.nan
         if request.method == "closed-form" and left.any():
             left = self._linear(kept, left, rows)
+        decays = self._decays()
         if left.any():
-            left = self._in_lanes(kept, left, rows)
-        where = np.flatnonzero(left)
+            left = self._in_lanes(kept, left & (decays <= STIFF), rows) | (left & (decays > STIFF))
+        rows[:, :, left] = np.nan
+        where = np.flatnonzero(left & (decays <= _STIFFEST))
         if len(where):
             rows[:, :, where] = self._follow(where, kept, ())
         return rows
+
+    def _decays(self) -> FloatArray:
+        """Return how many times the fastest decay of each motion passes until its end."""
+        request = self._solution.request
+        mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
+        held = damping + gain * request.sensor.log_slope(0.0)
+        return np.asarray(held / mass * self._solution.raw("time"))
 
     def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what has a closed form; return what is left."""
@@ -140,9 +150,7 @@ class GradientRows(Travels):
         farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
         top = min(_power_of_two(farthest), request.sensor.valid_range[1])
         curves = alone(curve_windows(request.sensor, 0.0, top))
-        mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
-        decays = (damping + gain * request.sensor.log_slope(0.0)) / mass * self._solution.raw("time")
-        where = np.flatnonzero(left & (decays <= STIFF))
+        where = np.flatnonzero(left)
         whole = len(where) == request.size
         status = np.empty(len(where), dtype=np.int8)
 
@@ -167,14 +175,14 @@ class GradientRows(Travels):
         values, gain = request.part(where)
         sensor = request.sensor
         found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
-        status = np.full(len(where), _OPEN)
+        status = np.ones(len(where), dtype=np.int8)
         farthest = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
         reach = _power_of_two(4 * farthest)
-        while (status != 0).any():
+        while (status == 1).any():
             wanted = min(reach, sensor.valid_range[1])
             top = curve_reach(sensor, 0.0, min(wanted, farthest), wanted)
             pieces, terms = changed_pieces(sensor, slopes, top)
-            open_ones = np.flatnonzero(status != 0)
+            open_ones = np.flatnonzero(status == 1)
 
             def run(start: int, stop: int, which: IntArray = open_ones, p: Any = pieces, t: Any = terms) -> None:
                 part = which[start:stop]

@@ -99,15 +99,15 @@ def accepted_step(values: Any, c: Any, borders: Any, moment: Any, tau: float) ->
     Args:
         values: relative quantities of Scenario.relative.
         c: the coefficients of l in tau.
-        borders: the lower and the upper border [m], and whether the lower one is touched by what comes close to it.
+        borders: the lower and the upper border [m], and where l comes into contact, at or below the lower one.
         moment: the time at tau = 0 and the unit of tau [s].
         tau: the longest step.
 
     Returns:
-        The step, l at its end, -1 or 1 where that is the lower or the upper border and 0 elsewhere, whether the lower
-        one is only touched, and since when l is monotone.
+        The step, l at its end, -1 or 1 where that is the lower or the upper border and 0 elsewhere, whether the contact
+        is only touched, and since when l is monotone.
     """
-    low, high, touchable = borders
+    low, high, contact = borders
     monotone, inside, bent = _certified(c, low, high, tau)
     while not (monotone or inside or bent) and tau > _SHORTEST:
         tau *= 0.5
@@ -119,13 +119,13 @@ def accepted_step(values: Any, c: Any, borders: Any, moment: Any, tau: float) ->
     turn = _turn_time(c, tau) if bent and not monotone else tau
     if turn < tau:
         peak = horner(c, ORDER, turn)
-        touched = touchable and c[1] < 0 and abs(peak - low) <= resolution(values, moment[0] + moment[1] * turn)
+        touched = c[1] < 0 and abs(peak - contact) <= resolution(values, moment[0] + moment[1] * turn)
         if touched or (peak <= low if c[1] < 0 else peak >= high):
             tau, end = turn, peak
         else:
             since = turn
     if touched:
-        return tau, low, -1, True, 0.0
+        return tau, contact, -1, True, 0.0
     if end <= low:
         return level_time(c, low, since, tau), low, -1, False, since
     if end >= high:

@@ -253,7 +253,7 @@ def _encounter(values: Any, gain: float, pieces: Any, limits: Any, work: Any, ro
             taylor = min(unit * tau, horizon)
             pace[3] = _LEFT_OUT * _SLOW * scale / taylor
         tau = min(tau, (horizon - time) / unit)
-        borders = (low, high, index == 0 and not never)
+        borders = (low, high, -math.inf if never else bottom)
         tau, end, moved, touched, since = accepted_step(values, c, borders, (time, unit), tau)
         if moved > 0 and index == last:
             end = max(l, top)
@@ -271,7 +271,7 @@ def _encounter(values: Any, gain: float, pieces: Any, limits: Any, work: Any, ro
         _finish(values, gain, work, (time, unit, tau, end), row)
         keep_extremes(values, gain, work, time, unit, tau, row)
         time, l, speed = row[0], end, row[5]  # noqa: E741
-        if moved < 0 and index == 0:
+        if moved < 0 and (index == 0 or touched):
             row[1] = row[12] = bottom
             if touched:
                 row[3], row[5], row[6] = row[3] + speed, 0.0, 0.0

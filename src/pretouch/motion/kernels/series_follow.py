@@ -27,6 +27,7 @@ FOLLOWED = 9
 """How many inputs there are before those of the curve: M, D, K, x~(0), x~'(0), p, v, a, D_p."""
 
 _MOST_STEPS = 20_000  # what is stiffer is differentiated by differences
+_REACHED, _BEYOND, _NO_CONTACT = 0, 1, 2
 _TRIES = 8
 _LEFT_OUT = 1e-15  # of the largest value of a response, per step
 
@@ -125,12 +126,13 @@ def _response_reach(series: Any, sizes: Any, reach: float) -> float:
 
 
 @kernel
-def _follow(values: Any, gain: float, pieces: Any, terms: Any, horizon: float, room: Any, found: Any) -> bool:
-    """Follow one encounter to its contact and write its gradients; tell whether it came there."""
+def _follow(values: Any, gain: float, pieces: Any, terms: Any, horizon: float, room: Any, found: Any) -> int:
+    """Follow one encounter to its contact and write its gradients; tell how it ended."""
     work, held, rest, forces, state, series, sizes = room
     l, speed = values[5] - values[3], values[6] - values[4]  # noqa: E741
     start, time = l, 0.0
     index, last = find_piece(pieces, l), pieces.shape[0] - 1
+    bottom = pieces[0, 0] - pieces[0, 1]
     unit = first_unit(values, gain, pieces[index], speed, horizon)
     for step in range(_MOST_STEPS):
         piece = pieces[index]
@@ -148,23 +150,25 @@ def _follow(values: Any, gain: float, pieces: Any, terms: Any, horizon: float, r
         low, high = piece[0] - piece[1], piece[0] + piece[1]
         low -= OVERLAP * piece[1] if index > 0 else 0.0
         high += OVERLAP * piece[1]
-        tau, end, moved, touched, _ = accepted_step(values, c, (low, high, index == 0), (time, unit), tau)
+        tau, end, moved, touched, _ = accepted_step(values, c, (low, high, bottom), (time, unit), tau)
         for row in range(state.shape[0]):
             state[row, 0], state[row, 1] = horner(series[row, 0], ORDER, tau), horner(series[row, 1], ORDER, tau)
         time, l, speed = time + unit * tau, end, horner(work[1], ORDER, tau)  # noqa: E741
         if touched:
-            return False  # a contact with l' = 0, which an arbitrarily small change turns into none
+            return _NO_CONTACT  # one with l' = 0, which an arbitrarily small change turns into none
         if moved < 0 and index == 0:
             bend, now = horner_slope(work[1], ORDER, tau) / unit, horner(held, ORDER, tau)
             for row in range(state.shape[0]):
                 found[0, row] = -state[row, 0] / speed
                 found[1, row] = state[row, 1] - now * state[row, 0] + bend * found[0, row]
-            return True
-        if (moved > 0 and index == last) or time >= horizon or not math.isfinite(l + speed):
-            return False
+            return _REACHED
+        if moved > 0 and index == last:
+            return _BEYOND
+        if time >= horizon or not math.isfinite(l + speed):
+            return _NO_CONTACT
         index += moved
         unit = min(unit * reach, horizon)
-    return False
+    return _NO_CONTACT
 
 
 @kernel
@@ -180,7 +184,7 @@ def follow_gradients(values: Any, gains: Any, pieces: Any, terms: Any, horizon: 
         horizon: when to give up [s].
         found: filled with the derivatives of time and l' by the nine inputs and the parameters, shape (n, 2, 9 + m);
             nan where no contact is reached.
-        status: filled with 0 where the contact was reached, else -1, shape (n,).
+        status: filled with 0 where the contact was reached, 1 where l went beyond the pieces, else 2, shape (n,).
     """
     many = terms.shape[1]
     room = (
@@ -193,7 +197,6 @@ def follow_gradients(values: Any, gains: Any, pieces: Any, terms: Any, horizon: 
         np.zeros(FOLLOWED + many),
     )
     for i in range(values.shape[0]):
-        reached = _follow(values[i], gains[i], pieces, terms, horizon, room, found[i])
-        status[i] = 0 if reached else -1
-        if not reached:
+        status[i] = _follow(values[i], gains[i], pieces, terms, horizon, room, found[i])
+        if status[i] != _REACHED:
             found[i] = np.nan

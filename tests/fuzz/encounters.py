@@ -94,7 +94,7 @@ class Batch:
         terms = self.system.terms(t)
         promise = CLAIM * np.abs(speed) * t
         ref = follow(self.system, np.where(t > 0, t, 1e-9), np.maximum(0.1 * promise, 1e-13 * terms))
-        rounding = 4e-15 * terms * np.exp(np.minimum(growth * t, 500.0))
+        rounding = 1e-14 * terms * np.exp(np.minimum(growth * t, 500.0))
         speed_noise, noise = self.noise(t)
         doubt = 8 * ref.error + rounding + 3 * noise
         self.bend = np.abs(ref.bend)

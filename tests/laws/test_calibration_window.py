@@ -12,7 +12,7 @@ from pretouch._core.errors import CalibrationDataError, InvalidInputError, Resul
 from pretouch.calibration import Calibration, find_window, fit_sensor, rank_models
 from pretouch.calibration.averaging import average, reading_noise, resolution
 from pretouch.calibration.diagnostics import runs_p_value
-from pretouch.calibration.least_squares import interval, minimize
+from pretouch.calibration.many_fits import intervals, minimize_many
 from pretouch.calibration.preparation import chance_of_falling
 
 STEPS = np.arange(8) * 0.01
@@ -134,23 +134,47 @@ def test_the_profile_of_a_linear_problem_is_its_ellipse():
     y = 2 + 3 * x + 0.1 * np.sin(40 * x)
     design = np.stack([np.ones(9), x], axis=1)
     bounds = (np.full(2, -np.inf), np.full(2, np.inf))
-    best = minimize(lambda u: design @ u - y, np.zeros(2), bounds)
-    direction = np.array([1.0, 0.5])
-    half = 2.0 * np.sqrt(direction @ np.linalg.inv(design.T @ design) @ direction)
-    low, high, *reached = interval(lambda u: design @ u - y, best, bounds, lambda u: float(direction @ u), 4.0)
-    # the search stops within 1 % of the height, which is linear in the coordinate
-    assert (high - low) / 2 == pytest.approx(half, rel=0.011)
-    assert (high + low) / 2 == pytest.approx(direction @ best.x, abs=0.011 * half)
-    assert reached == [True, True]
+    best = minimize_many(lambda u, _: u @ design.T - y, np.zeros((1, 2)), bounds)
+    direction = np.array([[1.0, 0.5], [0.0, 1.0]])
+    half = 2.0 * np.sqrt(np.diag(direction @ np.linalg.inv(design.T @ design) @ direction.T))
+    found = intervals(lambda u, _: u @ design.T - y, best, bounds, lambda u: u @ direction.T, 4.0)
+    for (low, high, *reached), width, middle in zip(found, half, direction @ best.x[0], strict=True):
+        # the search stops within 1 % of the height, which is linear in the coordinate
+        assert (high - low) / 2 == pytest.approx(width, rel=0.011)
+        assert (high + low) / 2 == pytest.approx(middle, abs=0.011 * width)
+        assert reached == [True, True]
 
 
 def test_a_profile_that_meets_a_bound_says_so():
     bounds = (np.array([-0.5]), np.array([9.0]))
-    best = minimize(lambda u: u - 0.0, np.array([1.0]), bounds)
-    low, high, low_reached, high_reached = interval(lambda u: u, best, bounds, lambda u: float(u[0]), 4.0)
+    best = minimize_many(lambda u, _: u, np.array([[1.0]]), bounds)
+    [(low, high, low_reached, high_reached)] = intervals(lambda u, _: u, best, bounds, lambda u: u, 4.0)
     assert (low_reached, high_reached) == (False, True)
     assert low == pytest.approx(-0.5, abs=1e-3)
     assert high == pytest.approx(2.0, rel=0.011)
+
+
+def test_many_minima_are_those_of_a_solver_that_takes_one():
+    """Exponentials from starts around the truth, each held or not by a bound, against SciPy's trust-region method."""
+    from scipy.optimize import least_squares
+
+    rng = np.random.default_rng(1)
+    x = np.linspace(0, 2, 12)
+    truth = np.column_stack([rng.uniform(0.5, 2, 40), rng.uniform(-3, -0.2, 40)])
+    y = truth[:, :1] * np.exp(truth[:, 1:] * x) + 0.02 * rng.normal(size=(40, 12))
+    bounds = (np.array([0.0, -2.0]), np.array([np.inf, 0.0]))
+
+    def residuals(u, which):
+        return u[:, :1] * np.exp(u[:, 1:] * x) - y[which]
+
+    found = minimize_many(residuals, np.tile([1.0, -1.0], (40, 1)), bounds, tolerance=1e-14)
+    for i in range(40):
+        other = least_squares(
+            lambda u, i=i: residuals(u[None], [i])[0], [1.0, -1.0], bounds=bounds, xtol=1e-12, ftol=1e-14
+        )
+        # both know a minimum to the root of rounding in the cost, of the derivatives by differences of 1e-6
+        assert found.costs[i] <= 2 * other.cost * (1 + 1e-9)
+        assert found.x[i] == pytest.approx(other.x, abs=1e-5)
 
 
 def test_the_public_names_are_sorted_and_there():

@@ -10,11 +10,12 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 from .data import Calibration
 
-__all__ = ["AveragedCurve", "ReadingNoise", "average", "reading_noise", "resolution"]
+__all__ = ["AveragedCurve", "ReadingNoise", "average", "reading_noise", "resolution", "two_components"]
 
 _MAD_TO_SIGMA = 1.4826  # of a normal distribution
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or a doubled reading is far beyond
 _CLEAR_OF_ZERO = 5  # in steps of the converter
+_USUAL_SPREAD = 0.5  # of the logarithm of a relative part that is larger than usual
 _FEWEST_REPEATS = 3  # degrees of freedom from which a scatter is taken as known
 
 
@@ -43,13 +44,14 @@ class AveragedCurve:
 class ReadingNoise:
     """Standard deviation of one reading far from the object; `sigma` is None where the readings do not tell.
 
-    `freedom` counts the degrees of freedom that tell it.
+    `freedom` counts the degrees of freedom that tell it; `jitter` is what repeats scatter relative to the signal.
     """
 
     sigma: float | None
     source: str
     resolution: float
     freedom: float = 0.0
+    jitter: float = 0.0
 
 
 def resolution(calibration: Calibration) -> float:
@@ -97,7 +99,7 @@ def average(calibration: Calibration) -> AveragedCurve:
         spread = np.array([(_MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
         dof = np.array([len(groups[i]) - 1 for i in repeated], dtype=np.float64)
         signal = medians - min(medians.min(), *calibration.no_object, np.inf)
-        sigma, jitter = _two_components(spread, dof, signal[repeated])
+        sigma, jitter = two_components(spread, dof, signal[repeated])
         floor = resolution(calibration)
         for i, deviation in zip(repeated, deviations, strict=True):
             limit = _BAD_READING_SIGMAS * max(float(np.hypot(sigma, jitter * signal[i])), floor)
@@ -145,24 +147,39 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
     if dof.sum() < _FEWEST_REPEATS:
         return ReadingNoise(sigma=None, source="", resolution=step)
     variance = np.array([np.var(groups[i], ddof=1) for i in used])
-    sigma, _ = _two_components(variance, dof, np.array([signal[i] for i in used]))
+    sigma, jitter = two_components(variance, dof, np.array([signal[i] for i in used]))
     source = "no-object readings" if used == [len(groups) - 1] else "repeats"
     if sigma < floor:
         source = f"quantization ({source} scatter less)"
-        return ReadingNoise(sigma=float(floor), source=source, resolution=step, freedom=float(dof.sum()))
+        return ReadingNoise(sigma=float(floor), source=source, resolution=step, freedom=float(dof.sum()), jitter=jitter)
     if sigma <= 0:
         return ReadingNoise(sigma=None, source="", resolution=step)
-    return ReadingNoise(sigma=sigma, source=source, resolution=step, freedom=float(dof.sum()))
+    return ReadingNoise(sigma=sigma, source=source, resolution=step, freedom=float(dof.sum()), jitter=jitter)
 
 
-def _two_components(variance: FloatArray, dof: FloatArray, signal: FloatArray) -> tuple[float, float]:
-    """Maximum-likelihood sigma and c of variance = sigma^2 + (c xi)^2, with sigma in closed form for each ratio."""
+def two_components(
+    variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
+) -> tuple[float, float]:
+    """Find the likeliest sigma and c of variance = sigma^2 + (c xi)^2, with sigma in closed form for each ratio.
+
+    Args:
+        variance: of each group.
+        dof: degrees of freedom of each.
+        signal: xi of each.
+        usual: a relative part c up to which nothing is held against it; beyond, its logarithm has a normal prior.
+
+    Returns:
+        sigma and c.
+    """
     top = float(signal.max())
     ratios = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 61) / top]) if top > 0 else np.array([0.0])
     shape = 1 + (ratios[:, None] * signal) ** 2
     total = float(dof.sum())
     sigma2 = (dof * variance / shape).sum(axis=1) / total
     deviance = total * np.log(np.maximum(sigma2, 1e-300)) + (dof * np.log(shape)).sum(axis=1)
+    if usual is not None:
+        beyond = np.log(np.maximum(np.sqrt(sigma2) * ratios / usual, 1.0))
+        deviance = deviance + (beyond / _USUAL_SPREAD) ** 2
     best = int(np.argmin(deviance))
     sigma = float(np.sqrt(sigma2[best]))
     return sigma, sigma * float(ratios[best])

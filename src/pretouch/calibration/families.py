@@ -44,6 +44,11 @@ class Family(ABC):
     parameter_names: ClassVar[tuple[str, ...]] = ()
 
     @property
+    def size(self) -> int:
+        """How many parameters there are."""
+        return len(self.parameter_names)
+
+    @property
     def middle(self) -> float:
         """The distance l_m [m] at which the curve is pinned."""
         return (self.first + self.last) / 2
@@ -64,11 +69,11 @@ class Family(ABC):
 
     @abstractmethod
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return ln xi."""
+        """Return ln xi of curves at distances: parameters of shape (..., p), distances (n,), ln xi (..., n)."""
 
     @abstractmethod
-    def slope(self, u: FloatArray, distance: float) -> float:
-        """Return g [1/m]."""
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        """Return g [1/m] of curves at distances, of the shape of log_output."""
 
     @abstractmethod
     def coordinates(self, u: FloatArray) -> FloatArray:
@@ -111,17 +116,18 @@ class InversePowerFamily(Family):
         first = max(-1 / slope - kappa * (self.middle - self.first), 0.1 * self.span)
         return np.array([log_middle, math.log(first), kappa])
 
-    def _radius(self, u: FloatArray) -> float:
-        return float(np.exp(u[1]) + u[2] * (self.middle - self.first))
+    def _radius(self, u: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(u[..., 1]) + u[..., 2] * (self.middle - self.first))
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        return np.asarray(u[0] - np.log1p(u[2] * (distance - self.middle) / self._radius(u)) / u[2])
+        kappa, radius = u[..., 2, None], self._radius(u)[..., None]
+        return np.asarray(u[..., 0, None] - np.log1p(kappa * (distance - self.middle) / radius) / kappa)
 
-    def slope(self, u: FloatArray, distance: float) -> float:
-        return float(-1 / (self._radius(u) + u[2] * (distance - self.middle)))
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        return np.asarray(-1 / (self._radius(u)[..., None] + u[..., 2, None] * (distance - self.middle)))
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        inverse = u[2] / self._radius(u)  # 1 / (l_m + l_0)
+        inverse = float(u[2] / self._radius(u))  # 1 / (l_m + l_0)
         return np.array([u[0] - math.log(inverse) / u[2], math.log(inverse), math.log(u[2])])
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
@@ -133,7 +139,7 @@ class InversePowerFamily(Family):
         q = self.coordinates(u)
         while abs(q[0]) > 600 and q[2] < 0:  # a nearly constant slope far beyond the window: keep g(l_m), raise kappa
             kappa = 2 * math.exp(q[2])
-            radius = self._radius(u) - kappa * (self.middle - self.first)
+            radius = float(self._radius(u)) - kappa * (self.middle - self.first)
             u = np.array([u[0], math.log(max(radius, 1e-3 * self.span)), kappa])
             q = self.coordinates(u)
         scale, offset, exponent = (float(p) for p in self.parameters(q))
@@ -158,10 +164,10 @@ class FirstOrderFamily(Family):
         return np.array([log_middle, math.log(-slope)])
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        return np.asarray(u[0] - np.exp(u[1]) * (distance - self.middle))
+        return np.asarray(u[..., 0, None] - np.exp(u[..., 1, None]) * (distance - self.middle))
 
-    def slope(self, u: FloatArray, distance: float) -> float:  # noqa: ARG002
-        return -math.exp(u[1])
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        return np.asarray(-np.exp(u[..., 1, None]) + np.zeros_like(distance))
 
     def coordinates(self, u: FloatArray) -> FloatArray:
         return np.array([u[0] + math.exp(u[1]) * self.middle, -math.exp(u[1])])
@@ -196,23 +202,19 @@ class SecondOrderFamily(Family):
         last = min(slope + curvature * self.span / 2, 0.2 * slope)
         return np.array([log_middle, math.log(-first), math.log(last / first)])
 
-    def _polynomial(self, u: FloatArray) -> tuple[float, float, float]:
-        """Return ln a_2, c_2, b_2."""
-        first = -math.exp(u[1])
-        b = first * math.expm1(u[2]) / (2 * self.span)
+    def coordinates(self, u: FloatArray) -> FloatArray:
+        first = -np.exp(u[..., 1])
+        b = first * np.expm1(u[..., 2]) / (2 * self.span)
         c = first - 2 * b * self.first
-        return float(u[0]) - (b * self.middle + c) * self.middle, c, b
+        return np.stack([u[..., 0] - (b * self.middle + c) * self.middle, c, b], axis=-1)
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        log_scale, c, b = self._polynomial(u)
+        log_scale, c, b = np.moveaxis(self.coordinates(u), -1, 0)[..., None]
         return np.asarray(log_scale + (b * distance + c) * distance)
 
-    def slope(self, u: FloatArray, distance: float) -> float:
-        _, c, b = self._polynomial(u)
-        return 2 * b * distance + c
-
-    def coordinates(self, u: FloatArray) -> FloatArray:
-        return np.array(self._polynomial(u))
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        _, c, b = np.moveaxis(self.coordinates(u), -1, 0)[..., None]
+        return np.asarray(2 * b * distance + c)
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
         with np.errstate(over="ignore"):
@@ -241,24 +243,27 @@ class MittagLefflerFamily(Family):
         bend = max(curvature, 0.0) * self.span / -slope
         return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
 
-    def _relative(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return ln E_alpha(c l)."""
+    def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ln E_alpha(c l) and its derivative by l."""
+        log, slope = np.empty((2, *u.shape[:-1], len(distance)))
         with np.errstate(all="ignore"):  # trial steps may go where the curve underflows
-            value, _ = mittag_leffler(float(min(u[2], 1.0)), -np.exp(u[1]) * distance)
-            return np.asarray(np.log(np.clip(np.nan_to_num(value), 1e-300, 1.0)))
+            for i in np.ndindex(u.shape[:-1]):
+                rate = -np.exp(u[i][1])
+                value, derivative = mittag_leffler(float(min(u[i][2], 1.0)), rate * distance)
+                log[i] = np.log(np.clip(np.nan_to_num(value), 1e-300, 1.0))
+                slope[i] = np.nan_to_num(rate * derivative / value, nan=-1e9)
+        return log, slope
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        relative = self._relative(u, np.append(distance, self.middle))
-        return np.asarray(u[0] + relative[:-1] - relative[-1])
+        relative, _ = self._relative(u, np.append(distance, self.middle))
+        return np.asarray(u[..., 0, None] + relative[..., :-1] - relative[..., -1:])
 
-    def slope(self, u: FloatArray, distance: float) -> float:
-        rate = -math.exp(u[1])
-        with np.errstate(all="ignore"):
-            value, derivative = mittag_leffler(float(min(u[2], 1.0)), np.array(rate * distance))
-            return float(np.nan_to_num(rate * derivative / value, nan=-1e9))
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        return self._relative(u, distance)[1]
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        return np.array([u[0] - float(self._relative(u, np.array(self.middle))), u[1], u[2]])
+        at_middle, _ = self._relative(u, np.array([self.middle]))
+        return np.array([u[0] - float(at_middle[0]), u[1], u[2]])
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
         with np.errstate(over="ignore"):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,48 +12,20 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Table
 
 from .averaging import AveragedCurve
+from .courses import Problem, fit_free
 from .data import Calibration
 from .diagnostics import corrected_akaike, r_squared, root_mean_square, runs_p_value, slope_error
-from .families import FAMILIES, Family, SecondOrderFamily
-from .least_squares import Residuals, Solution, minimize
-from .offset import Baseline
+from .families import FAMILIES, Family
+from .many_fits import Fits
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
 from .uncertainty import estimates
 
-__all__ = ["MODELS", "check_models", "common_noise", "fit_prepared", "fit_sensor", "why_not"]
+__all__ = ["MODELS", "check_models", "fit_prepared", "fit_sensor", "why_not"]
 
 MODELS = (*sorted(FAMILIES), "table")
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ModelProblem:
-    """A family of curves on the points of a window, with offset and noise.
-
-    The residual of a reading is h(y - o) - h(xi) with h(u) = asinh(u / tau) / sigma_rel and tau = sigma / sigma_rel:
-    the transformation that gives readings of variance sigma^2 + (sigma_rel xi)^2 unit variance. Well above tau it is
-    the logarithm divided by sigma_rel; a reading below the offset still has one.
-    """
-
-    family: Family
-    curve: AveragedCurve
-    offset: float
-    noise: NoiseEstimate
-
-    def residuals(self) -> Residuals:
-        """Return the function from the parameters to the residuals."""
-        jitter = max(self.noise.relative, 1e-6)
-        tau = self.noise.output / jitter / np.sqrt(self.curve.count)
-        measured = np.arcsinh((self.curve.output - self.offset) / tau)
-        distance, log_output = self.curve.distance, self.family.log_output
-        log_tau = np.log(tau)
-        return lambda u: (measured - np.arcsinh(np.exp(np.minimum(log_output(u, distance) - log_tau, 300)))) / jitter
-
-    def minimize(self, starts: list[FloatArray], tolerance: float = 1e-13) -> Solution:
-        """Fit from every start and return the best minimum."""
-        residuals = self.residuals()
-        found = [minimize(residuals, start, self.family.bounds, tolerance=tolerance) for start in starts]
-        return min(found, key=lambda solution: solution.cost)
+_Part = TypeVar("_Part")
 
 
 def fit_sensor(
@@ -102,7 +75,7 @@ def fit_sensor(
     reason = " ".join(prepared.no_signal) or why_not(model, prepared)
     if reason:
         raise ResultUnavailableError(f"{calibration.name}: {model} cannot be fitted. {reason}")
-    return fit_prepared(model, prepared, common_noise(prepared))
+    return fit_prepared(model, prepared)
 
 
 def check_models(models: tuple[str, ...]) -> None:
@@ -134,48 +107,23 @@ def why_not(model: str, prepared: Prepared) -> str:
     return f"The averaged output does not fall from {d[0]:g} to {d[1]:g} mm, and a table must fall strictly."
 
 
-def common_noise(prepared: Prepared) -> NoiseEstimate:
-    """Return the noise that all models share, so that their criteria compare like with like.
-
-    It is the scatter about the inverse power fitted with the offset, or about the second-order exponential where
-    that describes the window better and leaves two degrees of freedom.
-    """
-    baseline = _baseline(prepared)
-    noise, count = baseline.noise, len(prepared.used.distance)
-    if count < 5:
-        return noise
-    family = SecondOrderFamily(first=float(prepared.used.distance[0]), last=float(prepared.used.distance[-1]))
-    for _ in range(3):
-        problem = ModelProblem(family=family, curve=prepared.used, offset=baseline.offset.value, noise=noise)
-        found = problem.minimize(_starts(family, prepared), tolerance=1e-8)
-        reduced = found.cost / (count - 3)
-        if reduced >= 1:
-            break
-        noise = replace(noise, relative=max(noise.relative * float(np.sqrt(reduced)), 1e-6))
-    return noise
-
-
-def fit_prepared(model: str, prepared: Prepared, noise: NoiseEstimate) -> SensorFit:
+def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
     """Fit one model to prepared readings."""
+    used, offset, noise = prepared.used, _given(prepared.offset), _given(prepared.noise)
     if model == "table":
-        return _fit_table(prepared, noise)
-    used, baseline = prepared.used, _baseline(prepared)
+        return _fit_table(prepared, offset, noise)
     family = FAMILIES[model](first=float(used.distance[0]), last=float(used.distance[-1]))
-    problem = ModelProblem(family=family, curve=used, offset=baseline.offset.value, noise=noise)
-    best = problem.minimize(_starts(family, prepared))
-    shifted = [
-        replace(problem, offset=o).minimize([best.x], tolerance=1e-9).x
-        for o in (baseline.offset.low, baseline.offset.high)
-        if o != baseline.offset.value
-    ]
-    sensor = family.sensor(best.x, used.distance[0].item(), used.distance[-1].item())
-    xi = used.output - baseline.offset.value
-    spread = estimates(
-        problem.residuals(), best, family, offset=baseline.offset, shifted=shifted, informed_by=prepared.informed_by
-    )
-    log_model = family.log_output(best.x, used.distance)
+    best = fit_free(used, family, noise, offset.value)
+    problem = Problem(curve=used, family=family, noise=noise, offsets=np.array([offset.value]))
+    ends = np.array([o for o in (offset.low, offset.high) if o != offset.value])
+    shifted = replace(problem, offsets=ends).minimize(np.repeat(best.x, len(ends), axis=0)).x
+    x = best.x[0]
+    sensor = family.sensor(x, used.distance[0].item(), used.distance[-1].item())
+    xi = used.output - offset.value
+    spread = estimates(problem, best, offset=offset, shifted=list(shifted), informed_by=prepared.informed_by)
+    log_model = family.log_output(x, used.distance)
     residuals = np.log(xi) - log_model
-    deviance = best.cost + _log_variance(problem)
+    deviance = float(best.costs[0]) + _log_variance(used, xi, noise)
     return SensorFit(
         model=model,
         sensor=sensor,
@@ -183,54 +131,45 @@ def fit_prepared(model: str, prepared: Prepared, noise: NoiseEstimate) -> Sensor
         covariance=spread.covariance,
         middle_slope=spread.middle_slope,
         window=prepared.window,
-        offset=baseline.offset,
+        offset=offset,
         noise=noise,
         distances=used.distance,
         residuals=residuals,
         r_squared=r_squared(xi, np.exp(log_model)),
         rmse_log_output=root_mean_square(residuals),
         rmse_log_slope=slope_error(used.distance, residuals),
-        aicc=corrected_akaike(deviance, prepared.informed_by, len(best.x)),
+        aicc=corrected_akaike(deviance, prepared.informed_by, len(x)),
         cross_validation=_cross_validation(problem, best),
         runs_p_value=runs_p_value(residuals),
         slope_shift=spread.slope_shift,
         outliers=prepared.outliers,
         identifiable=spread.identifiable,
-        warnings=_warnings(spread.slope_shift, baseline.offset, best, family),
+        warnings=_warnings(spread.slope_shift, offset, x, family),
     )
 
 
-def _baseline(prepared: Prepared) -> Baseline:
-    if prepared.baseline is None:
-        raise ResultUnavailableError(" ".join(prepared.no_signal))
-    return prepared.baseline
+def _given(part: _Part | None) -> _Part:
+    """Return what is there wherever there is a signal."""
+    if part is None:
+        raise AssertionError
+    return part
 
 
-def _starts(family: Family, prepared: Prepared) -> list[FloatArray]:
-    """Start from the curve that was fitted with the offset, and from an exponential of its slope."""
-    log_middle, slope, curvature = _baseline(prepared).shape_at(family.middle)
-    return [family.start(log_middle, slope, c) for c in (curvature, 0.02 * slope**2)]
-
-
-def _log_variance(problem: ModelProblem) -> float:
+def _log_variance(curve: AveragedCurve, xi: FloatArray, noise: NoiseEstimate) -> float:
     """Return the part of -2 ln L of ln xi that is the same for every model."""
-    xi = problem.curve.output - problem.offset
-    variance = problem.noise.output**2 / problem.curve.count + (problem.noise.relative * xi) ** 2
-    return float(np.sum(np.log(2 * np.pi * variance / xi**2)))
+    return float(np.sum(np.log(2 * np.pi * (noise.of_means(curve.count, xi) / xi) ** 2)))
 
 
-def _cross_validation(problem: ModelProblem, best: Solution) -> float | None:
+def _cross_validation(problem: Problem, best: Fits) -> float | None:
     """Return the RMS error of ln xi at distances left out one by one."""
     curve, count = problem.curve, len(problem.curve.distance)
-    if count - 1 < len(best.x):
+    if count - 1 < problem.family.size or problem.offsets is None:
         return None
-    errors = []
-    for i in range(count):
-        part = replace(problem, curve=curve.part(np.arange(count) != i))
-        found = part.minimize([best.x], tolerance=1e-7)
-        predicted = problem.family.log_output(found.x, curve.distance[[i]])[0]
-        errors.append(float(np.log(curve.output[i] - problem.offset) - predicted))
-    return root_mean_square(np.array(errors))
+    offset = float(problem.offsets[0])
+    many = replace(problem, offsets=np.full(count, offset), weights=~np.eye(count, dtype=bool))
+    found = many.minimize(np.repeat(best.x, count, axis=0))
+    predicted = np.diagonal(problem.family.log_output(found.x, curve.distance))
+    return root_mean_square(np.log(curve.output - offset) - predicted)
 
 
 def _with_units(
@@ -248,22 +187,22 @@ def _clear(estimate: Estimate, value: float, unit: str) -> Estimate:
     return replace(estimate, value=value, unit=unit, low=min(estimate.low, value), high=max(estimate.high, value))
 
 
-def _warnings(shift: float, offset: OffsetEstimate, best: Solution, family: Family) -> tuple[str, ...]:
+def _warnings(shift: float, offset: OffsetEstimate, x: FloatArray, family: Family) -> tuple[str, ...]:
     found = []
     if offset.kind == "fitted":
         found.append(
             f"The offset was fitted, not measured; one standard error of it moves the slope by {100 * shift:.2g} %."
         )
     low, high = family.bounds
-    at = [i for i, x in enumerate(best.x) if min(x - low[i], high[i] - x) < 1e-4]
+    at = [i for i, value in enumerate(x) if min(value - low[i], high[i] - value) < 1e-4]
     if at and family.name == "exponential-2":
         found.append("The curvature is at the limit beyond which the curve would turn around inside the window.")
     return tuple(found)
 
 
-def _fit_table(prepared: Prepared, noise: NoiseEstimate) -> SensorFit:
+def _fit_table(prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate) -> SensorFit:
     """Take the averaged curve as it is."""
-    used, offset = prepared.used, _baseline(prepared).offset
+    used = prepared.used
     xi = used.output - offset.value
     sensor = Table(distances=tuple(used.distance.tolist()), outputs=tuple(xi.tolist()))
     errors = []
@@ -273,8 +212,8 @@ def _fit_table(prepared: Prepared, noise: NoiseEstimate) -> SensorFit:
         errors.append(float(np.log(xi[i]) - part.log_output(float(used.distance[i]))))
     middle = float((used.distance[0] + used.distance[-1]) / 2)
     k = int(np.clip(np.searchsorted(used.distance, middle), 1, len(xi) - 1))
-    variance = noise.output**2 / used.count / xi**2 + noise.relative**2
-    error = float(np.sqrt(variance[k - 1] + variance[k]) / (used.distance[k] - used.distance[k - 1]))
+    own = noise.of_means(used.count, xi) / xi
+    error = float(np.hypot(own[k - 1], own[k]) / (used.distance[k] - used.distance[k - 1]))
     slope = float(sensor.log_slope(middle))
     return SensorFit(
         model="table",

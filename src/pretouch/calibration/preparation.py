@@ -1,4 +1,4 @@
-"""What happens before any model is fitted: near end, offset, noise, outliers, window; and whether there is a signal."""
+"""What happens before any model is fitted: both ends, bad readings, offset, noise; and whether there is a signal."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ from typing import TypeAlias
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, positive
+from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 
 from .averaging import AveragedCurve, ReadingNoise, average, reading_noise
 from .condensing import condense
+from .courses import Courses, families_of, find_courses, find_noise
 from .data import Calibration
-from .offset import Baseline, estimate_baseline
-from .result import OffsetEstimate, UsableWindow
+from .far_end import end_of_falling, is_rising
+from .flattening import first_steep
+from .outliers import bad_distances
+from .result import NoiseEstimate, OffsetEstimate, UsableWindow
 from .window import NearEnd, declared_offset, find_near_end, window_of
 
 __all__ = ["FEWEST_POINTS", "OffsetChoice", "Prepared", "prepare"]
@@ -24,6 +27,7 @@ OffsetChoice: TypeAlias = "str | float | tuple[float, float]"
 
 FEWEST_POINTS = 3  # two parameters and one point to judge them by
 _FEWEST_DISTANCES = 4  # the inverse power on a known offset, and one to judge it by
+_FEWEST_TO_SEE_FLATTENING = 7
 _FALL_LEVEL = 0.05
 _CLEAR_FALL = 6.0  # standard deviations from the first to the last reading that need no rank test
 
@@ -32,20 +36,23 @@ _CLEAR_FALL = 6.0  # standard deviations from the first to the last reading that
 class Prepared:
     """A calibration made ready for models.
 
-    `informed_by` counts the distances that offset and noise were estimated from, inside the window and beyond it;
-    `no_signal` says why there is nothing to fit, and is empty where there is.
+    `informed_by` counts the distances that the noise was estimated from; `free_offset` is the offset that the readings
+    ask for where another is given; `no_signal` says why there is nothing to fit, and is empty where there is.
     """
 
     calibration: Calibration
     window: UsableWindow
-    baseline: Baseline | None
     used: AveragedCurve
-    informed_by: int
-    reaches_last: bool
-    outliers: tuple[int, ...]
-    outlier_distances: tuple[float, ...]
-    free_offset: OffsetEstimate | None
-    no_signal: tuple[str, ...]
+    offset: OffsetEstimate | None = None
+    noise: NoiseEstimate | None = None
+    courses: Courses | None = None
+    informed_by: int = 0
+    reaches_last: bool = False
+    flattens: bool = False
+    outliers: tuple[int, ...] = ()
+    outlier_distances: tuple[float, ...] = ()
+    free_offset: OffsetEstimate | None = None
+    no_signal: tuple[str, ...] = ()
 
 
 def prepare(
@@ -56,7 +63,7 @@ def prepare(
     near_field_peak: float | str | None,
     floor_sigmas: float,
 ) -> Prepared:
-    """Find near end, offset, noise, outliers and window of a calibration.
+    """Find near end, far end, bad readings, offset, noise and misfit of a calibration, and all curves that it allows.
 
     Args:
         calibration: the readings.
@@ -72,47 +79,112 @@ def prepare(
     calibration = condense(calibration)
     curve = average(calibration)
     known = reading_noise(calibration, curve)
-    near = find_near_end(calibration, curve, saturation=saturation, near_field_peak=near_field_peak)
     given = _given_offset(calibration, offset, known)
-    tail = curve.part(np.arange(len(curve.distance)) >= near.index)
+    if near_field_peak == "auto" and is_rising(curve, known):
+        return _nothing(calibration, curve, NearEnd(index=0, reason="", saturation=None), given, _rising(calibration))
+    near = find_near_end(calibration, curve, saturation=saturation, near_field_peak=near_field_peak)
     needed = _FEWEST_DISTANCES + (given is None)
-    if len(tail.distance) < needed:
-        return _nothing(calibration, curve, near, given, _too_few(near, len(tail.distance), needed))
-    if not np.ptp(tail.output) > 0:
-        stuck = f"The output is {tail.output[0]:g} {calibration.unit}".rstrip()
+    left = len(curve.distance) - near.index
+    if left < needed:
+        return _nothing(calibration, curve, near, given, _too_few(near, left, needed))
+    if not np.ptp(curve.output[near.index :]) > 0:
+        stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
         return _nothing(calibration, curve, near, given, f"{stuck} at every distance: check power and wiring.")
-    baseline = estimate_baseline(tail, known, given)
-    if (
-        given is not None and given.standard_error < 0
-    ):  # one or two no-object readings: their noise is that of the other readings
-        baseline = replace(baseline, offset=_with_noise(calibration, baseline))
-    free = None
-    if given is not None and len(tail.distance) >= _FEWEST_DISTANCES + 2:
-        free = estimate_baseline(tail, known, None).offset
-    out = tuple(near.index + i for i in baseline.outliers)
+    from_near = curve.part(np.arange(len(curve.distance)) >= near.index)
+    end = near.index + end_of_falling(from_near, known)
+    if end - near.index < needed:
+        end = len(curve.distance)
+    return _prepared(calibration, curve, known, given, near=near, end=end, floor_sigmas=floor_sigmas)
+
+
+def _prepared(
+    calibration: Calibration,
+    curve: AveragedCurve,
+    known: ReadingNoise,
+    given: OffsetEstimate | None,
+    *,
+    near: NearEnd,
+    end: int,
+    floor_sigmas: float,
+) -> Prepared:
+    """Go on where the ends of falling are known."""
+    place = np.arange(len(curve.distance))
+    out = tuple(near.index + i for i in bad_distances(curve.part((place >= near.index) & (place < end)), known, given))
+    good = (place >= near.index) & (place < end) & ~np.isin(place, out)
+    near, flattens = _steep_end(curve, known, given, near, good)
+    good &= place >= near.index
+    tail = curve.part(good)
+    noise = find_noise(tail, known, given)
+    if given is not None and given.standard_error < 0:  # one or two readings: their noise is that of the others
+        given = _with_noise(calibration, given, noise)
+    free = None if given is not None and len(tail.distance) < _FEWEST_DISTANCES + 2 else find_courses(tail, noise, None)
+    found = given if given is not None or free is None else free.offset("fitted")
+    if found is None:  # there are points enough where none is given
+        raise AssertionError
+    last = None
+    if end < len(curve.distance):
+        at = format_quantity(float(curve.distance[end - 1]), "m")
+        last = (end, f"from {at} on the output rises again: a second reflection, or a wall; left out")
     window = window_of(
         calibration,
         curve,
         near,
-        offset=baseline.offset,
-        sigma=baseline.noise.output,
+        offset=found,
+        sigma=noise.output,
         floor_sigmas=floor_sigmas,
-        outliers=out,
+        left_out=out,
+        last=last,
     )
     used = curve.part(np.isin(curve.distance, window.distances))
-    at = tuple(float(curve.distance[i]) for i in out)
-    readings = np.flatnonzero(np.isin(calibration.distances, at))
+    courses = None
+    if len(used.distance) >= FEWEST_POINTS:
+        courses = free if given is None else find_courses(used, noise, found, informed_by=len(tail.distance))
+    at_bad = tuple(float(curve.distance[i]) for i in out)
+    readings = np.flatnonzero(np.isin(calibration.distances, at_bad))
     return Prepared(
         calibration=calibration,
         window=window,
-        baseline=baseline,
         used=used,
-        informed_by=len(tail.distance) - len(out),
+        offset=found,
+        noise=noise,
+        courses=courses,
+        informed_by=len(tail.distance),
         reaches_last=bool(window.distances) and window.distances[-1] == float(curve.distance[-1]),
+        flattens=flattens,
         outliers=tuple(sorted({*curve.bad_readings, *(int(i) for i in readings)})),
-        outlier_distances=at,
-        free_offset=free,
-        no_signal=_why_no_signal(tail, window, baseline, calibration.unit),
+        outlier_distances=at_bad,
+        free_offset=None if given is None or free is None else free.offset("fitted"),
+        no_signal=_why_no_signal(tail, window, found, noise, calibration.unit),
+    )
+
+
+def _steep_end(
+    curve: AveragedCurve, known: ReadingNoise, given: OffsetEstimate | None, near: NearEnd, good: BoolArray
+) -> tuple[NearEnd, bool]:
+    """Move the near end to where the output is as steep as a curve, if it flattens toward the sensor."""
+    part, place = curve.part(good), np.flatnonzero(good)
+    if len(place) < _FEWEST_TO_SEE_FLATTENING:
+        return near, False
+    noise = find_noise(part, known, given, families_of(part)[:2])
+    first = first_steep(part, noise, given, flat=near.flat)
+    if not first:
+        return near, False
+    at = format_quantity(float(part.distance[first]), "m")
+    reason = f"nearer than {at} the output flattens toward a ceiling: the sensor cannot tell distances there"
+    if near.flat:
+        reason = f"{near.reason}, and has too little slope up to {at}"
+    return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True
+
+
+def _rising(calibration: Calibration) -> str:
+    """Say what to do with an output that rises with distance."""
+    return (
+        "The output rises with distance, and a proximity signal falls: for a sensor that reports a distance, give "
+        "its curve "
+        "by hand and set chain.reports_distance = true; for an electronics that inverts, write the output with the "
+        "other "
+        f"sign, such as {calibration.outputs.max():g} {calibration.unit}".rstrip()
+        + " minus the reading."
     )
 
 
@@ -152,12 +224,10 @@ def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimat
     )
 
 
-def _with_noise(calibration: Calibration, baseline: Baseline) -> OffsetEstimate:
-    error = baseline.noise.output / np.sqrt(len(calibration.no_object))
-    value = baseline.offset.value
-    return replace(
-        baseline.offset, standard_error=float(error), low=float(value - 2.6 * error), high=float(value + 2.6 * error)
-    )
+def _with_noise(calibration: Calibration, offset: OffsetEstimate, noise: NoiseEstimate) -> OffsetEstimate:
+    error = noise.output / np.sqrt(len(calibration.no_object))
+    value = offset.value
+    return replace(offset, standard_error=float(error), low=float(value - 2.6 * error), high=float(value + 2.6 * error))
 
 
 def _too_few(near: NearEnd, left: int, needed: int) -> str:
@@ -182,26 +252,22 @@ def _nothing(
     return Prepared(
         calibration=calibration,
         window=window,
-        baseline=None,
         used=curve.part(np.zeros(len(curve.distance), dtype=bool)),
-        informed_by=0,
-        reaches_last=False,
         outliers=curve.bad_readings,
-        outlier_distances=(),
-        free_offset=None,
         no_signal=(reason,),
     )
 
 
-def _why_no_signal(tail: AveragedCurve, window: UsableWindow, baseline: Baseline, unit: str) -> tuple[str, ...]:
+def _why_no_signal(
+    tail: AveragedCurve, window: UsableWindow, offset: OffsetEstimate, noise: NoiseEstimate, unit: str
+) -> tuple[str, ...]:
     """Say why there is no usable signal; nothing where there is."""
     reasons = []
     count = len(window.distances)
-    kept = np.delete(tail.output, list(baseline.outliers))
-    chance = chance_of_falling(kept[: 2 * count])  # a long plateau says nothing of the window
-    near, far = kept[0] - baseline.offset.value, kept[-1] - baseline.offset.value
-    scatter = np.hypot(baseline.noise.output, baseline.noise.relative * max(near, far))
-    if count >= FEWEST_POINTS and chance > _FALL_LEVEL and near - far < _CLEAR_FALL * scatter:
+    chance = chance_of_falling(tail.output[: 2 * count])  # a long plateau says nothing of the window
+    near, far = tail.output[0] - offset.value, tail.output[-1] - offset.value
+    error = float(np.hypot(*noise.of_means(tail.count[[0, -1]], np.maximum([near, far], 0.0))))
+    if count >= FEWEST_POINTS and chance > _FALL_LEVEL and near - far < _CLEAR_FALL * error:
         reasons.append(
             f"The output does not fall with distance more than chance allows (rank test, p = {chance:.2g}): check that "
             "the sensor is powered, faces the object, and that the object is in its range."
@@ -211,8 +277,8 @@ def _why_no_signal(tail: AveragedCurve, window: UsableWindow, baseline: Baseline
         reasons.append(
             f"Only {count} distinct distance{'s' if count != 1 else ''} (last: {far}) stand{'s' if count == 1 else ''} "
             f"above the floor of {window.floor:.4g} {unit}".rstrip()
-            + f" (offset {baseline.offset.value:.4g} ± {baseline.offset.standard_error:.2g}, noise of a reading "
-            f"{baseline.noise.output:.2g}), and a curve needs {FEWEST_POINTS}: measure in finer steps near the sensor, "
+            + f" (offset {offset.value:.4g} ± {offset.standard_error:.2g}, noise of a reading "
+            f"{noise.output:.2g}), and a curve needs {FEWEST_POINTS}: measure in finer steps near the sensor, "
             "repeat readings, and record the output with no object."
         )
     return tuple(reasons)

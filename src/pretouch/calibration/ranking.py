@@ -8,19 +8,20 @@ import numpy as np
 
 from pretouch._core.units import format_quantity
 
+from .averaging import average
 from .data import Calibration
-from .fit import MODELS, check_models, common_noise, fit_prepared, why_not
+from .fit import MODELS, check_models, fit_prepared, why_not
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit
+from .slope import slope_knowledge, slope_reservations
 
 __all__ = ["rank_models"]
 
 _FEW_POINTS = 6
 _LARGE_MISFIT = 0.1  # of ln xi: the virtual force is wrong by as much over one step of the calibration
-_SMALL_MISFIT = 1e-3  # of ln xi: another shape by less than that is of no consequence to a controller
-_FEW_RUNS = 0.05
-_SLOPE_SHIFT = 0.2
-_FAR_SHARE = 0.05  # of the largest signal
+_FEW_EMPTY = 4  # readings without an object, which tell the noise as repeats do
+_DOUBT = {"declared": 1.0, "measured": 2.5, "fitted": 1.0}  # times the interval of what the readings ask for instead
+_MOST_NAMED = 5  # distances, one by one
 _SMALL_FALL = 1.0  # of ln xi over the window
 
 
@@ -67,25 +68,25 @@ def rank_models(
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
-        noise = common_noise(prepared)
         for model in models:
             reason = why_not(model, prepared)
             if reason:
                 not_fitted[model] = reason
             else:
-                fits.append(fit_prepared(model, prepared, noise))
+                fits.append(fit_prepared(model, prepared))
         fits.sort(key=_rank)
     reservations = prepared.no_signal or tuple(_reservations(prepared, fits))
-    baseline = prepared.baseline
     return CalibrationReport(
         calibration=prepared.calibration,
         fits=tuple(fits),
         window=prepared.window,
-        offset=baseline.offset if baseline else None,
-        noise=baseline.noise if baseline else None,
+        offset=prepared.offset,
+        noise=prepared.noise,
         verdict=_verdict(prepared, reservations),
         reasons=reservations or (_praise(prepared, fits),),
         not_fitted=not_fitted,
+        slope=slope_knowledge(prepared),
+        left_out=_left_out(prepared),
     )
 
 
@@ -93,6 +94,36 @@ def _rank(fit: SensorFit) -> tuple[bool, bool, float, float]:
     """Order by AICc; models without one follow by cross-validation, the table last."""
     error = math.inf if fit.cross_validation is None else fit.cross_validation
     return fit.model == "table", fit.aicc is None, fit.aicc or 0.0, error
+
+
+def _left_out(prepared: Prepared) -> tuple[str, ...]:
+    """Name the readings that no model saw, in groups."""
+    calibration, window, found = prepared.calibration, prepared.window, []
+    at_bad = np.isin(calibration.distances, prepared.outlier_distances)
+    single = [i for i in prepared.outliers if not at_bad[i]]
+    if single:
+        where = ", ".join(format_quantity(d, "m") for d in np.unique(calibration.distances[single])[:_MOST_NAMED])
+        more = ", ..." if len(np.unique(calibration.distances[single])) > _MOST_NAMED else ""
+        found.append(f"{_readings(len(single))} at {where}{more}: lost, or far off the others at the same distance.")
+    for distance in prepared.outlier_distances:
+        count = int((calibration.distances == distance).sum())
+        found.append(
+            f"{_readings(count)} at {format_quantity(distance, 'm')}: no curve through the others comes near; "
+            "measure again."
+        )
+    if window.distances:
+        kept = ~at_bad
+        near = int((kept & (calibration.distances < window.l_min)).sum())
+        far = int((kept & (calibration.distances > window.l_max)).sum())
+        if near:
+            found.append(f"{_readings(near)} nearer than {format_quantity(window.l_min, 'm')}: {window.start_reason}.")
+        if far:
+            found.append(f"{_readings(far)} beyond {format_quantity(window.l_max, 'm')}: {window.end_reason}.")
+    return tuple(found)
+
+
+def _readings(count: int) -> str:
+    return f"{count:,} reading{'s' if count != 1 else ''}"
 
 
 def _verdict(prepared: Prepared, reservations: tuple[str, ...]) -> str:
@@ -122,76 +153,81 @@ def _reservations(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
             f"The window from {low} to {high} holds only {len(used.distance)} distinct distances: measure at 8 or more "
             "inside it."
         )
-    if used.count.max() == 1:
+    if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
         found.append(
             "Every distance was read once, so the noise is inferred from the curve itself: read each distance 3 times "
             "or more."
         )
-    found += _offset_reservations(prepared, fits)
-    if prepared.outlier_distances:
-        where = ", ".join(format_quantity(d, "m") for d in prepared.outlier_distances)
+    found += _offset_reservations(prepared)
+    if len(prepared.outlier_distances) > 1 + len(used.distance) // 10:
         found.append(
-            f"The output at {where} fits no curve through the other readings and was left out: measure it again."
+            f"The output at {len(prepared.outlier_distances)} distances fits no curve through the other readings: "
+            "measure again."
         )
-    fall = (
-        float(np.log(used.output[0] - fits[0].offset.value) - np.log(used.output[-1] - fits[0].offset.value))
-        if fits
-        else 0
-    )
-    if fits and fall < _SMALL_FALL:
-        found.append(
-            f"From {low} to {high} the output falls only by a factor of {math.exp(fall):.2g}: measure "
-            "over a wider range."
-        )
+    if fits:
+        fall = float(np.log(used.output[0] - fits[0].offset.value) - np.log(used.output[-1] - fits[0].offset.value))
+        if fall < _SMALL_FALL:
+            found.append(
+                f"From {low} to {high} the output falls only by a factor of {math.exp(fall):.2g}: measure "
+                "over a wider range."
+            )
     dropped = calibration.source.dropped if calibration.source else 0
     if dropped > 0.2 * (dropped + len(calibration.outputs)):
         found.append(f"{dropped} rows have no output: check the recording.")
     if fits:
-        found += _misfits(fits)
+        found += slope_reservations(prepared, fits[0])
+        found += _misfits(prepared, fits)
     return found
 
 
-def _offset_reservations(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
-    """Say where the offset is what limits the slope."""
+def _offset_reservations(prepared: Prepared) -> list[str]:
+    """Say where the readings contradict the offset, and offsets that no sensor has."""
     unit, found = prepared.calibration.unit, []
-    baseline, free = prepared.baseline, prepared.free_offset
-    if baseline is None:
+    offset, free, curve = prepared.offset, prepared.free_offset, average(prepared.calibration)
+    if offset is None:
         return []
-    offset = baseline.offset
-    shift = fits[0].slope_shift if fits else 0.0
-    if shift > _SLOPE_SHIFT:
+    at = int(curve.output.argmin())
+    lowest = float(curve.output[at])
+    named = f"{offset.kind} offset of {offset.value:.4g} {unit}".rstrip()
+    if offset.value < 0 and offset.high < 0 and lowest >= 0:
+        found.append(f"The {named} is negative, which no reading is: record the output with no object.")
+    error = 4 * prepared.noise.output / math.sqrt(float(curve.count[at])) if prepared.noise is not None else 0.0
+    if offset.kind == "declared" and offset.value > lowest + error:
         found.append(
-            f"The offset ({offset.kind}, {offset.value:.4g} ± {offset.standard_error:.2g} {unit}) is so uncertain that "
-            f"one standard error moves the slope by {100 * shift:.0f} %: record the output with no object."
+            f"The {named} is larger than readings ({lowest:.4g} {unit}".rstrip()
+            + "): no signal is left there; record the output with no object."
         )
-    used = prepared.used.output - offset.value
-    if fits and offset.kind == "fitted" and used[-1] > _FAR_SHARE * used[0] and prepared.reaches_last:
+    if offset.kind == "fitted" and prepared.flattens:
         found.append(
-            f"The readings end where the signal still is {100 * used[-1] / used[0]:.2g} % of its largest value, so the "
-            "fitted offset rests on the form of the inverse power: measure out to where the output no longer changes, "
-            "or record the output with no object."
+            "The offset was fitted to a curve whose near part flattens, and both bend it alike: record the output "
+            "with no "
+            "object."
         )
-    if free is not None and free.low > offset.high + 1e-3 * abs(free.value - offset.value):
+    margin = _DOUBT[offset.kind]
+    if free is not None and free.value - margin * (free.value - free.low) > offset.high:
         found.append(
             f"The far readings level off at {free.value:.4g} {unit} (95 % interval {free.low:.4g} to {free.high:.4g}), "
-            f"above the {offset.kind} offset of {offset.value:.4g} {unit}: a pedestal left in weakens the virtual "
+            f"above the {named}: a pedestal left in weakens the virtual "
             "force; record the output with no object, or fit the offset."
         )
+    if free is not None and free.value + margin * (free.high - free.value) < offset.low:
+        found.append(
+            f"The far readings fall more steeply than any curve on the {named}; they ask for {free.value:.4g} {unit} "
+            f"(95 % interval {free.low:.4g} to {free.high:.4g}): too much is subtracted, which makes the virtual "
+            "force too "
+            "strong far away; record the output with no object, or fit the offset."
+        )
     return found
 
 
-def _misfits(fits: list[SensorFit]) -> list[str]:
+def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
     """Say where even the best model does not follow the readings."""
-    best, found = fits[0], []
+    if prepared.noise is None or prepared.noise.misfit <= _LARGE_MISFIT:
+        return []
     table = " The table follows the readings." if any(f.model == "table" for f in fits) else ""
-    if best.rmse_log_output > _LARGE_MISFIT:
-        found.append(
-            f"{best.model}, the best model, misses ln xi by {best.rmse_log_output:.2g} (RMS), so the virtual force is "
-            f"off by about as much over one step of distance: take more readings per distance.{table}"
-        )
-    if best.runs_p_value is not None and best.runs_p_value < _FEW_RUNS and best.rmse_log_output > _SMALL_MISFIT:
-        found.append(
-            f"The residuals of {best.model} keep their sign along the distance (runs test, "
-            f"p = {best.runs_p_value:.2g}): the curve has another shape.{table}"
-        )
-    return found
+    return [
+        f"The readings miss {fits[0].model}, the best model, by {100 * prepared.noise.misfit:.0f} % of xi (RMS) "
+        "beyond their "
+        f"noise, and the virtual force is off by about as much over one step of distance: check how distances were "
+        f"set.{table}"
+    ]

@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .data import Calibration
 
-__all__ = ["CalibrationReport", "Estimate", "NoiseEstimate", "OffsetEstimate", "SensorFit", "UsableWindow"]
+__all__ = [
+    "CalibrationReport",
+    "Estimate",
+    "NoiseEstimate",
+    "OffsetEstimate",
+    "SensorFit",
+    "SlopeKnowledge",
+    "UsableWindow",
+]
+
+_FINEST: Final = 1e-4  # of xi: nothing is known better; exact numbers are weighed as their logarithms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,21 +68,35 @@ class OffsetEstimate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseEstimate(Value):
-    """The noise that weighs the readings: variance of y = output^2 + (relative xi)^2.
+    """What lies between readings and the curve: noise, drawn anew for every reading, and misfit, which stays.
+
+    The mean of n readings has the variance (output^2 + (relative xi)^2) / n + (misfit xi)^2 about the curve.
 
     Args:
         output: standard deviation of one reading where there is no signal, in the unit of the outputs.
-        relative: relative jitter of xi (positioning, reflectance, misfit), which repeats do not average out.
+        relative: standard deviation of one reading relative to xi, on top.
         resolution: step in which the outputs come; 0 where none was found.
+        misfit: RMS distance of the means from the best curve beyond what noise explains, relative to xi.
+        misfit_length: distance [m] over which the misfit keeps its sign; 0 where there is none.
         output_source: where `output` comes from.
         relative_source: where `relative` comes from.
     """
 
     output: float
     relative: float
-    resolution: float
-    output_source: str
-    relative_source: str
+    resolution: float = 0.0
+    misfit: float = 0.0
+    misfit_length: float = 0.0
+    output_source: str = ""
+    relative_source: str = ""
+
+    def relative_of_means(self, count: IntArray) -> FloatArray:
+        """Return the part of the standard deviation of means of `count` readings that grows with xi, over xi."""
+        return np.asarray(np.maximum(np.sqrt(self.relative**2 / count + self.misfit**2), _FINEST))
+
+    def of_means(self, count: IntArray, signal: FloatArray) -> FloatArray:
+        """Return the standard deviation of means of `count` readings at signals xi, in the unit of the outputs."""
+        return np.asarray(np.hypot(self.output / np.sqrt(count), self.relative_of_means(count) * signal))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,6 +218,23 @@ class SensorFit(Value):
         return fit_text(self)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlopeKnowledge(Value):
+    """What all curves that the readings allow say about g, in the part where most of the virtual force is given.
+
+    Args:
+        distances: from the nearest usable one to where the signal is a tenth of that there [m], shape (N,).
+        slope: the mean of g over all curves [1/m], shape (N,).
+        uncertainty: half the width of the 95 % interval of g, relative to it, shape (N,).
+        worst_at: where that is largest [m].
+    """
+
+    distances: FloatArray
+    slope: FloatArray
+    uncertainty: FloatArray
+    worst_at: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CalibrationReport(Value):
     """All models on one calibration, ranked, and the verdict on the sensor.
@@ -205,6 +248,8 @@ class CalibrationReport(Value):
         verdict: `usable`, `usable with reservations` or `no usable signal`.
         reasons: why, and what to do, in sentences.
         not_fitted: models that were asked for and not fitted, with the reason.
+        slope: how well g is known, whatever the model; None where there are too few readings.
+        left_out: readings that no model saw, in groups, in sentences.
     """
 
     calibration: Calibration
@@ -215,6 +260,8 @@ class CalibrationReport(Value):
     verdict: str
     reasons: tuple[str, ...]
     not_fitted: dict[str, str] = field(default_factory=dict)
+    slope: SlopeKnowledge | None = None
+    left_out: tuple[str, ...] = ()
 
     @property
     def best(self) -> SensorFit | None:
@@ -232,7 +279,18 @@ class CalibrationReport(Value):
             "window_reasons": [self.window.start_reason, self.window.end_reason],
             "saturation": _plain(self.window.saturation),
             "offset": _fields(self.offset, ("value", "standard_error", "low", "high", "kind")),
-            "noise": _fields(self.noise, ("output", "relative", "resolution", "output_source", "relative_source")),
+            "noise": _fields(
+                self.noise,
+                ("output", "relative", "resolution", "misfit", "misfit_length", "output_source", "relative_source"),
+            ),
+            "slope": None
+            if self.slope is None
+            else {
+                "distances": self.slope.distances.tolist(),
+                "values": self.slope.slope.tolist(),
+                "uncertainty": self.slope.uncertainty.tolist(),
+            },
+            "left_out": list(self.left_out),
             "models": [fit.to_dict() for fit in self.fits],
             "not_fitted": dict(self.not_fitted),
             "calibration": {

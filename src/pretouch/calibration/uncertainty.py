@@ -10,8 +10,9 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
+from .courses import Problem
 from .families import Family
-from .least_squares import Residuals, Solution, gradient, interval
+from .many_fits import Fits, gradient, intervals
 from .result import Estimate, OffsetEstimate
 
 __all__ = ["Spread", "estimates"]
@@ -38,9 +39,8 @@ class Spread:
 
 
 def estimates(
-    residuals: Residuals,
-    best: Solution,
-    family: Family,
+    problem: Problem,
+    best: Fits,
     *,
     offset: OffsetEstimate,
     shifted: list[FloatArray],
@@ -49,9 +49,8 @@ def estimates(
     """Work out what a fit knows about its parameters.
 
     Args:
-        residuals: of the model at the offset, of unit variance.
-        best: their minimum.
-        family: the curves.
+        problem: the model at the offset.
+        best: its minimum, b = 1.
         offset: the offset with its uncertainty.
         shifted: the parameters fitted at either end of the offset's interval; empty where it is exact.
         informed_by: how many points the noise was estimated from.
@@ -61,30 +60,34 @@ def estimates(
     """
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
-    dof = max(len(best.residuals) - len(best.x), 1)
-    inflation = max(1.0, best.cost / dof)  # a model that does not fit does not know its parameters better
+    family, x = problem.family, best.x[0]
+    dof = max(best.residuals.shape[1] - len(x), 1)
+    inflation = max(1.0, float(best.costs[0]) / dof)  # a model that does not fit does not know its parameters better
     known = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
     rise = float(stdtrit(max(dof, known), 0.975)) ** 2 * inflation
     share = offset.standard_error / (offset.high - offset.low) if len(shifted) == 2 else 0.0
+    place = np.array([family.middle])
 
     def every(u: FloatArray) -> FloatArray:
-        return np.append(family.coordinates(u), math.log(max(-family.slope(u, family.middle), 1e-9)))
+        rows = [family.coordinates(row) for row in u]
+        return np.column_stack([rows, np.log(np.maximum(-family.slope(u, place)[:, 0], 1e-9))])
 
-    center, moved = every(best.x), [every(u) for u in shifted]
+    center, moved = every(best.x)[0], [every(u[None])[0] for u in shifted]
     ends = []
-    for i in range(len(center)):
-        low, high, *reached = interval(residuals, best, family.bounds, lambda u, i=i: float(every(u)[i]), rise)  # type: ignore[misc]
+    found = intervals(problem.residuals, best, problem.bounds(), every, rise)
+    for i, (low, high, *reached) in enumerate(found):
         below = center[i] - min([center[i], *(m[i] for m in moved)])
         above = max([center[i], *(m[i] for m in moved)]) - center[i]
-        low = center[i] - math.hypot(center[i] - low, below) if reached[0] else low
-        high = center[i] + math.hypot(high - center[i], above) if reached[1] else high
-        ends.append((low, high, reached[0], reached[1]))
-    covariance = _covariance(best, family, moved, share, inflation)
+        down = center[i] - math.hypot(center[i] - low, below) if reached[0] else low
+        up = center[i] + math.hypot(high - center[i], above) if reached[1] else high
+        ends.append((down, up, reached[0], reached[1]))
+    own = best.covariances[0]
+    covariance = _covariance(x, own, family, moved, share=share, inflation=inflation)
     slopes = [-math.exp(v) for v in (center[-1], ends[-1][1], ends[-1][0])]
     moved_slopes = [-math.exp(m[-1]) for m in moved]
     shift = share * abs(moved_slopes[1] - moved_slopes[0]) / abs(slopes[0]) if share else 0.0
-    log_slope = gradient(lambda u: every(u)[-1:], best.x)[0]
-    slope_error = abs(slopes[0]) * math.hypot(math.sqrt(inflation * (log_slope @ best.covariance @ log_slope)), shift)
+    log_slope = gradient(lambda u: every(u[None])[0, -1:], x)[0]
+    slope_error = abs(slopes[0]) * math.hypot(math.sqrt(inflation * float(log_slope @ own @ log_slope)), shift)
     middle = Estimate(value=slopes[0], standard_error=slope_error, low=slopes[1], high=slopes[2], unit="1/m")
     runaway = family.name == "inverse-power" and _runs_away(ends[2], family)
     parameters = _parameters(family, center[:-1], ends[:-1], covariance, runaway=runaway)
@@ -97,11 +100,13 @@ def estimates(
     )
 
 
-def _covariance(best: Solution, family: Family, moved: list[FloatArray], share: float, inflation: float) -> FloatArray:
+def _covariance(
+    x: FloatArray, own: FloatArray, family: Family, moved: list[FloatArray], *, share: float, inflation: float
+) -> FloatArray:
     """Carry the covariance to the written parameters and add what the offset contributes."""
     with np.errstate(over="ignore", invalid="ignore"):  # a scale that runs away has no finite variance
-        jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), best.x)
-        covariance = inflation * jacobian @ best.covariance @ jacobian.T
+        jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), x)
+        covariance = inflation * jacobian @ own @ jacobian.T
         if share:
             shift = share * (family.parameters(moved[1][:-1]) - family.parameters(moved[0][:-1]))
             covariance = covariance + np.outer(shift, shift)

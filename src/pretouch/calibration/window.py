@@ -25,11 +25,15 @@ _CLIPPED_SHARE: Final = 0.99  # of full scale: converters and their front ends c
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearEnd:
-    """Where the usable part of a curve starts: index into the averaged curve, why, and the clipping level."""
+    """Where the usable part of a curve starts: index into the averaged curve, why, and the clipping level.
+
+    `flat` tells that the output has no slope there, as at a peak that was found.
+    """
 
     index: int
     reason: str
     saturation: float | None
+    flat: bool = False
 
 
 def find_window(
@@ -125,10 +129,11 @@ def find_near_end(
     if index == len(curve.distance):
         return NearEnd(index=index, reason=reason, saturation=level)
     peak, how = _peak(curve, index, near_field_peak)
+    flat = peak > index and how == "found"
     if peak > index:
         index = peak
         reason = f"the output peaks at {format_quantity(float(curve.distance[peak]), 'm')} ({how})"
-    return NearEnd(index=index, reason=reason, saturation=level)
+    return NearEnd(index=index, reason=reason, saturation=level, flat=flat)
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
@@ -191,7 +196,8 @@ def window_of(
     offset: OffsetEstimate,
     sigma: float,
     floor_sigmas: float,
-    outliers: tuple[int, ...] = (),
+    left_out: tuple[int, ...] = (),
+    last: tuple[int, str] | None = None,
 ) -> UsableWindow:
     """Find the far end of the window and put both ends together.
 
@@ -202,12 +208,14 @@ def window_of(
         offset: the offset and its standard error.
         sigma: standard deviation of one reading.
         floor_sigmas: how many standard errors the signal must stand above the offset.
-        outliers: indices into the curve that are passed over.
+        left_out: indices into the curve that are passed over.
+        last: index after the last point that may be used, and why; None for all of them.
 
     Returns:
         The window.
     """
-    indices = [i for i in range(near.index, len(curve.distance)) if i not in outliers]
+    stop, why = last or (len(curve.distance), "last measured distance")
+    indices = [i for i in range(near.index, stop) if i not in left_out]
     error = np.hypot(sigma / np.sqrt(curve.count), offset.standard_error)
     above = [bool(curve.output[i] - offset.value > floor_sigmas * error[i]) for i in indices]
     end = len(indices)
@@ -218,7 +226,7 @@ def window_of(
     used = [i for i, holds in zip(indices[:end], above[:end], strict=True) if holds]
     unit = f" {calibration.unit}" if calibration.unit else ""
     floor = offset.value + floor_sigmas * float(np.median(error))
-    reason = "last measured distance"
+    reason = why
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
         reason = (

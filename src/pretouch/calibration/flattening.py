@@ -1,0 +1,193 @@
+"""Where the output flattens toward the sensor: an amplifier or converter that compresses, and curves that hide it.
+
+Ideal curves fall most steeply, in ln xi, where they are nearest: -g never grows with distance. An output that
+approaches a ceiling below full scale has its slope fall toward zero instead, over a part of the range; a curve that is
+fitted through it is too steep there. What is compared is the slope itself: a straight line through the residuals of the
+nearest readings is the difference between the slope of the readings and that of the curve, whatever the shape of both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
+
+from .averaging import AveragedCurve
+from .courses import HEAVIEST_KAPPA, Problem
+from .families import Family, InversePowerFamily, MittagLefflerFamily, SecondOrderFamily
+from .many_fits import Fits, minimize_many
+from .result import NoiseEstimate, OffsetEstimate
+
+__all__ = ["first_steep"]
+
+_FALL: Final = 0.5  # of ln xi: over so much the slope is judged
+_AHEAD: Final = 0.25  # of ln xi: from so far out on the curve is fitted that foretells the slope
+_MISFIT: Final = 0.005
+_FEWEST: Final = 4  # points in a straight line
+_TOO_FLAT: Final = 0.1  # of g: what is flatter than the curve by more than that is not its near end
+_SURE: Final = 2.5  # standard errors
+_MARGIN: Final = 0.35  # of ln xi, beyond where flattening is seen: over so much it fades to a third, p being 3
+_CLEAR: Final = 0.15  # of the largest signal: what is smaller has a slope that an offset may make
+_LEFT: Final = 5  # points at least that a curve is fitted to
+_NARROWEST: Final = 0.8  # of the points, at most, that may be left out
+
+
+def first_steep(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimate | None, *, flat: bool) -> int:
+    """Find the first point from which on the readings are as steep as the curve that fits them.
+
+    Args:
+        curve: the averaged readings.
+        noise: of readings; its misfit is not used, for it may be the flattening itself.
+        known: the offset; None where it is fitted.
+        flat: whether the first point is known to have no slope.
+
+    Returns:
+        The index of the point; 0 where nothing flattens.
+    """
+    index = _bulging(curve, noise, None)
+    if known is not None and known.kind == "measured":
+        index = max(index, _bulging(curve, noise, known))
+    index += _first_followed(curve.part(np.arange(len(curve.distance)) >= index), noise, known)
+    if index == 0 and not flat:
+        return 0
+    base = float(curve.output.min()) if known is None else known.value
+    signal = curve.output - base
+    beyond = np.flatnonzero(signal <= np.exp(-_MARGIN) * signal[index])
+    last = min(int(_NARROWEST * len(signal)), len(signal) - _LEFT - (known is None))
+    return int(min(max(beyond[0] if len(beyond) else index, index), max(last, index)))
+
+
+def _bulging(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimate | None) -> int:
+    """Return the first point whose slope is not surely smaller than one farther away.
+
+    Without an offset it is that of the output, which is convex wherever ln xi is, whatever the offset.
+    """
+    top = float(curve.output.max())
+    base = float(curve.output.min()) if known is None else known.value
+    signal = np.maximum(curve.output - base, 1e-12 * max(abs(top), 1e-300))
+    own = np.hypot(noise.output, noise.relative * signal) / np.sqrt(curve.count)
+    if known is None:
+        value, error, drop = -curve.output, own, 0.25 * (top - base)
+        usable = len(curve.distance)
+    else:
+        value, error, drop = -np.log(signal), own / signal, _FALL
+        usable = int(np.sum(np.cumprod(signal > np.maximum(_CLEAR * (top - base), 20 * known.standard_error))))
+    slopes, errors = [], []
+    for k in range(usable - 1):
+        stop = k + _FEWEST
+        while stop < usable and value[stop - 1] - value[k] < drop:
+            stop += 1
+        if stop > usable:
+            break
+        weight = 1 / (error[k:stop] ** 2 + (1e-6 * drop) ** 2)
+        away = curve.distance[k:stop] - (weight * curve.distance[k:stop]).sum() / weight.sum()
+        line = weight * away / (weight * away**2).sum()
+        slopes.append(float(line @ value[k:stop]))
+        errors.append(float(np.sqrt((line**2 * error[k:stop] ** 2).sum())))
+    if len(slopes) < 2:
+        return 0
+    sure = np.array(slopes) - _SURE * np.array(errors)
+    ahead = np.maximum.accumulate(sure[::-1])[::-1]
+    low = np.array(slopes) < (1 - _TOO_FLAT) * ahead
+    return int(np.argmin(low)) if low[0] else 0
+
+
+def _first_followed(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimate | None) -> int:
+    """Return the first point from which on a curve through what lies beyond foretells the slope of the readings."""
+    count = len(curve.distance)
+    last = min(int(_NARROWEST * count), count - _LEFT - (known is None))
+    if last < 1:
+        return 0
+    first, end = float(curve.distance[0]), float(curve.distance[-1])
+    families: tuple[Family, ...] = (
+        InversePowerFamily(first=first, last=end, kappa_max=HEAVIEST_KAPPA, kappa_floor=1e-6),
+        SecondOrderFamily(first=first, last=end),
+        MittagLefflerFamily(first=first, last=end),
+    )
+    ok = np.zeros(last + 1, dtype=bool)
+    for family in families:
+        if not ok[0]:
+            ok |= _foretold(curve, family, noise, known, last)
+    return int(np.argmax(ok)) if ok.any() else last
+
+
+def _fits(curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: OffsetEstimate | None, count: int) -> Fits:
+    """Fit a family to what lies from each of the first points outwards; offsets are the last parameter where fitted."""
+    value = None if known is None else known.value
+    problem = Problem(
+        curve=curve,
+        family=family,
+        noise=replace(noise, misfit=_MISFIT),
+        offsets=None if value is None else np.full(count, value),
+        weights=np.arange(len(curve.distance)) >= np.arange(count)[:, None],
+    )
+    low, high = problem.bounds()
+    if isinstance(family, SecondOrderFamily):
+        high[2] = min(high[2], 0.0)  # never steeper farther away
+    guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if value is None else value
+    rows = problem.starts(guess)
+    which = np.tile(np.arange(count), len(rows))
+    rough = minimize_many(
+        lambda u, w: problem.residuals(u, which[w]),
+        np.repeat(rows, count, axis=0),
+        (low, high),
+        tolerance=1e-3,
+        most=15,
+    )
+    best = rough.costs.reshape(len(rows), count).argmin(axis=0)
+    return minimize_many(problem.residuals, rough.x.reshape(len(rows), count, -1)[best, np.arange(count)], (low, high))
+
+
+def _foretold(
+    curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: OffsetEstimate | None, last: int
+) -> BoolArray:
+    """Tell from which first points on the slope of the readings is that of a curve fitted a little farther out."""
+    distance, count = curve.distance, last + 1
+    fits = _fits(curve, family, noise, known, len(distance) - _LEFT + 1)
+    offset = fits.x[:, -1] if known is None else np.full(len(fits.x), known.value)
+    log = np.clip(family.log_output(fits.x[:, :3], distance), -600, 600)
+    slope = family.slope(fits.x[:, :3], distance)
+    covariance = fits.covariances[:, :3, :3]
+    ok = np.ones(count, dtype=bool)
+    for k in range(count):
+        stop = min(max(_reach(log[k], k, _FALL), k + _FEWEST), len(distance))
+        ahead = min(max(_reach(log[k], k, _AHEAD), k + 2), len(fits.x) - 1)
+        part = slice(k, stop)
+        for i in (k, ahead):
+            signal = curve.output[part] - offset[i]
+            if (signal <= 0).any():
+                continue
+            miss = np.log(signal) - log[i, part]
+            variance = (noise.output / signal) ** 2 / curve.count[part] + noise.relative**2 / curve.count[part] + 1e-8
+            weight = 1 / variance
+            away = distance[part] - (weight * distance[part]).sum() / weight.sum()
+            line = weight * away / (weight * away**2).sum()
+            own = float((line**2 * variance).sum())
+            change = _gradient(family, fits.x[i, :3], distance[part]) @ line
+            spread = _roughness(fits.residuals[i, max(stop, i) :])
+            error = np.sqrt(own + spread * float(change @ covariance[i] @ change))
+            g = -float(slope[i, part].mean())
+            flatter = float(line @ miss) / g
+            ok[k] &= flatter <= _TOO_FLAT or flatter <= _SURE * error / g
+    return ok
+
+
+def _reach(log: FloatArray, start: int, fall: float) -> int:
+    """Return the first point at which ln xi has fallen by so much."""
+    return int(np.searchsorted(-log, -log[start] + fall))
+
+
+def _gradient(family: Family, u: FloatArray, distance: FloatArray) -> FloatArray:
+    """Return the derivatives of ln xi by the parameters, shape (p, n)."""
+    moved = u + 1e-5 * np.eye(len(u))
+    return (family.log_output(moved, distance) - family.log_output(u, distance)) / 1e-5
+
+
+def _roughness(standardized: FloatArray) -> float:
+    """Return the variance of neighbors about each other, at least one: what is smooth does not count."""
+    if len(standardized) < 3:
+        return 1.0
+    return max(float(np.mean(np.diff(standardized) ** 2) / 2), 1.0)

@@ -52,6 +52,8 @@ class FitRequest:
     Args:
         path: the file.
         select: value of each label column that tells the wanted curves from the others.
+        columns: the columns of distance and output, as `read_calibration` takes them.
+        labels: the label columns; all others where None.
         no_object: a reading without an object, or the file of such readings.
         offset: `auto`, `fit`, `zero`, or the offset itself.
         saturation: `auto`, `none`, or the output at which the sensor clips.
@@ -62,6 +64,8 @@ class FitRequest:
 
     path: Path
     select: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str | int] = field(default_factory=dict)
+    labels: tuple[str | int, ...] | None = None
     no_object: OutputValue | Path | None = None
     offset: str | OutputValue = "auto"
     saturation: str | OutputValue = "auto"
@@ -81,7 +85,7 @@ class FitRequest:
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
-        curves = read_calibrations(self.path, no_object=no_object)
+        curves = read_calibrations(self.path, no_object=no_object, columns=self.columns, labels=self.labels)
         wanted = {f"{key}={value}" for key, value in self.select.items()}
         chosen = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
         if not chosen:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterator, Sequence
 
@@ -43,21 +44,30 @@ def long_layout(table: TextTable, choice: Choice) -> Layout:
     said = choice.output.index(table) if choice.output else None
     distance = _distance(table, choice.distance, said)
     output = _output(table, distance) if said is None else said
+    repeats = [i for i, title in enumerate(table.header) if is_number(title)] if output is None else []
+    output = repeats[0] if len(repeats) > 1 else output
     if len(table.header) == 2:  # of two columns with one known, the other is the other; else distance comes first
         distance = (0 if output is None else 1 - output) if distance is None else distance
         output = 1 - distance if output is None else output
     if distance is None or output is None or distance == output:
         found = ", ".join(f"{i}: {title!r}" for i, title in enumerate(table.header, start=1))
-        known = f"distance={1 if distance is None else distance + 1}"
+        place = 0 if distance is None else distance
+        free = [i for i in range(len(table.header)) if i != place]
+        other = next((i for i in free if not is_setting(table.header[i])), free[0])
         raise CalibrationDataError(
             f"{table.place}: found the columns {found}, expected one named distance and one named output; or say which "
-            f"they are: {remedy(f'{known},output={len(table.header)}')}"
+            f"they are: {remedy(f'distance={place + 1},output={other + 1}')}"
         )
     where = _distance_column(table, distance, choice.distance)
     what, notes = _output_column(table, output, choice.output)
-    labels, further = _labels(table, distance, output)
+    labels, further = _labels(table, distance, [output, *repeats])
+    if len(repeats) > 1:
+        further.append(f"The columns {', '.join(table.header[i] for i in repeats)} are read as repeats.")
     return Layout(
-        pairs=(Pair(distance=where, output=what),),
+        pairs=tuple(
+            Pair(distance=where, output=dataclasses.replace(what, index=i, title=table.header[i]))
+            for i in (repeats if len(repeats) > 1 else [output])
+        ),
         distances=where.title,
         outputs=what.title,
         unit=what.unit,
@@ -68,9 +78,10 @@ def long_layout(table: TextTable, choice: Choice) -> Layout:
 
 def _refuse_no_header(table: TextTable) -> None:
     if all(is_number(cell) for cell in table.header):
+        wide = ', or --columns "distance=[mm]" where they are distances' if len(table.header) > 2 else ""
         raise CalibrationDataError(
             f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or say '
-            f"what the columns are: {remedy('distance=1 [mm],output=2 [V]')}"
+            f"what the columns are: {remedy('distance=1 [mm],output=2 [V]')}{wide}"
         )
     if len(table.header) < 2:
         raise CalibrationDataError(
@@ -133,7 +144,7 @@ def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Col
     title = table.header[index]
     found = split_title(title)[1]
     unit = chosen.unit_beside(title, found) if chosen else found
-    how = f'write it into the header, such as "distance [mm]", or say it: {remedy("distance=[mm]")}'
+    how = f'write it into the header, such as "distance [mm]", or say it: {remedy(f"distance={index + 1} [mm]")}'
     if not unit:
         raise CalibrationDataError(f"{table.place}: found {title!r}, a distance without a unit: {how}")
     if not is_length(unit):
@@ -148,8 +159,8 @@ def _output_column(table: TextTable, index: int, chosen: Chosen | None) -> tuple
     symbol, factor = output_unit(unit)
     notes = []
     if unit is None:
-        symbol, sentence = taken_as([row[index] for _, row in table.rows])
-        notes.append(f"The output column {title!r} has no unit; {sentence}")
+        symbol, taken = taken_as([row[index] for _, row in table.rows])
+        notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
     if is_setting(title) and not (chosen and chosen.names_a_column):
         notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other column is.")
     return Column(index=index, title=title, unit=symbol, factor=factor), notes
@@ -162,17 +173,17 @@ def taken_as(cells: Sequence[str]) -> tuple[str, str]:
         cells: the outputs.
 
     Returns:
-        Their unit, and the end of a sentence that says so.
+        Their unit, and what a sentence calls it.
     """
     filled = [cell for cell in cells if not is_missing(cell)]
     whole = bool(filled) and all(re.fullmatch(r"\+?\d+", cell) for cell in filled)
     taken = "counts, for all of them are integers" if whole else "numbers without a unit"
-    return "counts" if whole else "", f"its values are taken as {taken}."
+    return "counts" if whole else "", taken
 
 
-def _labels(table: TextTable, distance: int, output: int) -> tuple[tuple[int, ...], list[str]]:
+def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
     """Find the columns that tell curves apart: all others but counts, other outputs, and settings that drift."""
-    others = [i for i in range(len(table.header)) if i not in {distance, output}]
+    others = [i for i in range(len(table.header)) if i not in {distance, *outputs}]
     left_out = dict(_left_out(table, others, distance))
     notes = [f"The column {table.title(i)} is not used: {reason}." for i, reason in left_out.items()]
     return tuple(i for i in others if i not in left_out), notes

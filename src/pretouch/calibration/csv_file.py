@@ -14,7 +14,7 @@ from pretouch._core.errors import CalibrationDataError
 
 from .cells import TextTable, is_number, is_row, shortened, uses_commas
 from .choice import Choice, remedy
-from .headers import names_a_distance
+from .headers import is_length, names_a_distance
 
 __all__ = ["read_table"]
 
@@ -59,6 +59,9 @@ def read_table(path: str | os.PathLike[str], choice: Choice | None = None) -> Te
         header = tuple(f"column {i}" for i in range(1, len(rows[0][1]) + 1))
     else:
         header = _header_cells(lines[at][1], delimiter, len(rows[0][1]) if rows else None)
+    if rows and any(is_length(cell.strip("[]()")) for cell in rows[0][1]) and not any(map(is_number, rows[0][1])):
+        header = tuple(f"{t} [{u.strip('[]()')}]" if u else t for t, u in zip(header, rows[0][1], strict=False))
+        notes = (*notes, f"The units are those of line {rows.pop(0)[0]}.")
     while len(header) > 1 and not header[-1] and all(not row[-1] for _, row in rows if len(row) == len(header)):
         rows = [(i, row[:-1] if len(row) == len(header) else row) for i, row in rows]
         header = header[:-1]
@@ -143,30 +146,44 @@ def _header_at(file: str, lines: Lines, remark: Lines, choice: Choice) -> tuple[
 
 
 def _certain_header(lines: Lines, choice: Choice) -> int | None:
-    """Find the first line that names a distance, or what was chosen, and has as many cells as the row below it."""
-    for i in range(min(len(lines) - 1, _SEARCHED)):
+    """Find the line that names a distance, or what was chosen, and has as many cells as the first row below it."""
+    width: int | None = None
+    wanted: list[int] = []
+    for i in range(min(len(lines), _SEARCHED)):
         delimiter = _delimiter(lines[i][1])
-        below = _cells(lines[i + 1][1], delimiter)
-        header = _header_cells(lines[i][1], delimiter, len(below))
-        if len(header) == len(below) and is_row(below):
-            named = choice.names_one_of(header) and not is_row(header)
-            if named or names_a_distance(header, declared=choice.declares_distances):
-                return i
-    return None
+        below = _cells(lines[i + 1][1], delimiter) if i + 1 < len(lines) else ()
+        if _is_header(lines[i][1], len(below), choice) and is_row(below):
+            return i
+        row = _cells(lines[i][1], _any_delimiter(lines[i][1]))
+        if width is None and is_row(row):
+            width = len(row)
+            # what follows the header may be no row: its output is missing, or it holds units, or a mistake
+            wanted = [j for j in range(i) if _is_header(lines[j][1], width, choice)]
+            wanted = [j for j in wanted if _delimiter(lines[j][1]) == _any_delimiter(lines[i][1])]
+    return wanted[-1] if wanted else None
+
+
+def _is_header(line: str, width: int, choice: Choice) -> bool:
+    """Tell whether a line names a distance, or what was chosen, in so many cells."""
+    delimiter = _delimiter(line)
+    header = _header_cells(line, delimiter, width)
+    if len(header) != width or width < 2:
+        return False
+    named = choice.names_one_of(header) and not is_row(header)
+    return named or names_a_distance(header, declared=choice.declares_distances, in_words=delimiter == _BLANK)
 
 
 def _uncertain_header(file: str, lines: Lines, choice: Choice) -> tuple[int, Lines]:
     """Take the first line for the header where nothing speaks against it."""
-    delimiter = _delimiter(lines[0][1])
-    below = [_cells(line, delimiter) for _, line in lines[1:_SEARCHED]]
-    first = _header_cells(lines[0][1], delimiter, len(below[0]) if below else None)
     data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
-    if choice.has_a_number and data is not None:
-        width = len(_cells(lines[data][1], _any_delimiter(lines[data][1])))
-        above = _header_cells(lines[data - 1][1], _delimiter(lines[data - 1][1]), width) if data else ()
-        return (data - 1, lines) if len(above) == width else (-1, lines[data:])
-    alike = all(len(cells) == len(first) for cells in below[:data])
-    if data is None or data < 2 or (alike and delimiter != _BLANK) or names_a_distance(first, declared=False):
+    if data is None:
+        return 0, lines
+    delimiter = _any_delimiter(lines[data][1])
+    cells = [_header_cells(line, delimiter, None) for _, line in lines[:data]] + [_cells(lines[data][1], delimiter)]
+    if choice.has_a_number:
+        named = data > 0 and _delimiter(lines[data - 1][1]) == delimiter and len(cells[data - 1]) == len(cells[data])
+        return (data - 1, lines) if named else (-1, lines[data:])
+    if data < 2 or (delimiter != _BLANK and len({len(row) for row in cells}) == 1):
         return 0, lines
     raise CalibrationDataError(
         f"{file}, line {lines[0][0]}: found {shortened(lines[0][1])} where the header is expected, such as "

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from pretouch._core.errors import UnitError
 from pretouch._core.units import parse_unit
 
-from .cells import is_no_object, is_number, is_row
+from .cells import is_no_object, is_number
 
 __all__ = [
     "Mark",
@@ -163,13 +163,25 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
     )
 
 
-def names_a_distance(header: Sequence[str], *, declared: bool) -> bool:
-    """Tell whether a line is the header of a calibration, by its words alone."""
+def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
+    """Tell whether a line is the header of a calibration, by its words alone.
+
+    Args:
+        header: its cells.
+        declared: whether somebody said in which unit distances are.
+        in_words: whether its cells are the words of a line, which may be prose: "Sensor X" names no distance.
+
+    Returns:
+        Whether a cell names a distance or has a unit of lengths and none is a number, or columns are named by distance.
+    """
     if looks_wide(header, declared=declared):
         return True
-    units = [split_title(title)[1] for title in header]
-    named = [is_distance_name(t) and (u is None or is_length(u)) for t, u in zip(header, units, strict=True)]
-    return not is_row(header) and any(n or is_length(u) for n, u in zip(named, units, strict=True))
+    for title in header:
+        name, unit = split_title(title)
+        named = is_distance_name(title) and unit is None and (len(name) > 1 or not in_words)
+        if name and (named or is_length(unit)):
+            return not any(is_number(cell) for cell in header)
+    return False
 
 
 def _plain(name: str) -> str:

@@ -53,7 +53,11 @@ def wide_layout(table: TextTable, choice: Choice) -> Layout | None:
     said = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
     span = f"{table.header[places[0]]} to {table.header[places[-1]]}{said}" if places else "none"
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
-    notes += [f"The column {table.title(i)} is not used: it counts the rows." for i in counts if table.header[i]]
+    notes += [
+        f"The column {table.title(i)} is not used: it counts the rows."
+        for i in counts
+        if any(row[i] for _, row in table.rows)
+    ]
     return Layout(
         pairs=tuple(
             Pair(
@@ -80,8 +84,9 @@ def _refuse_doubt(table: TextTable, marks: dict[int, Mark], others: list[int]) -
         first, last = (table.header[i] for i in (min(marks), max(marks)))
         raise CalibrationDataError(
             f"{table.place}: found a column {table.header[corner]!r} of numbers and headers {first!r} to {last!r}, "
-            f"expected distances in one of them: say {remedy('distance=[mm]')} where the headers are distances, or for "
-            f"one column of outputs {remedy(f'distance={corner + 1},output={min(marks) + 1}')}"
+            "expected distances in one of them: say "
+            f'--columns "distance={corner + 1}" where the column is the distance and the headers number repeats, or '
+            f"{remedy('distance=[mm]')} where the headers are the distances"
         )
 
 
@@ -138,8 +143,8 @@ def _output_unit(
                 said = unit
     if said is not None:
         return (*output_unit(said), [])
-    symbol, sentence = taken_as([row[i] for _, row in table.rows for i in marks])
-    return symbol, 1.0, [f"The outputs have no unit; {sentence}"]
+    symbol, taken = taken_as([row[i] for _, row in table.rows for i in marks])
+    return symbol, 1.0, [f"The outputs have no unit; they are taken as {taken}."]
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:

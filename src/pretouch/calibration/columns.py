@@ -49,7 +49,9 @@ def long_layout(table: TextTable, choice: Choice) -> Layout:
     if len(table.header) == 2:  # of two columns with one known, the other is the other; else distance comes first
         distance = (0 if output is None else 1 - output) if distance is None else distance
         output = 1 - distance if output is None else output
-    if distance is None or output is None or distance == output:
+    if distance is not None and distance == output:
+        raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
+    if distance is None or output is None:
         found = ", ".join(f"{i}: {title!r}" for i, title in enumerate(table.header, start=1))
         place = 0 if distance is None else distance
         free = [i for i in range(len(table.header)) if i != place]

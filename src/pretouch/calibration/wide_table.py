@@ -138,8 +138,7 @@ def _output_unit(
     said = choice.output.unit if choice.output else None
     for i in others:
         for name, unit in _units(table.header[i]):
-            known = output_unit(unit)[0] in {"V", "counts"}
-            if said is None and known and (not name.strip() or is_output_name(name.strip(" \\/|,;"))):
+            if said is None and _is_output_unit(unit) and (not name.strip() or is_output_name(name.strip(" \\/|,;"))):
                 said = unit
     if said is not None:
         return (*output_unit(said), [])
@@ -147,12 +146,16 @@ def _output_unit(
     return symbol, 1.0, [f"The outputs have no unit; they are taken as {taken}."]
 
 
+def _is_output_unit(unit: str) -> bool:
+    return output_unit(unit)[0] in {"V", "counts"}
+
+
 def _counts_rows(table: TextTable, index: int) -> bool:
     """Tell whether a column numbers or times the repeats, or is the empty one below a corner."""
     title = table.header[index]
     cells = [row[index] for _, row in table.rows]
     distinct = len(set(cells)) == len(cells)
-    corner = any(is_length(unit) for _, unit in _units(title)) or not title
+    corner = not title or any(is_length(unit) or _is_output_unit(unit) for _, unit in _units(title))
     return (
         not any(cells)
         or (is_count(title) and bool(title))

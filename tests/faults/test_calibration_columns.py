@@ -36,6 +36,7 @@ def file(tmp_path):
         "distance [mm] 0 10 20 inf\n1 9 5 3 1\n2 8 4 2 1\n",
         "cm,0,1,2,inf\n1,9,5,3,1\n2,8,4,2,1\n",
         "trial,0cm,1cm,2cm,inf\n1,9,5,3,1\n2,8,4,2,1\n",
+        ",0cm,1cm,2cm,inf\ntrial 1,9,5,3,1\ntrial 2,8,4,2,1\n",
         "time,0cm,1cm,2cm,inf\n10:01,9,5,3,1\n10:02,8,4,2,1\n",
         "Bench 4\nOperator: Smith, J.\n0cm,1cm,2cm,inf\n9,5,3,1\n8,4,2,1\n",
     ],
@@ -67,6 +68,12 @@ def test_labels_of_a_wide_table_tell_curves_apart(file):
     assert read_calibration(file(text), select={"sensor": "b", "day": 2}).outputs.tolist() == [6, 2]
     assert len(read_calibrations(file(text), labels=[])) == 1
     assert len(read_calibrations(file(text), labels=[1])) == 2
+
+
+def test_a_column_without_a_name_may_hold_labels(file):
+    curves = read_calibrations(file(",0cm,1cm\nS1,9,5\nS2,8,4\n"))
+    assert [c.label for c in curves] == ["column 1=S1", "column 1=S2"]
+    assert read_calibration(file(",0cm,1cm\nS1,9,5\nS2,8,4\n"), select={"column 1": "S2"}).outputs.tolist() == [8, 4]
 
 
 def test_equal_distances_are_repeats(file):

@@ -35,17 +35,36 @@ def long_layout(table: TextTable, choice: Choice) -> Layout:
         choice: what was said about its columns; names and units decide what is open.
 
     Returns:
-        The layout, with one pair of columns.
-
-    Raises:
-        CalibrationDataError: there is no header, or it leaves open which column is which, or a unit is missing.
+        The layout, with one pair of columns, or several where numbered columns are repeats.
     """
     _refuse_no_header(table)
+    distance, outputs = _columns(table, choice)
+    where = _distance_column(table, distance, choice.distance)
+    what, notes = _output_column(table, outputs, choice.output)
+    labels, further = _labels(table, distance, outputs)
+    if len(outputs) > 1:
+        further.append(f"The columns {', '.join(table.header[i] for i in outputs)} are read as repeats.")
+    return Layout(
+        pairs=tuple(
+            Pair(distance=where, output=dataclasses.replace(what, index=i, title=table.header[i])) for i in outputs
+        ),
+        distances=where.title,
+        outputs=what.title,
+        unit=what.unit,
+        labels=labels,
+        notes=(*notes, *further),
+    )
+
+
+def _columns(table: TextTable, choice: Choice) -> tuple[int, list[int]]:
+    """Find the distance and the output, of which there are several where their headers are numbers of repeats."""
     said = choice.output.index(table) if choice.output else None
     distance = _distance(table, choice.distance, said)
     output = _output(table, distance) if said is None else said
-    repeats = [i for i, title in enumerate(table.header) if is_number(title)] if output is None else []
-    output = repeats[0] if len(repeats) > 1 else output
+    if output is None:
+        repeats = [i for i, title in enumerate(table.header) if is_number(title) and i != distance]
+        if distance is not None and len(repeats) > 1:
+            return distance, repeats
     if len(table.header) == 2:  # of two columns with one known, the other is the other; else distance comes first
         distance = (0 if output is None else 1 - output) if distance is None else distance
         output = 1 - distance if output is None else output
@@ -60,22 +79,7 @@ def long_layout(table: TextTable, choice: Choice) -> Layout:
             f"{table.place}: found the columns {found}, expected one named distance and one named output; or say which "
             f"they are: {remedy(f'distance={place + 1},output={other + 1}')}"
         )
-    where = _distance_column(table, distance, choice.distance)
-    what, notes = _output_column(table, output, choice.output)
-    labels, further = _labels(table, distance, [output, *repeats])
-    if len(repeats) > 1:
-        further.append(f"The columns {', '.join(table.header[i] for i in repeats)} are read as repeats.")
-    return Layout(
-        pairs=tuple(
-            Pair(distance=where, output=dataclasses.replace(what, index=i, title=table.header[i]))
-            for i in (repeats if len(repeats) > 1 else [output])
-        ),
-        distances=where.title,
-        outputs=what.title,
-        unit=what.unit,
-        labels=labels,
-        notes=(*notes, *further),
-    )
+    return distance, [output]
 
 
 def _refuse_no_header(table: TextTable) -> None:
@@ -154,14 +158,14 @@ def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Col
     return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
 
 
-def _output_column(table: TextTable, index: int, chosen: Chosen | None) -> tuple[Column, list[str]]:
-    title = table.header[index]
+def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen | None) -> tuple[Column, list[str]]:
+    index, title = outputs[0], table.header[outputs[0]]
     found = split_title(title)[1]
     unit = chosen.unit_beside(title, found) if chosen else found
     symbol, factor = output_unit(unit)
     notes = []
     if unit is None:
-        symbol, taken = taken_as([row[index] for _, row in table.rows])
+        symbol, taken = taken_as([row[i] for _, row in table.rows for i in outputs])
         notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
     if is_setting(title) and not (chosen and chosen.names_a_column):
         notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other column is.")

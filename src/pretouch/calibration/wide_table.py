@@ -160,8 +160,13 @@ def _counts_rows(table: TextTable, index: int) -> bool:
         not any(cells)
         or (is_count(title) and bool(title))
         or (is_time(title) and distinct and len(cells) > 1)
-        or (corner and distinct and all(is_number(cell) or is_missing(cell) for cell in cells))
+        or (corner and distinct and all(_is_number_of_repeat(cell) for cell in cells))
     )
+
+
+def _is_number_of_repeat(cell: str) -> bool:
+    """Tell whether a cell is a number, or one after a word for repeats, such as `trial 3`."""
+    return is_number(cell) or is_missing(cell) or is_count(re.sub(r"\d+$", "", cell))
 
 
 def _distance(table: TextTable, mark: Mark, unit: str) -> float:

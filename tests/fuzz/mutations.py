@@ -466,7 +466,7 @@ def another_column(text: str, dice: Dice) -> str:
     )
     kind = dice.pick(["counted", "constant", "random"])
     rows = text.split("\n")
-    found = [*rows[:1], f"{rows[1]},{dice.pick(names)}"]
+    found = [*rows[:1], *(f"{row},{dice.pick(names)}" for row in rows[1:2])]
     for i, row in enumerate(rows[2:]):
         value = {"counted": i, "constant": 8, "random": dice.number(0, 9)}[kind]
         found.append(f"{row},{value}" if row else row)

@@ -27,8 +27,8 @@ __all__ = [
 
 _MISSING = {"", "nan", "na", "n/a", "null", "missing", "-", "--"}
 _NO_OBJECT = {"", "inf", "+inf", "infinity", "+infinity", "∞", "none", "no object", "no-object", "no_object", "empty"}
-_DOTTED = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_COMMAED = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
+_DOTTED = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
+_COMMAED = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
 _LONGEST = 60  # characters of a line that a message shows
 
 
@@ -54,7 +54,7 @@ class TextTable:
     def title(self, index: int) -> str:
         """Name a column for messages: its header, and its number where the header does not tell it from others."""
         title = self.header[index]
-        return repr(title) if title and self.header.count(title) == 1 else f"{index + 1} ({title!r})"
+        return shortened(title) if title and self.header.count(title) == 1 else f"{index + 1} ({shortened(title)})"
 
     def name(self, index: int) -> str:
         """Name a column of labels: its header, or its number where that is empty."""
@@ -157,7 +157,7 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     """
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
     plain = _plain(cell)
-    where = f"{table.file}, line {line}: found {cell!r} in column {table.title(column.index)}"
+    where = f"{table.file}, line {line}: found {shortened(cell)} in column {table.title(column.index)}"
     if pattern.fullmatch(plain) or _DOTTED.fullmatch(plain):
         value = float(plain.replace(",", "."))
         if math.isfinite(value):

@@ -13,6 +13,7 @@ from .headers import is_length, split_title
 
 __all__ = ["Choice", "Chosen", "chosen_labels", "read_choice", "remedy"]
 
+_SHOWN = 20  # headers that a message lists
 _KEYS = ("distance", "output")
 _HERE = "in a scenario file and in Python"
 
@@ -171,6 +172,6 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], found: s
             )
         if at:
             return at[0]
-    known = ", ".join(f"{title!r}" for title in table.header)
-    known = known if len(known) <= 400 else shortened(known)
+    known = ", ".join(shortened(title) for title in table.header[:_SHOWN])
+    known += ", ..." if len(table.header) > _SHOWN else ""
     raise CalibrationDataError(f"{found}, expected one of {known}")

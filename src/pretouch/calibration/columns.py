@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import parse_unit
 
-from .cells import Column, Layout, Pair, TextTable, is_missing, is_number
+from .cells import Column, Layout, Pair, TextTable, is_missing, is_number, shortened
 from .choice import Choice, Chosen, remedy
 from .headers import (
     is_count,
@@ -24,6 +24,7 @@ from .headers import (
 
 __all__ = ["long_layout", "output_column", "taken_as"]
 
+_SHOWN = 8  # columns that a message lists
 _FEW = 3  # distances of a curve, without which a setting is no label
 
 
@@ -71,7 +72,8 @@ def _columns(table: TextTable, choice: Choice) -> tuple[int, list[int]]:
     if distance is not None and distance == output:
         raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
     if distance is None or output is None:
-        found = ", ".join(f"{i}: {title!r}" for i, title in enumerate(table.header, start=1))
+        found = ", ".join(f"{i}: {shortened(title)}" for i, title in enumerate(table.header[:_SHOWN], start=1))
+        found += ", ..." if len(table.header) > _SHOWN else ""
         place = 0 if distance is None else distance
         free = [i for i in range(len(table.header)) if i != place]
         other = next((i for i in free if not is_setting(table.header[i])), free[0])
@@ -91,7 +93,7 @@ def _refuse_no_header(table: TextTable) -> None:
         )
     if len(table.header) < 2:
         raise CalibrationDataError(
-            f"{table.place}: found one column ({table.header[0]!r}), expected two or more, separated by comma, "
+            f"{table.place}: found one column ({shortened(table.header[0])}), expected two or more, separated by comma, "
             "semicolon, tab or blanks"
         )
 
@@ -139,10 +141,10 @@ def _only(table: TextTable, found: Sequence[int], what: str) -> int | None:
     """Return the one column that fits; None where none does."""
     if len(found) < 2:
         return found[0] if found else None
-    first, second = found[:2]
+    first, second = (f"{i + 1}: {shortened(table.header[i])}" for i in found[:2])
     raise CalibrationDataError(
-        f"{table.place}: found two columns that may be the {what} ({first + 1}: {table.header[first]!r}, {second + 1}: "
-        f"{table.header[second]!r}), expected one: say which with {remedy(f'{what}={first + 1}')}"
+        f"{table.place}: found two columns that may be the {what} ({first}, {second}), expected one: say which with "
+        f"{remedy(f'{what}={found[0] + 1}')}"
     )
 
 
@@ -152,7 +154,7 @@ def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Col
     unit = chosen.unit_beside(title, found) if chosen else found
     how = f'write it into the header, such as "distance [mm]", or say it: {remedy(f"distance={index + 1} [mm]")}'
     if not unit:
-        raise CalibrationDataError(f"{table.place}: found {title!r}, a distance without a unit: {how}")
+        raise CalibrationDataError(f"{table.place}: found {shortened(title)}, a distance without a unit: {how}")
     if not is_length(unit):
         raise CalibrationDataError(f"{table.place}: found the unit {unit!r}, expected a length such as mm: {how}")
     return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)

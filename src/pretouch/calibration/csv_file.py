@@ -22,9 +22,9 @@ Lines: TypeAlias = "list[tuple[int, str]]"
 
 _SEARCHED = 200  # lines in which a header is looked for
 _BLANK = " "
-_BRACKETED = r"[\[(][^\])]*[\])]"
+_BRACKETED = r"[\[(][^\[\]()]*[\])]"
 _HEADER_WORD = re.compile(
-    rf'"[^"]*"|[-+]?\d+[.,]?\d*[ \t]*(?:[unµμmck]?m|in|inch)(?!\S)|no[ -]object|(?:{_BRACKETED}|\S)+', re.IGNORECASE
+    rf'"[^"]*"|[-+]?\d+(?:[.,]\d*)?[ \t]*(?:[unµμmck]?m|in|inch)(?!\S)|no[ -]object|(?:{_BRACKETED}|\S)+', re.IGNORECASE
 )
 _UP_TO_UNIT = re.compile(rf"[^\[\](){_BLANK}\t][^\[\]()]*{_BRACKETED}|\S.*")
 _ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)

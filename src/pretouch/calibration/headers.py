@@ -49,12 +49,13 @@ _COUNTS = {
 _TIMES = {"time", "date", "timestamp", "datetime", "clock", "zeit", "datum"}
 _TITLE = re.compile(r"\s*(.*?)\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])]\s*")
 _LAST_WORD = re.compile(r"(.+?)(?:\s+in\s+|[\s_,]+)(\S+)")
+_LONGEST = 200  # characters of a header
 _KNOWN: dict[tuple[int, ...], str] = {(0, 0, 0, 1, 0): "V", (0, 0, 0, 0, 1): "counts"}
 _AT = re.compile(
-    r"(?:(?P<name>[^\W\d_]+)[\s=:@_]*)?(?P<number>[-+\N{MINUS SIGN}]?(?:\d+[.,]?\d*|[.,]\d+))"
+    r"(?:(?P<name>[^\W\d_]+)[\s=:@_]*)?(?P<number>[-+\N{MINUS SIGN}]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)"
     r"(?:[\s_]*[\[(]?(?P<unit>[^\W\d_]+)[\])]?(?:\.\d+)?)?"  # pandas writes 0cm.1 for a second 0cm
 )
-_AT_INFINITY = re.compile(r"(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)
+_AT_INFINITY = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)
 
 
 class Mark(NamedTuple):
@@ -66,6 +67,8 @@ class Mark(NamedTuple):
 
 def split_title(title: str) -> tuple[str, str | None]:
     """Split `output [V]`, `output (V)` and, where the name is known, `output_V` into name and unit."""
+    if len(title) > _LONGEST:
+        return title, None
     match = _TITLE.fullmatch(title)
     if match:
         return match.group(1), match.group(2).strip()
@@ -126,9 +129,9 @@ def output_unit(text: str | None) -> tuple[str, float]:
 
 def distance_mark(title: str) -> Mark | None:
     """Read a header such as `5 mm`, `d=5mm`, `0.5` or `inf` as a distance; None where it is none."""
-    if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title)):
+    if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title[:_LONGEST])):
         return Mark(None, None)
-    match = _AT.fullmatch(title)
+    match = _AT.fullmatch(title) if len(title) <= _LONGEST else None
     if match is None:
         return None
     name, unit = match["name"], match["unit"]

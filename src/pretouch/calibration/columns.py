@@ -93,8 +93,8 @@ def _refuse_no_header(table: TextTable) -> None:
         )
     if len(table.header) < 2:
         raise CalibrationDataError(
-            f"{table.place}: found one column ({shortened(table.header[0])}), expected two or more, separated by comma, "
-            "semicolon, tab or blanks"
+            f"{table.place}: found one column ({shortened(table.header[0])}), expected two or more, separated by "
+            "comma, semicolon, tab or blanks"
         )
 
 

@@ -6,6 +6,7 @@ import csv
 import hashlib
 import os
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -53,18 +54,8 @@ def read_table(path: str | os.PathLike[str], choice: Choice | None = None) -> Te
     if not lines:
         raise CalibrationDataError(f"{path.name}: found no rows, expected a header and at least one row of numbers")
     at, lines, notes = _header_at(path.name, lines, remark, choice)
-    delimiter = _delimiter(lines[max(at, 0)][1])
-    header_line, rows = lines[max(at, 0)][0], [(i, _cells(line, delimiter)) for i, line in lines[at + 1 :]]
-    if at < 0:
-        header = tuple(f"column {i}" for i in range(1, len(rows[0][1]) + 1))
-    else:
-        header = _header_cells(lines[at][1], delimiter, len(rows[0][1]) if rows else None)
-    if rows and any(is_length(cell.strip("[]()")) for cell in rows[0][1]) and not any(map(is_number, rows[0][1])):
-        header = tuple(f"{t} [{u.strip('[]()')}]" if u else t for t, u in zip(header, rows[0][1], strict=False))
-        notes = (*notes, f"The units are those of line {rows.pop(0)[0]}.")
-    while len(header) > 1 and not header[-1] and all(not row[-1] for _, row in rows if len(row) == len(header)):
-        rows = [(i, row[:-1] if len(row) == len(header) else row) for i, row in rows]
-        header = header[:-1]
+    delimiter = _delimiter(lines[at][1]) if at >= 0 else _any_delimiter(lines[0][1])
+    header, rows, told = _header_and_rows(lines, at, delimiter)
     for i, row in rows:
         if len(row) != len(header):
             raise CalibrationDataError(
@@ -77,11 +68,32 @@ def read_table(path: str | os.PathLike[str], choice: Choice | None = None) -> Te
         encoding=encoding,
         delimiter=delimiter,
         decimal_mark="," if delimiter != "," and uses_commas([c for _, row in rows for c in row]) else ".",
-        header_line=header_line,
+        header_line=lines[max(at, 0)][0],
         header=header,
         rows=tuple(rows),
-        notes=notes,
+        notes=(*notes, *told),
     )
+
+
+def _header_and_rows(
+    lines: Lines, at: int, delimiter: str
+) -> tuple[tuple[str, ...], list[tuple[int, tuple[str, ...]]], list[str]]:
+    """Split header and rows, without units in a line of their own and an empty last column; tell what was done."""
+    rows = [(i, _cells(line, delimiter)) for i, line in lines[at + 1 :]]
+    widths = Counter(len(row) for _, row in rows if is_row(row))
+    width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
+    header = tuple(f"column {i + 1}" for i in range(width or 1))
+    told = []
+    if at >= 0:
+        header = _header_cells(lines[at][1], delimiter, width)
+    units = [cell.strip("[]()") for cell in rows[0][1]] if rows else []
+    if len(units) == len(header) and any(map(is_length, units)) and not any(map(is_number, units)):
+        header = tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(header, units, strict=True))
+        told.append(f"The units are those of line {rows.pop(0)[0]}.")
+    while len(header) > 1 and not header[-1] and all(not row[-1] for _, row in rows if len(row) == len(header)):
+        rows = [(i, row[:-1] if len(row) == len(header) else row) for i, row in rows]
+        header = header[:-1]
+    return header, rows, told
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
@@ -202,7 +214,11 @@ def _delimiter(line: str) -> str:
 def _any_delimiter(line: str) -> str:
     """Find what separates the columns of a row, in which commas may be decimal marks."""
     found = _delimiter(line)
-    return _BLANK if found == "," and not is_row(_cells(line, ",")) else found
+    if found != ",":
+        return found
+    by_comma, by_blank = _cells(line, ","), _cells(line, _BLANK)
+    marks = len(by_blank) > 1 and all(map(is_number, by_blank)) and not all(map(is_number, by_comma))
+    return _BLANK if marks or not is_row(by_comma) else ","
 
 
 def _cells(line: str, delimiter: str) -> tuple[str, ...]:

@@ -7,9 +7,10 @@ import re
 from decimal import Decimal
 
 from pretouch._core.errors import CalibrationDataError
+from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit
 
-from .cells import Column, Layout, Pair, TextTable, is_missing, is_no_object, is_number
+from .cells import Column, Layout, Pair, TextTable, is_missing, is_no_object, is_number, shortened
 from .choice import Choice, remedy
 from .columns import taken_as
 from .headers import (
@@ -173,8 +174,9 @@ def _distance(table: TextTable, mark: Mark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))
+    found = f"{table.place}: found the distance {shortened(f'{mark.number} {mark.unit or unit}')}"
     if value < 0:
-        raise CalibrationDataError(
-            f"{table.place}: found the distance {mark.number} {mark.unit or unit}, which must not be negative"
-        )
+        raise CalibrationDataError(f"{found}, which must not be negative")
+    if not (math.isfinite(value) and has_workable_magnitude(value)):
+        raise CalibrationDataError(f"{found}, expected a number {WORKABLE} (in m)")
     return value

@@ -39,7 +39,7 @@ def test_the_wide_table_holds_one_curve_of_repeats(file):
     assert (curve.no_object.tolist(), curve.unit, curve.source.dropped) == ([0.121, 0.119, 0.120], "V", 1)
     assert curve.source.notes == (
         "The headers 0 cm to 4 cm are read as distances, each row as a repeat.",
-        "The column 'output [V]' is not used: it counts the rows.",
+        "Column 'output [V]' is not used: it counts the rows.",
     )
 
 

@@ -125,7 +125,7 @@ def test_readings_without_an_object_may_be_a_number_or_a_file(run):
 
 
 def test_columns_and_labels_are_chosen_on_the_command_line_as_the_messages_say(run):
-    rows = [row.replace(",", ",9.9,") for row in curve()]
+    rows = [row.replace(",", f",{i % 7},") for i, row in enumerate(curve())]
     Path("equal.csv").write_text("\n".join(["distance,output,output", *rows]) + "\n")
     code, _, err = run("fit", "equal.csv", "--json")
     assert code == 2
@@ -136,6 +136,19 @@ def test_columns_and_labels_are_chosen_on_the_command_line_as_the_messages_say(r
     assert (code, strict(out)["best"]) == (0, "exponential-1")
     code, out, _ = run("fit", "two.csv", "--labels", "none", "--json")
     assert "curves" not in strict(out)
+
+
+def test_labels_with_blanks_are_shown_as_they_are_typed(run):
+    rows = [f"{current},{row}" for current in (20, 50) for row in curve(seed=current)]
+    Path("currents.csv").write_text("\n".join(["drive current [mA],distance [mm],output [V]", *rows]) + "\n")
+    code, _, err = run("fit", "currents.csv", "--output", "r.html")
+    assert (code, "--select 'drive current [mA]=20'" in err) == (2, True)
+    Path("several.toml").write_text(calibrated('calibration = "currents.csv"'))
+    code, _, err = run("design", "several.toml")
+    assert (code, '{ "drive current [mA]" = 20 }' in err) == (2, True)
+    chosen = 'select = { "drive current [mA]" = 20 }'
+    Path("one.toml").write_text(calibrated('calibration = "currents.csv"', chosen, 'maximum_distance = "50 mm"'))
+    assert run("design", "one.toml", "--json")[0] == 0
 
 
 def test_what_was_assumed_is_told(run, pages):
@@ -197,6 +210,7 @@ def test_a_scenario_chooses_columns_and_labels(run):
         (['calibration = "flat.csv"'], 2, "sensor.calibration", "no usable signal"),
         (['calibration = "approach.toml"'], 2, "sensor.calibration", "approach.toml"),
         (['calibration = "two.csv"'], 2, "sensor.calibration", "found 2 curves in two.csv, expected one"),
+        (['calibration = "two.csv"'], 2, "sensor.calibration", 'by its labels, for example { unit = "a" }'),
         (['calibration = "two.csv"', "select = { unit = 3 }"], 3, "sensor.select", "found unit=3, expected labels of"),
         (['calibration = "two.csv"', "columns = 3"], 3, "sensor.columns", "expected a table of distance and output"),
         (['calibration = "two.csv"', "columns = { range = 1 }"], 3, "sensor.columns", "expected a table of distance"),

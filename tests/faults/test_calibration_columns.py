@@ -195,7 +195,7 @@ def test_a_setting_that_drifts_tells_no_curves_apart(file):
     text = "".join(f"{d},{23 + d / 100},{90 - d}\n" for d in range(20))
     curve = read_calibration(file(f"distance [mm],temperature [°C],output [counts]\n{text}"))
     assert len(curve.outputs) == 20
-    assert curve.source.notes == ("The column 'temperature [°C]' is not used: it changes within the curve.",)
+    assert curve.source.notes == ("Column 'temperature [°C]' is not used: it changes within the curve.",)
 
 
 def test_a_current_is_the_output_where_nothing_else_is(file):
@@ -210,6 +210,13 @@ def test_a_column_that_counts_the_rows_is_no_label(file):
         curve = read_calibration(file(f"{name};distance [mm];output [V]\n" + "".join(f"{i};{i};9\n" for i in range(6))))
         assert len(curve.outputs) == 6
         assert "counts the rows" in curve.source.notes[-1]
+
+
+def test_what_never_changes_is_no_output_where_something_else_may_be(file):
+    for columns in ("voltage [V],current [uA]", "output,detector [V]", "detector [V],reading"):
+        curve = read_calibration(file(f"distance [mm],{columns}\n0,5,9\n5,5,8\n10,5,7\n"), labels=[])
+        assert curve.outputs.tolist() == [9, 8, 7]
+    assert read_calibration(file("distance [mm],output,gain\n0,5,9\n5,5,9\n")).outputs.tolist() == [5, 5]
 
 
 # --- what somebody says about the columns
@@ -229,7 +236,7 @@ def test_of_two_equal_headers_one_is_chosen_by_its_number(file):
     ):
         curve = read_calibration(file(EQUAL), columns=columns)
         assert curve.outputs.tolist() == [8, 6, 4, 2]
-        assert any("column 2 ('output') is not used" in note for note in curve.source.notes)
+        assert any("Column 2 ('output') is not used" in note for note in curve.source.notes)
 
 
 @pytest.mark.parametrize(

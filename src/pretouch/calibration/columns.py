@@ -115,14 +115,22 @@ def _distance(table: TextTable, chosen: Chosen | None, output: int | None) -> in
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
-    """Find the output: the one named so, else volts or counts, else what is left, else a current and the like."""
+    """Find the output: the one named so, else volts or counts, else what is left, else a current; one that changes."""
     free = [i for i in range(len(table.header)) if i != distance]
     others = [i for i in free if not is_setting(table.header[i])]
+    named = [i for i in others if is_output_name(table.header[i])]
+    known = [i for i in others if _is_output_unit(table.header[i])]
+    either = [i for i in free if len(free) > 1 and is_setting_or_output(table.header[i])]
+    left = others if len(free) > 1 and len(others) == 1 and not _tells_apart(table, others[0]) else []
+    moving = [i for i in free if len({row[i] for _, row in table.rows}) > 1]  # a bias voltage stays, a photocurrent not
     found = (
-        [i for i in others if is_output_name(table.header[i])]
-        or [i for i in others if _is_output_unit(table.header[i])]
-        or (others if len(free) > 1 and len(others) == 1 and not _tells_apart(table, others[0]) else [])
-        or [i for i in free if len(free) > 1 and is_setting_or_output(table.header[i])]
+        [i for i in named if i in moving]
+        or [i for i in known if i in moving]
+        or [i for i in either if i in moving and (named or known)]
+        or named
+        or known
+        or left
+        or either
     )
     return _only(table, found, "output")
 
@@ -170,7 +178,7 @@ def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen | No
         symbol, taken = taken_as([row[i] for _, row in table.rows for i in outputs])
         notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
     if is_setting(title) and not (chosen and chosen.names_a_column):
-        notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other column is.")
+        notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other can be.")
     return Column(index=index, title=title, unit=symbol, factor=factor), notes
 
 
@@ -193,7 +201,7 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
     """Find the columns that tell curves apart: all others but counts, other outputs, and settings that drift."""
     others = [i for i in range(len(table.header)) if i not in {distance, *outputs}]
     left_out = dict(_left_out(table, others, distance))
-    notes = [f"The column {table.title(i)} is not used: {reason}." for i, reason in left_out.items()]
+    notes = [f"Column {table.title(i)} is not used: {reason}." for i, reason in left_out.items()]
     return tuple(i for i in others if i not in left_out), notes
 
 

@@ -55,7 +55,7 @@ def wide_layout(table: TextTable, choice: Choice) -> Layout | None:
     span = f"{table.header[places[0]]} to {table.header[places[-1]]}{said}" if places else "none"
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
     notes += [
-        f"The column {table.title(i)} is not used: it counts the rows."
+        f"Column {table.title(i)} is not used: it counts the rows."
         for i in counts
         if any(row[i] for _, row in table.rows)
     ]

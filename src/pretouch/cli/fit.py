@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -157,7 +158,7 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], json: bool, o
     if output is not None:
         raise InvalidInputError(
             f"--output: found {len(curves)} curves in {request.path.name}, expected one: choose it with --select, "
-            f"for example {' '.join(f'--select {part}' for part in curves[0].label.split(', '))}"
+            f"for example {' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
         )
     width = max(len(curve.label) for curve in curves)
     usable, objects = 0, []

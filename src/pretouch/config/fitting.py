@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -125,6 +127,17 @@ class FitRequest:
         )
 
 
+def _as_toml(label: str) -> str:
+    """Write the labels of a curve as the scenario file takes them."""
+    pairs = (part.partition("=")[::2] for part in label.split(", "))
+    texts = (
+        f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key, ensure_ascii=False)} = "
+        f"{value if re.fullmatch(r'0|[1-9][0-9]{0,17}', value) else json.dumps(value, ensure_ascii=False)}"
+        for key, value in pairs
+    )
+    return f"{{ {', '.join(texts)} }}"
+
+
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
     """Return the number of an output, refusing volts for a calibration in counts."""
     number, unit = value
@@ -152,7 +165,7 @@ def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
     if len(curves) > 1:
         raise InvalidInputError(
             f"select: found {len(curves)} curves in {request.path.name}, expected one: choose it by its labels, "
-            f"for example {{ {curves[0].label.replace('=', ' = ')} }}"
+            f"for example {_as_toml(curves[0].label)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

@@ -111,6 +111,17 @@ def test_numbered_columns_beside_a_distance_are_repeats_where_that_is_said(file)
     assert curve.source.notes[-1] == "The columns 1, 2, 3 are read as repeats."
 
 
+def test_columns_named_as_repeats_are_read_as_such(file):
+    for heads in ("trial 1 [V],trial 2 [V]", "run1 [V],run2 [V]", "#1 [V],#2 [V]"):
+        curve = read_calibration(file(f"distance [mm],{heads}\n0,9,8\n10,5,4\n"))
+        assert (curve.distances.tolist(), curve.outputs.tolist()) == ([0, 0, 0.01, 0.01], [9, 8, 5, 4])
+        assert curve.source.notes == (f"The columns {heads.replace(',', ', ')} are read as repeats.",)
+    with pytest.raises(CalibrationDataError, match="two columns that may be the output"):
+        read_calibration(file("distance [mm],sensor 1 [V],sensor 2 [V]\n0,9,8\n10,5,4\n"))
+    with pytest.raises(CalibrationDataError, match="two columns that may be the output"):
+        read_calibration(file("distance [mm],trial 1 [V],trial 2 [mV]\n0,9,8\n10,5,4\n"))
+
+
 @pytest.mark.parametrize(
     "text",
     [

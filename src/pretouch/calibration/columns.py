@@ -16,6 +16,7 @@ from .headers import (
     is_distance_name,
     is_length,
     is_output_name,
+    is_repeat,
     is_setting,
     is_setting_or_output,
     output_unit,
@@ -61,11 +62,10 @@ def _columns(table: TextTable, choice: Choice) -> tuple[int, list[int]]:
     """Find the distance and the output, of which there are several where their headers are numbers of repeats."""
     said = choice.output.index(table) if choice.output else None
     distance = _distance(table, choice.distance, said)
+    repeats = _repeats(table, distance)
+    if said is None and distance is not None and len(repeats) > 1:
+        return distance, repeats
     output = _output(table, distance) if said is None else said
-    if output is None:
-        repeats = [i for i, title in enumerate(table.header) if is_number(title) and i != distance]
-        if distance is not None and len(repeats) > 1:
-            return distance, repeats
     if len(table.header) == 2:  # of two columns with one known, the other is the other; else distance comes first
         distance = (0 if output is None else 1 - output) if distance is None else distance
         output = 1 - distance if output is None else output
@@ -82,6 +82,14 @@ def _columns(table: TextTable, choice: Choice) -> tuple[int, list[int]]:
             f"they are: {remedy(f'distance={place + 1},output={other + 1}')}"
         )
     return distance, [output]
+
+
+def _repeats(table: TextTable, distance: int | None) -> list[int]:
+    """Find columns that number repeats, all in one unit, beside which no other is named as the output."""
+    numbered = [i for i, title in enumerate(table.header) if is_repeat(title) and i != distance]
+    units = {split_title(table.header[i])[1] for i in numbered}
+    named = [i for i, title in enumerate(table.header) if is_output_name(title) and i not in {*numbered, distance}]
+    return [] if named or len(units) > 1 else numbered
 
 
 def _refuse_no_header(table: TextTable) -> None:

@@ -19,6 +19,7 @@ __all__ = [
     "is_distance_name",
     "is_length",
     "is_output_name",
+    "is_repeat",
     "is_setting",
     "is_setting_or_output",
     "is_time",
@@ -46,6 +47,7 @@ _COUNTS = {
     *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
     *("run", "sample", "measurement", "messung", "record"),
 }
+_REPEAT = re.compile(r"(?:(?:trial|repeat|repetition|rep|run|measurement|messung|reading|#) ?)?\d{1,6}")
 _TIMES = {"time", "date", "timestamp", "datetime", "clock", "zeit", "datum"}
 _TITLE = re.compile(r"\s*(.*?)\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])]\s*")
 _LAST_WORD = re.compile(r"(.+?)(?:\s+in\s+|[\s_,]+)(\S+)")
@@ -109,6 +111,11 @@ def is_setting_or_output(title: str) -> bool:
 def is_count(title: str) -> bool:
     """Tell whether a header is named as counts of rows are, such as `trial`, `#`, or empty."""
     return _name(title) in _COUNTS
+
+
+def is_repeat(title: str) -> bool:
+    """Tell whether a header numbers repeats, such as `trial 3`, `run2 [V]` or `3`."""
+    return bool(_REPEAT.fullmatch(_name(title)))
 
 
 def is_time(title: str) -> bool:

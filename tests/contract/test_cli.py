@@ -47,6 +47,8 @@ def test_help_names_every_verb_and_option(run):
             "FILE",
             "--offset",
             "--no-object",
+            "--columns",
+            "--labels",
             "--select",
             "--saturation",
             "--near-field-peak",

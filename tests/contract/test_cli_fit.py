@@ -75,6 +75,16 @@ def test_one_of_several_curves_is_selected_and_has_a_report_of_its_own(run, page
     ("options", "says"),
     [
         (["--select", "unit"], "--select: found 'unit', expected COLUMN=VALUE"),
+        (["--columns", "distance"], "--columns: found 'distance', expected columns by header, number or unit"),
+        (["--columns", "range=1"], "columns: found 'range', expected only 'distance' and 'output'"),
+        (["--columns", "output=4"], "columns: found '4' for the output, expected a number from 1 to 3"),
+        (
+            ["--columns", "output=height"],
+            "columns: found 'height' for the output, expected one of 'unit', 'distance [mm]'",
+        ),
+        (["--columns", "distance=[V]"], "columns: found the unit 'V' for the distance, expected a length such as mm"),
+        (["--columns", "distance=1,output=1"], "columns: found column 1 for the distance and for the output"),
+        (["--labels", "side"], "labels: found 'side', expected one of 'unit', 'distance [mm]', 'output [V]'"),
         (["--select", "unit=c"], "select: found unit=c, expected labels of a curve in two.csv (unit=a; unit=b)"),
         (["--offset", "much"], "--offset: found 'much', expected a number or text in V or counts"),
         (["--offset", "3 counts"], "offset: found 3 counts, expected the unit of the calibration, V"),
@@ -114,6 +124,49 @@ def test_readings_without_an_object_may_be_a_number_or_a_file(run):
         assert strict(out)["offset"]["value"] == pytest.approx(0.1, abs=0.002)
 
 
+def test_columns_and_labels_are_chosen_on_the_command_line_as_the_messages_say(run):
+    rows = [row.replace(",", f",{i % 7},") for i, row in enumerate(curve())]
+    Path("equal.csv").write_text("\n".join(["distance,output,output", *rows]) + "\n")
+    code, _, err = run("fit", "equal.csv", "--json")
+    assert code == 2
+    assert '--columns "output=2" (in a scenario file and in Python: columns)' in err
+    code, _, err = run("fit", "equal.csv", "--columns", "output=3", "--json")
+    assert (code, '--columns "distance=1 [mm]"' in err) == (2, True)
+    code, out, _ = run("fit", "equal.csv", "--columns", "distance=1 [mm], output=3 [V]", "--json")
+    assert (code, strict(out)["best"]) == (0, "exponential-1")
+    code, out, _ = run("fit", "two.csv", "--labels", "none", "--json")
+    assert "curves" not in strict(out)
+
+
+def test_labels_with_blanks_are_shown_as_they_are_typed(run):
+    rows = [f"{current},{row}" for current in (20, 50) for row in curve(seed=current)]
+    Path("currents.csv").write_text("\n".join(["drive current [mA],distance [mm],output [V]", *rows]) + "\n")
+    code, _, err = run("fit", "currents.csv", "--output", "r.html")
+    assert (code, "--select 'drive current [mA]=20'" in err) == (2, True)
+    Path("several.toml").write_text(calibrated('calibration = "currents.csv"'))
+    code, _, err = run("design", "several.toml")
+    assert (code, '{ "drive current [mA]" = 20 }' in err) == (2, True)
+    chosen = 'select = { "drive current [mA]" = 20 }'
+    Path("one.toml").write_text(calibrated('calibration = "currents.csv"', chosen, 'maximum_distance = "50 mm"'))
+    assert run("design", "one.toml", "--json")[0] == 0
+
+
+def test_what_was_assumed_is_told(run, pages):
+    wide = {row.split(",")[0]: [] for row in curve()}
+    for row in [*curve(), *curve(seed=5)]:
+        wide[row.split(",")[0]].append(row.split(",")[1])
+    heads = [f"{distance} mm" if distance != "inf" else "inf" for distance in wide]
+    rows = [" ".join(cells[i] for cells in wide.values()) for i in range(6)]
+    Path("wide.csv").write_text("\n".join(["Bench 4, day 2", "  ".join(heads), *rows]) + "\n")
+    code, out, err = run("fit", "wide.csv", "--columns", "output=[V]")
+    assert (code, err) == (0, "")
+    assert out.splitlines()[:2] == [
+        "note: Line 1 stands above the header and is not read.",
+        f"note: The headers 0 mm to {heads[-2]} are read as distances, each row as a repeat.",
+    ]
+    assert run("fit", "wide.csv", "--json")[0] == 0
+
+
 def test_a_missing_file_ends_with_2(run):
     for verb in ("fit", "design"):
         code, out, err = run(verb, "nothing.here")
@@ -140,6 +193,16 @@ def test_design_fits_the_sensor_on_the_way_relative_to_the_scenario(run, folder)
     assert told["gain"] == pytest.approx(-0.8081 * 61 / 60, rel=0.02)  # D_p g is what the motion feels
 
 
+def test_a_scenario_chooses_columns_and_labels(run):
+    rows = [row.replace(",", ",9.9,") + f",{i}" for i, row in enumerate(curve())]
+    Path("bare.csv").write_text("\n".join(rows) + "\n")
+    chosen = ['columns = { distance = "1 [mm]", output = "3 [V]" }', "labels = []", 'maximum_distance = "50 mm"']
+    Path("bare.toml").write_text(calibrated('calibration = "bare.csv"', 'model = "exponential-1"', *chosen))
+    code, out, err = run("design", "bare.toml", "--json")
+    assert (code, err) == (0, "")
+    assert strict(out)["gain"] == pytest.approx(-0.8081 * 61 / 60, rel=0.02)  # as of the same curve above
+
+
 @pytest.mark.parametrize(
     ("lines", "line", "key", "says"),
     [
@@ -147,7 +210,13 @@ def test_design_fits_the_sensor_on_the_way_relative_to_the_scenario(run, folder)
         (['calibration = "flat.csv"'], 2, "sensor.calibration", "no usable signal"),
         (['calibration = "approach.toml"'], 2, "sensor.calibration", "approach.toml"),
         (['calibration = "two.csv"'], 2, "sensor.calibration", "found 2 curves in two.csv, expected one"),
+        (['calibration = "two.csv"'], 2, "sensor.calibration", 'by its labels, for example { unit = "a" }'),
         (['calibration = "two.csv"', "select = { unit = 3 }"], 3, "sensor.select", "found unit=3, expected labels of"),
+        (['calibration = "two.csv"', "columns = 3"], 3, "sensor.columns", "expected a table of distance and output"),
+        (['calibration = "two.csv"', "columns = { range = 1 }"], 3, "sensor.columns", "expected a table of distance"),
+        (['calibration = "two.csv"', "columns = { output = 7 }"], 3, "sensor.columns", "a number from 1 to 3"),
+        (['calibration = "two.csv"', 'labels = "unit"'], 3, "sensor.labels", "expected a list of headers or numbers"),
+        (['calibration = "two.csv"', 'labels = ["side"]'], 3, "sensor.labels", "found 'side', expected one of 'unit'"),
         (['calibration = "two.csv"', "select = 3"], 3, "sensor.select", "expected a table of label columns"),
         (['calibration = "sensor.csv"', 'offset = "3 counts"'], 3, "sensor.offset", "the unit of the calibration, V"),
         (['calibration = "sensor.csv"', 'offset = "much"'], 3, "sensor.offset", 'or "auto" or "fit" or "zero"'),

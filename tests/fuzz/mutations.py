@@ -411,6 +411,68 @@ def no_object_rows(text: str, dice: Dice) -> str:
     )
 
 
+def turned(text: str, dice: Dice) -> str:
+    """Name columns by distance, with a row for every repeat."""
+    found: dict[str, list[str]] = {}
+    for row in text.split("\n")[2:]:
+        distance, comma, output = row.partition(",")
+        if comma:
+            found.setdefault(distance, []).append(output)
+    unit, mark = dice.pick([" mm", "mm", "cm", "", " V"]), dice.pick([",", ";", "\t", " ", "  "])
+    corner = dice.pick(["", "", "distance [mm]", "output [counts]", "trial", "sensor", "mm", "7"])
+    heads = [f"{distance}{unit}" if _NUMBER.fullmatch(distance) else distance for distance in found]
+    longest = max((len(cells) for cells in found.values()), default=0)
+    missing = dice.pick(["", "nan"])
+    cells = [[*column, *[missing] * (longest - len(column))] for column in found.values()]
+    rows = [mark.join(heads), *(mark.join(row) for row in zip(*cells, strict=True))]
+    first = [corner, *(dice.pick([str(i), str(i), "a", ""]) for i in range(1, len(rows)))]
+    return "\n".join(f"{a}{mark}{row}" if corner else row for a, row in zip(first, rows, strict=True)) + "\n"
+
+
+def between_blanks(text: str, dice: Dice) -> str:
+    return re.sub(",", lambda _: " " * dice.number(1, 4), text)
+
+
+def text_above(text: str, dice: Dice) -> str:
+    above = (
+        "Sensor X",
+        "Operator: Smith, J.",
+        "Range;80 cm",
+        "Gain,8",
+        "1,2",
+        "0 5",
+        "sep=;",
+        "x",
+        ",,",
+        "distance",
+        "# a",
+    )
+    return "\n".join([*(dice.pick(above) for _ in range(dice.number(1, 5))), text.partition("\n")[2]])
+
+
+def another_column(text: str, dice: Dice) -> str:
+    """Add a setting, a count, a second output or a label."""
+    names = (
+        "current [mA]",
+        "gain",
+        "temperature",
+        "trial",
+        "",
+        "output [counts]",
+        "output",
+        "range [mm]",
+        "day",
+        "time",
+    )
+    kind = dice.pick(["counted", "constant", "random"])
+    rows = text.split("\n")
+    found = [*rows[:1], *(f"{row},{dice.pick(names)}" for row in rows[1:2])]
+    for i, row in enumerate(rows[2:]):
+        value = {"counted": i, "constant": 8, "random": dice.number(0, 9)}[kind]
+        found.append(f"{row},{value}" if row else row)
+    return "\n".join(found)
+
+
 def quoted(text: str, dice: Dice) -> str:
     return _replace(
         text, _NUMBER, dice, lambda n: dice.pick([f'"{n}"', f'"{n}', f'{n}"', f"'{n}'", f" {n} ", f"{n} mm"])
@@ -464,6 +526,7 @@ TABLE_MUTATIONS = (
         decimal_commas,
     ),
     *(fewer_rows, shuffled_rows, a_row_of_extremes, scaled_column, constant_column, no_object_rows, quoted),
+    *(turned, turned, between_blanks, text_above, another_column),
     *(broken_character, truncated, line_ends),
 )
 
@@ -611,6 +674,8 @@ def _arguments(verb: str, dice: Dice) -> tuple[str, ...]:
             "--floor-sigmas",
             "--model",
             "--select",
+            "--columns",
+            "--labels",
         )
         values = (
             "auto",
@@ -625,6 +690,9 @@ def _arguments(verb: str, dice: Dice) -> tuple[str, ...]:
             "day=1",
             "missing.csv",
             "3",
+            "distance=1,output=2",
+            "distance=[mm],output=[counts]",
+            "output=output",
         )
         for _ in range(dice.pick([0, 0, 0, 1, 2])):
             found += [dice.pick(options), _spoiled(dice.pick(values), dice)]

@@ -1,74 +1,42 @@
-"""Text tables, whatever program wrote them: delimiter, decimal mark, header, rows; every error names its line."""
+"""Text tables, whatever program wrote them: encoding, delimiter, decimal mark, header, rows; errors name the line."""
 
 from __future__ import annotations
 
 import csv
 import hashlib
-import math
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from decimal import Decimal
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeAlias
 
-from pretouch._core.errors import CalibrationDataError, UnitError
-from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
-from pretouch._core.units import parse_unit
+from pretouch._core.errors import CalibrationDataError
 
-__all__ = [
-    "Column",
-    "TextTable",
-    "assign_columns",
-    "is_missing",
-    "is_no_object",
-    "number",
-    "output_column",
-    "read_table",
-]
+from .cells import TextTable, is_number, is_row, shortened, uses_commas
+from .choice import Choice, remedy
+from .headers import is_length, names_a_distance
 
-_DISTANCE_NAMES = {"distance", "dist", "range", "l", "x", "d", "z", "gap", "position", "l_m", "abstand", "entfernung"}
-_OUTPUT_NAMES = {
-    *("output", "out", "voltage", "value", "reading", "readings", "signal", "xi", "y", "counts", "count", "adc"),
-    *("intensity", "response", "sensor output", "sensor_output", "sensor value", "u", "v", "current", "level", "raw"),
-}
-_MISSING = {"", "nan", "na", "n/a", "null", "missing", "-", "--"}
-_NO_OBJECT = {"", "inf", "+inf", "infinity", "+infinity", "∞", "none", "no object", "no-object", "no_object", "empty"}
-_HEADER = re.compile(r"\s*(.*?)\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])]\s*")
-_DOTTED = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_COMMAED = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
-_HOW = 'write it into the header, such as "distance [mm]"'
+__all__ = ["read_table"]
+
+Lines: TypeAlias = "list[tuple[int, str]]"
+
+_SEARCHED = 200  # lines in which a header is looked for
+_BLANK = " "
+_BRACKETED = r"[\[(][^\[\]()]*[\])]"
+_HEADER_WORD = re.compile(
+    rf'"[^"]*"|[-+]?\d+(?:[.,]\d*)?[ \t]*(?:[unµμmck]?m|in|inch)(?!\S)|no[ -]object|(?:{_BRACKETED}|\S)+', re.IGNORECASE
+)
+_UP_TO_UNIT = re.compile(rf"[^\[\](){_BLANK}\t][^\[\]()]*{_BRACKETED}|\S.*")
+_ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TextTable:
-    """A file as cells: header, rows with their line numbers, and how they were told apart."""
-
-    file: str
-    sha256: str
-    encoding: str
-    delimiter: str
-    decimal_mark: str
-    header_line: int
-    header: tuple[str, ...]
-    rows: tuple[tuple[int, tuple[str, ...]], ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """One column: its place, its header as written, and what its unit means."""
-
-    index: int
-    title: str
-    unit: str
-    factor: float
-
-
-def read_table(path: str | os.PathLike[str]) -> TextTable:
+def read_table(path: str | os.PathLike[str], choice: Choice | None = None) -> TextTable:
     """Split a text file into header and rows.
 
     Args:
         path: the file; UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text.
+        choice: what was said about its columns, by which its header may be found.
 
     Returns:
         Its cells.
@@ -76,41 +44,56 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
     Raises:
         CalibrationDataError: the file cannot be read, holds no table, or a row has another number of cells.
     """
-    path = Path(path)
+    path, choice = Path(path), choice or Choice()
     try:
         content = path.read_bytes()
     except OSError as error:
         raise CalibrationDataError(f"{path}: cannot be read ({error.strerror or error})") from None
     text, encoding = _decode(content, path.name)
-    lines = [
-        (i, line.strip("\r\n"))
-        for i, line in enumerate(re.split(r"\r\n|\n|\r", text), start=1)
-        if line.strip(" \t\r\n,;") and not line.lstrip().startswith("#")
-    ]
+    lines, remark = _lines(text)
     if not lines:
         raise CalibrationDataError(f"{path.name}: found no rows, expected a header and at least one row of numbers")
-    delimiter = _delimiter(lines[0][1])
-    cells = [(i, tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))) for i, line in lines]
-    header_line, header = cells[0]
-    while len(header) > 1 and not header[-1] and all(not row[-1] for _, row in cells if len(row) == len(header)):
-        cells = [(i, row[:-1] if len(row) == len(header) else row) for i, row in cells]
-        header = cells[0][1]
-    for i, row in cells[1:]:
+    at, lines, notes = _header_at(path.name, lines, remark, choice)
+    delimiter = _delimiter(lines[at][1]) if at >= 0 else _any_delimiter(lines[0][1])
+    header, rows, told = _header_and_rows(lines, at, delimiter)
+    for i, row in rows:
         if len(row) != len(header):
-            hint = "; with decimal commas separate the columns by semicolons" if delimiter == "," else ""
             raise CalibrationDataError(
-                f"{path.name}, line {i}: found {len(row)} cells, expected {len(header)} as in the header{hint}"
+                f"{path.name}, line {i}: found {len(row)} cells, expected {len(header)} as in the header"
+                f"{_hint(row, delimiter)}"
             )
     return TextTable(
         file=path.name,
         sha256=hashlib.sha256(content).hexdigest(),
         encoding=encoding,
         delimiter=delimiter,
-        decimal_mark="," if delimiter != "," and _uses_commas(cells[1:]) else ".",
-        header_line=header_line,
+        decimal_mark="," if delimiter != "," and uses_commas([c for _, row in rows for c in row]) else ".",
+        header_line=lines[max(at, 0)][0],
         header=header,
-        rows=tuple(cells[1:]),
+        rows=tuple(rows),
+        notes=(*notes, *told),
     )
+
+
+def _header_and_rows(
+    lines: Lines, at: int, delimiter: str
+) -> tuple[tuple[str, ...], list[tuple[int, tuple[str, ...]]], list[str]]:
+    """Split header and rows, without units in a line of their own and an empty last column; tell what was done."""
+    rows = [(i, _cells(line, delimiter)) for i, line in lines[at + 1 :]]
+    widths = Counter(len(row) for _, row in rows if is_row(row))
+    width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
+    header = tuple(f"column {i + 1}" for i in range(width or 1))
+    told = []
+    if at >= 0:
+        header = _header_cells(lines[at][1], delimiter, width)
+    units = [cell.strip("[]()") for cell in rows[0][1]] if rows else []
+    if len(units) == len(header) and any(map(is_length, units)) and not any(map(is_number, units)):
+        header = tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(header, units, strict=True))
+        told.append(f"The units are those of line {rows.pop(0)[0]}.")
+    while len(header) > 1 and not header[-1] and all(not row[-1] for _, row in rows if len(row) == len(header)):
+        rows = [(i, row[:-1] if len(row) == len(header) else row) for i, row in rows]
+        header = header[:-1]
+    return header, rows, told
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
@@ -129,205 +112,146 @@ def _decode(content: bytes, file: str) -> tuple[str, str]:
     raise CalibrationDataError(f"{file}: found bytes that are no {candidates[0]} text, expected a text table")
 
 
-def _delimiter(header: str) -> str:
-    """Find what separates the columns: the header decides, outside brackets and quotes."""
-    bare = re.sub(r'"[^"]*"|\[[^\]]*\]|\([^)]*\)', "", header)
-    return next((mark for mark in ("\t", ";", ",") if mark in bare), ",")
+def _lines(text: str) -> tuple[Lines, Lines]:
+    """Return the lines that are not blank and no remarks, and the last remark before them, which may be a header."""
+    lines: Lines = []
+    remark: Lines = []
+    for i, line in enumerate(re.split(r"\r\n|\n|\r", text), start=1):
+        if not line.strip(" \t\r\n,;"):
+            continue
+        if not line.lstrip().startswith("#"):
+            lines.append((i, line))
+        elif not lines:
+            remark = [(i, line.lstrip().lstrip("#").strip())]
+    return lines, remark
 
 
-def _uses_commas(rows: list[tuple[int, tuple[str, ...]]]) -> bool:
-    """Tell whether the numbers are written with decimal commas."""
-    cells = [cell for _, row in rows for cell in row]
-    return any("," in cell and _COMMAED.fullmatch(cell) for cell in cells)
-
-
-def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read one cell as a number, in the decimal mark of its file and no locale's.
-
-    Args:
-        table: the file.
-        line: number of the line.
-        cell: the text.
-        column: the column, whose unit is applied.
+def _header_at(file: str, lines: Lines, remark: Lines, choice: Choice) -> tuple[int, Lines, tuple[str, ...]]:
+    """Find the header; -1 where there is none and none is needed.
 
     Returns:
-        The number in the unit of the calibration; 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not.
+        Its place among the lines, these lines, and what was left out above it or taken for it.
 
     Raises:
-        CalibrationDataError: the text is no finite number, or one whose products with others are none.
+        CalibrationDataError: numbers stand above the header.
     """
-    pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
-    plain = cell.replace("\N{MINUS SIGN}", "-")
-    if pattern.fullmatch(plain) or _DOTTED.fullmatch(plain):
-        value = float(plain.replace(",", "."))
-        if math.isfinite(value):
-            scaled = float(Decimal(repr(value)) * Decimal(repr(column.factor)))
-            if has_workable_magnitude(scaled):
-                return scaled
-            raise CalibrationDataError(
-                f"{table.file}, line {line}: found {cell!r} in column {column.title!r}, expected a number {WORKABLE} "
-                f"(in {column.unit or 'its unit'}): the arithmetic of a fit ends there"
-            )
-    raise CalibrationDataError(
-        f"{table.file}, line {line}: found {cell!r} in column {column.title!r}, expected a number such as 12"
-        f"{table.decimal_mark}5"
-    )
-
-
-def is_missing(cell: str) -> bool:
-    """Tell whether an output is missing: empty, NaN or a dash."""
-    return cell.casefold() in _MISSING
-
-
-def is_no_object(cell: str) -> bool:
-    """Tell whether a distance says that no object was in range: `inf`, empty, `none`, `no object`."""
-    return cell.casefold() in _NO_OBJECT
-
-
-def assign_columns(table: TextTable, columns: Mapping[str, str] | None) -> tuple[Column, Column, tuple[str, ...]]:
-    """Decide which column is the distance and which the output.
-
-    Args:
-        table: the file.
-        columns: the headers of `distance` and `output` where names or units do not tell; None to decide by these.
-
-    Returns:
-        The two columns, and what had to be assumed.
-
-    Raises:
-        CalibrationDataError: there is no header, or it leaves open which column is which, or a unit is missing.
-    """
-    place = f"{table.file}, line {table.header_line}"
-    if all(_DOTTED.fullmatch(cell) or _COMMAED.fullmatch(cell) for cell in table.header):
-        raise CalibrationDataError(
-            f'{place}: found numbers where the header is expected, such as "distance [mm],output [V]"'
-        )
-    if len(table.header) < 2:
-        raise CalibrationDataError(
-            f"{place}: found one column ({table.header[0]!r}), expected two or more, separated by comma, "
-            "semicolon or tab"
-        )
-    titles = [_split(title) for title in table.header]
-    given = dict(columns or {})
-    unknown = set(given) - {"distance", "output"}
-    if unknown:
-        raise CalibrationDataError(f"columns: found {min(unknown)!r}, expected only 'distance' and 'output'")
-    names = [name.casefold() for name, _ in titles]
-    distance = _pick(table, given.get("distance"), "distance", [n in _DISTANCE_NAMES for n in names], place)
-    if distance is None:
-        lengths = [_exponents(unit) == (1, 0, 0, 0, 0) for _, unit in titles]
-        distance = _pick(table, None, "distance", lengths, place)
-    output = _pick(table, given.get("output"), "output", [n in _OUTPUT_NAMES for n in names], place)
-    distance, output = _complete(distance, output, len(titles))
-    if distance is None or output is None or distance == output:
-        found = ", ".join(repr(t) for t in table.header)
-        raise CalibrationDataError(
-            f"{place}: found the columns {found}, expected one named distance and one named output; or say which they "
-            'are: columns={"distance": ..., "output": ...}'
-        )
-    return _typed(table, distance, output, titles, place)
-
-
-def _complete(distance: int | None, output: int | None, count: int) -> tuple[int | None, int | None]:
-    """Of two columns with one known, the other is the other; with none known, distance comes first."""
-    if count == 2:
-        if distance is None:
-            distance = 0 if output is None else 1 - output
-        if output is None:
-            output = 1 - distance
-    return distance, output
-
-
-def output_column(table: TextTable, index: int, default: Column) -> Column:
-    """Read the unit of a column of outputs; that of `default` where its header has none.
-
-    Args:
-        table: the file.
-        index: of the column.
-        default: the column whose unit it must have.
-
-    Returns:
-        The column.
-
-    Raises:
-        CalibrationDataError: the unit is another one.
-    """
-    title = table.header[index]
-    found = _split(title)[1]
-    symbol, factor = _output_unit(found) if found else (default.unit, default.factor)
-    if symbol != default.unit:
-        raise CalibrationDataError(
-            f"{table.file}, line {table.header_line}: found the unit {found!r}, expected {default.unit or 'none'!r} as "
-            "in the calibration"
-        )
-    return Column(index=index, title=title, unit=symbol, factor=factor)
-
-
-def _split(title: str) -> tuple[str, str | None]:
-    match = _HEADER.fullmatch(title)
-    return (match.group(1), match.group(2).strip()) if match else (title.strip(), None)
-
-
-def _exponents(unit: str | None) -> tuple[int, ...]:
-    try:
-        return parse_unit(unit).exponents if unit else ()
-    except UnitError:
-        return ()
-
-
-def _pick(table: TextTable, given: str | None, what: str, fits: list[bool], place: str) -> int | None:
-    """Return the index of the one column that fits; None where none does."""
-    if given is not None:
-        fits = [given in {title, _split(title)[0]} for title in table.header]
-        if not any(fits):
-            found = ", ".join(repr(t) for t in table.header)
-            raise CalibrationDataError(f"columns: found {given!r} for {what}, expected one of {found}")
-    found_at = [i for i, fit in enumerate(fits) if fit]
-    if len(found_at) > 1:
-        first, second = (table.header[i] for i in found_at[:2])
-        raise CalibrationDataError(
-            f"{place}: found two columns that may be the {what} ({first!r}, {second!r}), expected one: say which with "
-            f'columns={{"{what}": {first!r}}}'
-        )
-    return found_at[0] if found_at else None
-
-
-def _typed(
-    table: TextTable, distance: int, output: int, titles: list[tuple[str, str | None]], place: str
-) -> tuple[Column, Column, tuple[str, ...]]:
-    """Read the units of the two columns."""
-    unit = titles[distance][1]
-    if not unit:
-        raise CalibrationDataError(f"{place}: found {table.header[distance]!r}, a distance without a unit: {_HOW}")
-    if _exponents(unit) != (1, 0, 0, 0, 0):
-        raise CalibrationDataError(f"{place}: found the unit {unit!r}, expected a length such as mm: {_HOW}")
-    length = parse_unit(unit)
-    notes: tuple[str, ...] = ()
-    found = titles[output][1]
-    symbol, factor = _output_unit(found)
+    found = _certain_header(lines, choice)
+    if found is None and _certain_header([*remark, *lines[:1]], choice) == 0:
+        return 0, [*remark, *lines], (f"The header is that of the remark in line {remark[0][0]}.",)
     if found is None:
-        symbol = "counts" if _integers(table, output) else ""
-        taken = "counts, for all of them are integers" if symbol else "numbers without a unit"
-        notes = (f"The output column {table.header[output]!r} has no unit; its values are taken as {taken}.",)
-    return (
-        Column(index=distance, title=table.header[distance], unit="m", factor=length.factor),
-        Column(index=output, title=table.header[output], unit=symbol, factor=factor),
-        notes,
+        at, lines = _uncertain_header(file, lines, choice)
+        return at, lines, ()
+    if not found:
+        return 0, lines, ()
+    header, delimiter = lines[found], _delimiter(lines[found][1])
+    width = len(_cells(lines[found + 1][1], delimiter))
+    for i, line in lines[:found]:
+        cells = _cells(line, delimiter)
+        if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
+            raise CalibrationDataError(
+                f"{file}, line {i}: found numbers ({shortened(line)}) above the header in line {header[0]}, expected "
+                "them below it: put # before every line that is not to be read"
+            )
+    first, last = lines[0], lines[found - 1]
+    which = f"Line {first[0]} stands" if found == 1 else f"Lines {first[0]} to {last[0]} stand"
+    return found, lines, (f"{which} above the header and {'is' if found == 1 else 'are'} not read.",)
+
+
+def _certain_header(lines: Lines, choice: Choice) -> int | None:
+    """Find the line that names a distance, or what was chosen, and has as many cells as the first row below it."""
+    width: int | None = None
+    wanted: list[int] = []
+    for i in range(min(len(lines), _SEARCHED)):
+        delimiter = _delimiter(lines[i][1])
+        below = _cells(lines[i + 1][1], delimiter) if i + 1 < len(lines) else ()
+        if _is_header(lines[i][1], len(below), choice) and is_row(below):
+            return i
+        row = _cells(lines[i][1], _any_delimiter(lines[i][1]))
+        if width is None and is_row(row):
+            width = len(row)
+            # what follows the header may be no row: its output is missing, or it holds units, or a mistake
+            wanted = [j for j in range(i) if _is_header(lines[j][1], width, choice)]
+            wanted = [j for j in wanted if _delimiter(lines[j][1]) == _any_delimiter(lines[i][1])]
+    return wanted[-1] if wanted else None
+
+
+def _is_header(line: str, width: int, choice: Choice) -> bool:
+    """Tell whether a line names a distance, or what was chosen, in so many cells."""
+    delimiter = _delimiter(line)
+    header = _header_cells(line, delimiter, width)
+    if len(header) != width or width < 2:
+        return False
+    named = choice.names_one_of(header) and not is_row(header)
+    return named or names_a_distance(header, declared=choice.declares_distances, in_words=delimiter == _BLANK)
+
+
+def _uncertain_header(file: str, lines: Lines, choice: Choice) -> tuple[int, Lines]:
+    """Take the first line for the header where nothing speaks against it."""
+    data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
+    if data is None:
+        return 0, lines
+    delimiter = _any_delimiter(lines[data][1])
+    cells = [_header_cells(line, delimiter, None) for _, line in lines[:data]] + [_cells(lines[data][1], delimiter)]
+    if choice.has_a_number:
+        named = data > 0 and _delimiter(lines[data - 1][1]) == delimiter and len(cells[data - 1]) == len(cells[data])
+        return (data - 1, lines) if named else (-1, lines[data:])
+    if data < 2 or (delimiter != _BLANK and len({len(row) for row in cells}) == 1):
+        return 0, lines
+    raise CalibrationDataError(
+        f"{file}, line {lines[0][0]}: found {shortened(lines[0][1])} where the header is expected, such as "
+        f'"distance [mm],output [V]", and the first row of numbers in line {lines[data][0]}: put # before every line '
+        f"above the header, and name the distance in it, or say which columns are meant: "
+        f"{remedy('distance=1 [mm],output=2')}"
     )
 
 
-def _output_unit(text: str | None) -> tuple[str, float]:
-    """Turn volts and counts with their prefixes into V and counts; leave every other unit as it is written."""
+def _delimiter(line: str) -> str:
+    """Find what separates the columns, outside brackets and quotes; blanks where nothing else does."""
+    bare = re.sub(rf'"[^"]*"|{_BRACKETED}', "", line)
+    return next((mark for mark in ("\t", ";", ",") if mark in bare.strip()), _BLANK)
+
+
+def _any_delimiter(line: str) -> str:
+    """Find what separates the columns of a row, in which commas may be decimal marks."""
+    found = _delimiter(line)
+    if found != ",":
+        return found
+    by_comma, by_blank = _cells(line, ","), _cells(line, _BLANK)
+    marks = len(by_blank) > 1 and all(map(is_number, by_blank)) and not all(map(is_number, by_comma))
+    return _BLANK if marks or not is_row(by_comma) else ","
+
+
+def _cells(line: str, delimiter: str) -> tuple[str, ...]:
+    """Split a row."""
+    if delimiter == _BLANK:
+        return tuple(word.strip('"').strip() for word in _ROW_WORD.findall(line))
     try:
-        unit = parse_unit(text or "")
-    except UnitError:
-        return str(text), 1.0
-    known: dict[tuple[int, ...], str] = {(0, 0, 0, 1, 0): "V", (0, 0, 0, 0, 1): "counts"}
-    if unit.exponents in known:
-        return known[unit.exponents], unit.factor
-    return text or "", 1.0
+        return tuple(cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter)))
+    except csv.Error:  # a cell of more than a hundred thousand characters
+        return tuple(cell.strip() for cell in line.split(delimiter))
 
 
-def _integers(table: TextTable, index: int) -> bool:
-    cells = [row[index] for _, row in table.rows if not is_missing(row[index])]
-    return bool(cells) and all(re.fullmatch(r"\+?\d+", cell) for cell in cells)
+def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, ...]:
+    """Split a header; where blanks separate columns, units in brackets and words of one name are kept together."""
+    if delimiter != _BLANK:
+        return _cells(line, delimiter)
+    words: list[str] = []
+    for word in _HEADER_WORD.findall(line):
+        if words and word[0] in "[(":
+            words[-1] += f" {word}"
+        else:
+            words.append(word.strip('"'))
+    wide_gaps = re.split(r"[ \t]{2,}", line.strip())
+    for cells in (words, wide_gaps, _UP_TO_UNIT.findall(line)):
+        if len(cells) == expected:
+            return tuple(cell.strip() for cell in cells)
+    return tuple(words)
+
+
+def _hint(row: Sequence[str], delimiter: str) -> str:
+    """Say what a row with another number of cells may be due to."""
+    if not is_row(row) and sum(is_number(cell) for cell in row) < 2:
+        return "; put # before a line that holds no reading"
+    if delimiter == ",":
+        return "; with decimal commas separate the columns by semicolons"
+    return '; where blanks separate columns, write "nan" for what is missing' if delimiter == _BLANK else ""

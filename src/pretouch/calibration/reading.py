@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
@@ -12,8 +14,13 @@ import numpy as np
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
 
-from .csv_file import Column, TextTable, assign_columns, is_missing, is_no_object, number, output_column, read_table
+from .cells import Column, Layout, TextTable, is_missing, is_no_object, number
+from .choice import chosen_labels, read_choice
+from .columns import long_layout, output_column
+from .csv_file import read_table
 from .data import Calibration, Provenance
+from .headers import split_title
+from .wide_table import wide_layout
 
 __all__ = ["NoObject", "read_calibration", "read_calibrations"]
 
@@ -25,23 +32,26 @@ def read_calibration(
     *,
     no_object: NoObject = None,
     select: Mapping[str, object] | None = None,
-    columns: Mapping[str, str] | None = None,
-    labels: Sequence[str] | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    labels: Sequence[str | int] | None = None,
 ) -> Calibration:
     r"""Read the one calibration of a file, or the one that `select` names.
 
-    The file is a table with a header that carries units, such as `distance [mm],output [V]`. Columns are separated
-    by comma, semicolon or tab; with the latter two, decimal commas are understood. Repeats are rows. A row whose
-    distance is `inf`, empty, `none` or `no object` is a no-object reading; a row whose output is empty or NaN is
-    counted and dropped. Lines that start with `#` and blank lines are skipped. Further columns are labels.
+    The file is a table with a header that carries units: long, `distance [mm],output [V]`, or wide, with columns
+    named by distance, `0 mm,5 mm,inf`. Columns are separated by comma, semicolon, tab or blanks; with all but the
+    first, decimal commas are understood. Repeats are rows. A distance that is `inf`, empty, `none` or `no object`
+    has no-object readings; an output that is empty or NaN is counted and dropped. Lines that start with `#`, blank
+    lines and lines of text above the header are skipped. Further columns are labels. docs/calibration.md has the
+    whole of it.
 
     Args:
         path: the file.
         no_object: readings without an object, in the unit of the output (V where that is mV): one number, several,
             or the path of a file that holds them; they add to those in the file.
         select: value of each label column that tells the wanted curve from the others, such as `{"sensor": "1"}`.
-        columns: headers of the `distance` and `output` columns, where names and units do not tell.
-        labels: headers of the label columns; all that are neither distance nor output where None.
+        columns: the `distance` and the `output` column, where names and units do not tell: a header, a number
+            counted from 1, a unit in brackets, or one of the former with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; all that are neither distance nor output where None.
 
     Returns:
         The calibration, in SI, with its provenance.
@@ -78,16 +88,17 @@ def read_calibrations(
     path: str | os.PathLike[str],
     *,
     no_object: NoObject = None,
-    columns: Mapping[str, str] | None = None,
-    labels: Sequence[str] | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    labels: Sequence[str | int] | None = None,
 ) -> tuple[Calibration, ...]:
     """Read every calibration of a file: one per combination of its label columns.
 
     Args:
         path: the file, as `read_calibration` describes it.
         no_object: readings without an object, added to every curve.
-        columns: headers of the `distance` and `output` columns, where names and units do not tell.
-        labels: headers of the label columns; all that are neither distance nor output where None.
+        columns: the `distance` and the `output` column, where names and units do not tell: a header, a number
+            counted from 1, a unit in brackets, or one of the former with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; all that are neither distance nor output where None.
 
     Returns:
         The calibrations in the order of their first rows.
@@ -95,90 +106,76 @@ def read_calibrations(
     Raises:
         CalibrationDataError: the file has a mistake; the message names the line, what was found, what is expected.
     """
-    table = read_table(path)
-    distance, output, notes = assign_columns(table, columns)
-    label_columns = _label_columns(table, {distance.index, output.index}, labels)
-    groups: dict[tuple[str, ...], list[tuple[int, tuple[str, ...]]]] = {}
-    shared: list[tuple[int, tuple[str, ...]]] = []
+    choice = read_choice(columns)
+    table = read_table(path, choice)
+    layout = wide_layout(table, choice) or long_layout(table, choice)
+    label_columns = layout.labels if labels is None else chosen_labels(table, labels)
+    label_columns = tuple(i for i in label_columns if i not in layout.used)
+    groups: dict[tuple[str, ...], list[_Reading]] = {}
+    shared: list[_Reading] = []
     for line, row in table.rows:
         key = tuple(row[i] for i in label_columns)
-        if key and not any(key) and is_no_object(row[distance.index]):
-            shared.append((line, row))
-        else:
-            groups.setdefault(key, []).append((line, row))
+        for reading in _readings(table, layout, line, row):
+            if key and not any(key) and math.isinf(reading.distance):
+                shared.append(reading)
+            else:
+                groups.setdefault(key, []).append(reading)
     if not groups:
         raise CalibrationDataError(f"{table.file}: found no rows below the header, expected distances and outputs")
-    if labels is None and len(groups) > 3 and max(len(rows) for rows in groups.values()) == 1:
-        names = ", ".join(repr(table.header[i]) for i in label_columns)
+    if labels is None and len(groups) > 3 and max(len(readings) for readings in groups.values()) == 1:
+        found = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
-            f"{table.file}: found another value of {names} in every row, which leaves one reading per curve: name the "
-            "label columns, labels=[...], or none, labels=[]"
+            f"{table.file}: found another value of {found} in every row, which leaves one reading per curve: name the "
+            "label columns with --labels NAME,NAME, or say --labels none (in a scenario file and in Python: labels, a "
+            "list, which may be empty)"
         )
-    extra = _no_object_readings(no_object, output)
+    extra = _no_object_readings(no_object, layout)
+    names = tuple(table.name(i) for i in label_columns)
     return tuple(
-        _curve(
-            table,
-            key,
-            [*rows, *shared],
-            columns=(distance, output),
-            label_columns=label_columns,
-            extra=extra,
-            notes=notes,
-        )
-        for key, rows in groups.items()
+        _curve(table, layout, dict(zip(names, key, strict=True)), [*readings, *shared], extra)
+        for key, readings in groups.items()
     )
 
 
-def _label_columns(table: TextTable, used: set[int], labels: Sequence[str] | None) -> list[int]:
-    if labels is None:
-        return [i for i in range(len(table.header)) if i not in used]
-    for name in labels:
-        if name not in table.header:
-            found = ", ".join(repr(title) for title in table.header)
-            raise CalibrationDataError(f"labels: found {name!r}, expected one of {found}")
-    return [i for i, title in enumerate(table.header) if title in labels]
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """One cell of outputs: its distance, infinite where no object is; NaN where the output is missing."""
+
+    distance: float
+    output: float
+
+
+def _readings(table: TextTable, layout: Layout, line: int, row: tuple[str, ...]) -> Iterator[_Reading]:
+    """Read one row, which in a wide table holds a reading at every distance."""
+    for pair in layout.pairs:
+        distance = pair.distance
+        if isinstance(distance, Column):
+            cell = row[distance.index]
+            distance = math.inf if is_no_object(cell) else number(table, line, cell, distance)
+            if distance < 0:
+                raise CalibrationDataError(
+                    f"{table.file}, line {line}: found the distance {cell}, which must not be negative"
+                )
+        cell = row[pair.output.index]
+        yield _Reading(distance, math.nan if is_missing(cell) else number(table, line, cell, pair.output))
 
 
 def _curve(
-    table: TextTable,
-    key: tuple[str, ...],
-    rows: list[tuple[int, tuple[str, ...]]],
-    *,
-    columns: tuple[Column, Column],
-    label_columns: list[int],
-    extra: list[float],
-    notes: tuple[str, ...],
+    table: TextTable, layout: Layout, labels: dict[str, str], readings: list[_Reading], extra: list[float]
 ) -> Calibration:
-    distance, output = columns
-    distances, outputs, no_object, dropped = [], [], list(extra), 0
-    for line, row in rows:
-        place = row[distance.index]
-        absent = is_no_object(place)
-        where = 0.0 if absent else number(table, line, place, distance)
-        if where < 0:
-            raise CalibrationDataError(
-                f"{table.file}, line {line}: found the distance {place}, which must not be negative"
-            )
-        if is_missing(row[output.index]):
-            dropped += 1
-            continue
-        value = number(table, line, row[output.index], output)
-        if absent:
-            no_object.append(value)
-        else:
-            distances.append(where)
-            outputs.append(value)
-    label = ", ".join(f"{table.header[i]}={value}" for i, value in zip(label_columns, key, strict=True))
-    if not distances:
+    there = [reading for reading in readings if not math.isnan(reading.output)]
+    near = [reading for reading in there if not math.isinf(reading.distance)]
+    label = ", ".join(f"{name}={value}" for name, value in labels.items())
+    if not near:
         raise CalibrationDataError(
             f"{table.file}{f', {label}' if label else ''}: found no reading with an object in range, expected at "
             "least one"
         )
     return Calibration(
-        distances=np.array(distances),
-        outputs=np.array(outputs),
-        unit=output.unit,
-        no_object=np.array(no_object),
+        distances=np.array([reading.distance for reading in near]),
+        outputs=np.array([reading.output for reading in near]),
+        unit=layout.unit,
+        no_object=np.array([*extra, *(reading.output for reading in there if math.isinf(reading.distance))]),
         label=label,
         source=Provenance(
             file=table.file,
@@ -186,12 +183,12 @@ def _curve(
             encoding=table.encoding,
             delimiter=table.delimiter,
             decimal_mark=table.decimal_mark,
-            distance_column=distance.title,
-            output_column=output.title,
-            label_columns=tuple(table.header[i] for i in label_columns),
-            rows=len(rows),
-            dropped=dropped,
-            notes=notes,
+            distance_column=layout.distances,
+            output_column=layout.outputs,
+            label_columns=tuple(labels),
+            rows=len(readings),
+            dropped=len(readings) - len(there),
+            notes=(*table.notes, *layout.notes),
         ),
     )
 
@@ -210,25 +207,24 @@ def _label(calibration: Calibration) -> dict[str, str]:
     return labels
 
 
-def _no_object_readings(no_object: NoObject, output: Column) -> list[float]:
+def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
     """Collect the no-object readings that were given beside the file, in the unit of the calibration."""
     if no_object is None:
         return []
     if not isinstance(no_object, (str, os.PathLike)):
-        return [float(v) for v in np.atleast_1d(finite(no_object, "no_object", output.unit)).ravel()]
+        return [float(v) for v in np.atleast_1d(finite(no_object, "no_object", layout.unit)).ravel()]
     table = read_table(no_object)
     index = len(table.header) - 1
     if len(table.header) > 1:
-        names = [title.partition("[")[0].partition("(")[0].strip() for title in table.header]
-        wanted = output.title.partition("[")[0].partition("(")[0].strip()
+        names = [split_title(title)[0] for title in table.header]
+        wanted = split_title(layout.pairs[0].output.title)[0]
         if wanted not in names:
             raise CalibrationDataError(
-                f"{table.file}, line {table.header_line}: found {len(names)} columns, expected one of readings, or one "
-                f"named {wanted!r}"
+                f"{table.place}: found {len(names)} columns, expected one of readings, or one named {wanted!r}"
             )
         index = names.index(wanted)
     rows = list(table.rows)
-    column = output_column(table, index, output)
+    column = output_column(table, index, layout)
     if not any(c.isalpha() for c in column.title):  # a bare list of numbers has no header
         rows.insert(0, (table.header_line, table.header))
     return [number(table, line, row[index], column) for line, row in rows if not is_missing(row[index])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,9 +14,11 @@ from pretouch._core.json_text import as_json
 from pretouch._core.units import read_quantity
 
 from .options import (
+    Columns,
     FloorSigmas,
     Force,
     Json,
+    Labels,
     Model,
     NearFieldPeak,
     NoObject,
@@ -40,6 +43,8 @@ def fit(
     offset: Offset = "auto",
     no_object: NoObject = None,
     select: Select = None,
+    columns: Columns = None,
+    labels: Labels = None,
     saturation: Saturation = "auto",
     near_field_peak: NearFieldPeak = "auto",
     model: Model = None,
@@ -63,7 +68,9 @@ def fit(
 
         request = FitRequest(
             path=file,
-            select=_labels(select or []),
+            select=_selected(select or []),
+            columns=_columns(columns),
+            labels=None if labels is None else _names(labels),
             no_object=_no_object(no_object),
             offset=_output_or(offset, ("auto", "fit", "zero"), "--offset"),
             saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
@@ -74,6 +81,9 @@ def fit(
             floor_sigmas=floor_sigmas,
         )
         curves = request.read()
+        if not json and curves[0].source is not None:
+            for note in curves[0].source.notes:
+                print_text(f"note: {note}")
         if len(curves) > 1:
             return _several(request, curves, json, output)
         return _one(request, curves[0], Presentation(json=json, output=output, report=report, force=force))
@@ -88,7 +98,26 @@ def _output_or(text: str, words: tuple[str, ...], name: str) -> str | OutputValu
     return text if text in words else read_output(text, name=name)
 
 
-def _labels(texts: list[str]) -> dict[str, str]:
+def _columns(text: str | None) -> dict[str, str]:
+    """Read `distance=1,output=3 [V]`; a header may hold commas."""
+    if text is None:
+        return {}
+    parts = re.split(r"(?:^|[,;])\s*(\w+)\s*=", text)
+    if parts[0].strip() or len(parts) < 3:
+        raise InvalidInputError(
+            f"--columns: found {text!r}, expected columns by header, number or unit, for example "
+            '"distance=1,output=3 [V]"'
+        )
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Read `day,sensor`, or `none`."""
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    return () if names == ("none",) else names
+
+
+def _selected(texts: list[str]) -> dict[str, str]:
     """Read `day=30` as a label."""
     for text in texts:
         if not re.fullmatch(r"[^=]+=.+", text):
@@ -129,7 +158,7 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], json: bool, o
     if output is not None:
         raise InvalidInputError(
             f"--output: found {len(curves)} curves in {request.path.name}, expected one: choose it with --select, "
-            f"for example {' '.join(f'--select {part}' for part in curves[0].label.split(', '))}"
+            f"for example {' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
         )
     width = max(len(curve.label) for curve in curves)
     usable, objects = 0, []

@@ -9,6 +9,7 @@ import typer
 
 __all__ = [
     "AxisTexts",
+    "Columns",
     "DaskAddress",
     "DataOutput",
     "FigurePath",
@@ -16,6 +17,7 @@ __all__ = [
     "FloorSigmas",
     "Force",
     "Json",
+    "Labels",
     "LoopGain",
     "LoopSeed",
     "Model",
@@ -55,6 +57,24 @@ NoObject: TypeAlias = Annotated[
         "--no-object",
         metavar="FILE|VALUE",
         help="Readings without an object, beside those in FILE.",
+        show_default=False,
+    ),
+]
+Columns: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        metavar="distance=COLUMN,output=COLUMN",
+        help='Which columns are meant, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
+        show_default=False,
+    ),
+]
+Labels: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--labels",
+        metavar="COLUMN,...|none",
+        help="The columns that tell curves apart; all that are left where not given.",
         show_default=False,
     ),
 ]

@@ -109,6 +109,8 @@ class Builder:
         request = FitRequest(
             path=self.document.path.parent / section.calibration,
             select={key: str(value) for key, value in section.select.items()},
+            columns=section.columns,
+            labels=None if section.labels is None else tuple(section.labels),
             no_object=None if no_object is None else self._no_object(no_object),
             offset=offset if isinstance(offset, str) else read_output(found["offset"], name="offset"),
             models=(section.model,) if section.model else (),

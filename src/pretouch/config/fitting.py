@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -52,6 +54,8 @@ class FitRequest:
     Args:
         path: the file.
         select: value of each label column that tells the wanted curves from the others.
+        columns: the columns of distance and output, as `read_calibration` takes them.
+        labels: the label columns; all others where None.
         no_object: a reading without an object, or the file of such readings.
         offset: `auto`, `fit`, `zero`, or the offset itself.
         saturation: `auto`, `none`, or the output at which the sensor clips.
@@ -62,6 +66,8 @@ class FitRequest:
 
     path: Path
     select: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str | int] = field(default_factory=dict)
+    labels: tuple[str | int, ...] | None = None
     no_object: OutputValue | Path | None = None
     offset: str | OutputValue = "auto"
     saturation: str | OutputValue = "auto"
@@ -81,7 +87,7 @@ class FitRequest:
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
-        curves = read_calibrations(self.path, no_object=no_object)
+        curves = read_calibrations(self.path, no_object=no_object, columns=self.columns, labels=self.labels)
         wanted = {f"{key}={value}" for key, value in self.select.items()}
         chosen = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
         if not chosen:
@@ -121,6 +127,17 @@ class FitRequest:
         )
 
 
+def _as_toml(label: str) -> str:
+    """Write the labels of a curve as the scenario file takes them."""
+    pairs = (part.partition("=")[::2] for part in label.split(", "))
+    texts = (
+        f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key, ensure_ascii=False)} = "
+        f"{value if re.fullmatch(r'0|[1-9][0-9]{0,17}', value) else json.dumps(value, ensure_ascii=False)}"
+        for key, value in pairs
+    )
+    return f"{{ {', '.join(texts)} }}"
+
+
 def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> float:
     """Return the number of an output, refusing volts for a calibration in counts."""
     number, unit = value
@@ -148,7 +165,7 @@ def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
     if len(curves) > 1:
         raise InvalidInputError(
             f"select: found {len(curves)} curves in {request.path.name}, expected one: choose it by its labels, "
-            f"for example {{ {curves[0].label.replace('=', ' = ')} }}"
+            f"for example {_as_toml(curves[0].label)}"
         )
     report = request.rank(curves[0])
     if report.best is None:

@@ -35,6 +35,25 @@ def _labels(value: Any) -> dict[str, str | int | float]:
     return dict(value)
 
 
+def _columns(value: Any) -> dict[str, str | int]:
+    if (
+        not isinstance(value, Mapping)
+        or not set(value) <= {"distance", "output"}
+        or not all(type(column) in {str, int} for column in value.values())
+    ):
+        raise UnfitValueError(
+            "expected a table of distance and output, each a header, a number or a unit, for example "
+            '{ distance = 1, output = "3 [V]" }'
+        )
+    return dict(value)
+
+
+def _names(value: Any) -> list[str | int]:
+    if not isinstance(value, list) or not all(type(name) in {str, int} for name in value):
+        raise UnfitValueError('expected a list of headers or numbers of columns, for example ["day", "sensor"]')
+    return list(value)
+
+
 def _one_unit(value: Any) -> Any:
     """Refuse a list of outputs that mixes units: volts and counts have no common scale."""
     texts = [v for v in value if isinstance(v, str)] if isinstance(value, list) else []
@@ -117,6 +136,8 @@ class CalibratedSensor(SensorSection):
     calibration: Annotated[str, text('"sensor.csv"')]
     model: Annotated[str | None, name_of(*_MODELS)] = None
     select: Annotated[dict[str, str | int | float], BeforeValidator(_labels)] = Field(default_factory=dict)
+    columns: Annotated[dict[str, str | int], BeforeValidator(_columns)] = Field(default_factory=dict)
+    labels: Annotated[list[str | int] | None, BeforeValidator(_names)] = None
     no_object: Annotated[float | str | None, BeforeValidator(_level_or_file)] = None
     offset: Annotated[float | str, Quantity(unit="output", example='"auto"', words=("auto", "fit", "zero"))] = "auto"
     saturation: Annotated[float | str, Quantity(unit="output", example='"auto"', words=_SEARCHED)] = "auto"

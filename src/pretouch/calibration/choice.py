@@ -1,0 +1,177 @@
+"""What somebody says about the columns of a file: which one is meant, by header or by number, and in which unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pretouch._core.errors import CalibrationDataError
+
+from .cells import TextTable, shortened
+from .headers import is_length, split_title
+
+__all__ = ["Choice", "Chosen", "chosen_labels", "read_choice", "remedy"]
+
+_SHOWN = 20  # headers that a message lists
+_KEYS = ("distance", "output")
+_HERE = "in a scenario file and in Python"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chosen:
+    """One column as somebody names it.
+
+    Args:
+        key: `distance` or `output`.
+        text: as it was written.
+        number: of the column, from 1; None where it is given by its header, or only its unit is.
+        name: of the column, without a unit.
+        unit: the unit that the column has; None where the header tells.
+    """
+
+    key: str
+    text: str
+    number: int | None
+    name: str
+    unit: str | None
+
+    @property
+    def names_a_column(self) -> bool:
+        """Whether a column is meant, and not only its unit said."""
+        return self.number is not None or bool(self.name)
+
+    def index(self, table: TextTable) -> int | None:
+        """Find the column in a table; None where only its unit was said."""
+        return _find(table, self.number, (self.text, self.name), f"columns: found {self.text!r} for the {self.key}")
+
+    def unit_beside(self, title: str, found: str | None) -> str | None:
+        """Return the unit of the column, which may be said or stand in its header, but not differ between them."""
+        if self.unit is None or self.text == title:
+            return found
+        if found is not None and found != self.unit:
+            raise CalibrationDataError(
+                f"columns: found the unit {self.unit!r} for the {self.key}, whose header {title!r} says {found!r}: "
+                "leave one of them out"
+            )
+        return self.unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What was said about the columns of distances and outputs; either may be left open."""
+
+    distance: Chosen | None = None
+    output: Chosen | None = None
+
+    @property
+    def given(self) -> tuple[Chosen, ...]:
+        """What was said."""
+        return tuple(c for c in (self.distance, self.output) if c is not None)
+
+    @property
+    def names_a_column(self) -> bool:
+        """Whether a column of distances or outputs was named, which only a long table has."""
+        return any(c.names_a_column for c in self.given)
+
+    @property
+    def has_a_number(self) -> bool:
+        """Whether a column was given by its number, which needs no header."""
+        return any(c.number is not None for c in self.given)
+
+    @property
+    def declares_distances(self) -> bool:
+        """Whether only the unit of distances was said."""
+        return self.distance is not None and not self.distance.names_a_column
+
+    def names_one_of(self, header: Sequence[str]) -> bool:
+        """Tell whether a line holds a header that was given by name."""
+        titles = {title.casefold() for title in header} | {split_title(title)[0].casefold() for title in header}
+        return any(c.number is None and c.name and {c.text.casefold(), c.name.casefold()} & titles for c in self.given)
+
+
+def read_choice(columns: Mapping[str, object] | None) -> Choice:
+    """Read what somebody says about the columns.
+
+    Args:
+        columns: for `distance` and `output` a header, a number counted from 1, a unit in brackets, or a header or a
+            number with a unit, such as `3 [counts]`.
+
+    Returns:
+        The choice.
+
+    Raises:
+        CalibrationDataError: there are other keys or values, or the unit of the distance is no length.
+    """
+    found = {}
+    for key, value in (columns or {}).items():
+        if key not in _KEYS:
+            raise CalibrationDataError(f"columns: found {key!r}, expected only 'distance' and 'output'")
+        if isinstance(value, bool) or not isinstance(value, (str, int)) or not str(value).strip():
+            raise CalibrationDataError(
+                f"columns: found {value!r} for the {key}, expected the header of a column or its number, such as "
+                f'{key}=1, or its unit, such as {key}="[{"mm" if key == "distance" else "V"}]"'
+            )
+        text = str(value).strip()
+        match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", text)
+        name, unit = (match[1], match[2].strip()) if match else (text, None)
+        if key == "distance" and unit is not None and not is_length(unit):
+            raise CalibrationDataError(
+                f"columns: found the unit {unit!r} for the distance, expected a length such as mm"
+            )
+        number = int(name) if re.fullmatch(r"\d{1,6}", name) else None
+        found[key] = Chosen(key=key, text=text, number=number, name="" if number is not None else name, unit=unit)
+    return Choice(**found)
+
+
+def chosen_labels(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
+    """Find the columns that are named as labels.
+
+    Args:
+        table: the file.
+        labels: their headers, or their numbers counted from 1.
+
+    Returns:
+        Their indices, in the order of the file.
+    """
+    found = set()
+    for label in [labels] if isinstance(labels, str) else labels:
+        text = str(label).strip()
+        number = int(text) if re.fullmatch(r"\d{1,6}", text) and text not in table.header else None
+        index = _find(table, number, (text, text), f"labels: found {text!r}")
+        if index is not None:
+            found.add(index)
+    return tuple(sorted(found))
+
+
+def remedy(columns: str) -> str:
+    """Say what to type: on the command line, and where else it stands."""
+    return f'--columns "{columns}" ({_HERE}: columns)'
+
+
+def _find(table: TextTable, number: int | None, names: tuple[str, str], found: str) -> int | None:
+    """Find a column by its number, its whole header, or the name in it, the stricter first."""
+    if number is not None:
+        if not 1 <= number <= len(table.header):
+            raise CalibrationDataError(f"{found}, expected a number from 1 to {len(table.header)}")
+        return number - 1
+    text, name = names
+    if not name:
+        return None
+    plain = [split_title(title)[0] for title in table.header]
+    for wanted, among in (
+        (text, list(table.header)),
+        (name, plain),
+        (name.casefold(), [title.casefold() for title in plain]),
+    ):
+        at = [i for i, title in enumerate(among) if title == wanted]
+        if len(at) > 1:
+            raise CalibrationDataError(
+                f"{found}, which columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file} are called: give "
+                "the number of the one that is meant"
+            )
+        if at:
+            return at[0]
+    known = ", ".join(shortened(title) for title in table.header[:_SHOWN])
+    known += ", ..." if len(table.header) > _SHOWN else ""
+    raise CalibrationDataError(f"{found}, expected one of {known}")

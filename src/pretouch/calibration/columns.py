@@ -1,0 +1,258 @@
+"""Long tables: which column is the distance, which the output, and what the others are."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator, Sequence
+
+from pretouch._core.errors import CalibrationDataError
+from pretouch._core.units import parse_unit
+
+from .cells import Column, Layout, Pair, TextTable, is_missing, is_number, shortened
+from .choice import Choice, Chosen, remedy
+from .headers import (
+    is_count,
+    is_distance_name,
+    is_length,
+    is_output_name,
+    is_repeat,
+    is_setting,
+    is_setting_or_output,
+    output_unit,
+    split_title,
+)
+
+__all__ = ["long_layout", "output_column", "taken_as"]
+
+_SHOWN = 8  # columns that a message lists
+_FEW = 3  # distances of a curve, without which a setting is no label
+
+
+def long_layout(table: TextTable, choice: Choice) -> Layout:
+    """Decide which column is the distance, which the output, and which tell curves apart.
+
+    Args:
+        table: the file.
+        choice: what was said about its columns; names and units decide what is open.
+
+    Returns:
+        The layout, with one pair of columns, or several where numbered columns are repeats.
+    """
+    _refuse_no_header(table)
+    distance, outputs = _columns(table, choice)
+    where = _distance_column(table, distance, choice.distance)
+    what, notes = _output_column(table, outputs, choice.output)
+    labels, further = _labels(table, distance, outputs)
+    if len(outputs) > 1:
+        further.append(f"The columns {', '.join(table.header[i] for i in outputs)} are read as repeats.")
+    return Layout(
+        pairs=tuple(
+            Pair(distance=where, output=dataclasses.replace(what, index=i, title=table.header[i])) for i in outputs
+        ),
+        distances=where.title,
+        outputs=what.title,
+        unit=what.unit,
+        labels=labels,
+        notes=(*notes, *further),
+    )
+
+
+def _columns(table: TextTable, choice: Choice) -> tuple[int, list[int]]:
+    """Find the distance and the output, of which there are several where their headers are numbers of repeats."""
+    said = choice.output.index(table) if choice.output else None
+    distance = _distance(table, choice.distance, said)
+    repeats = _repeats(table, distance)
+    if said is None and distance is not None and len(repeats) > 1:
+        return distance, repeats
+    output = _output(table, distance) if said is None else said
+    if len(table.header) == 2:  # of two columns with one known, the other is the other; else distance comes first
+        distance = (0 if output is None else 1 - output) if distance is None else distance
+        output = 1 - distance if output is None else output
+    if distance is not None and distance == output:
+        raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
+    if distance is None or output is None:
+        found = ", ".join(f"{i}: {shortened(title)}" for i, title in enumerate(table.header[:_SHOWN], start=1))
+        found += ", ..." if len(table.header) > _SHOWN else ""
+        place = 0 if distance is None else distance
+        free = [i for i in range(len(table.header)) if i != place]
+        other = next((i for i in free if not is_setting(table.header[i])), free[0])
+        raise CalibrationDataError(
+            f"{table.place}: found the columns {found}, expected one named distance and one named output; or say which "
+            f"they are: {remedy(f'distance={place + 1},output={other + 1}')}"
+        )
+    return distance, [output]
+
+
+def _repeats(table: TextTable, distance: int | None) -> list[int]:
+    """Find columns that number repeats, all in one unit, beside which no other is named as the output."""
+    numbered = [i for i, title in enumerate(table.header) if is_repeat(title) and i != distance]
+    units = {split_title(table.header[i])[1] for i in numbered}
+    named = [i for i, title in enumerate(table.header) if is_output_name(title) and i not in {*numbered, distance}]
+    return [] if named or len(units) > 1 else numbered
+
+
+def _refuse_no_header(table: TextTable) -> None:
+    if all(is_number(cell) for cell in table.header):
+        wide = ', or --columns "distance=[mm]" where they are distances' if len(table.header) > 2 else ""
+        raise CalibrationDataError(
+            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or say '
+            f"what the columns are: {remedy('distance=1 [mm],output=2 [V]')}{wide}"
+        )
+    if len(table.header) < 2:
+        raise CalibrationDataError(
+            f"{table.place}: found one column ({shortened(table.header[0])}), expected two or more, separated by "
+            "comma, semicolon, tab or blanks"
+        )
+
+
+def _distance(table: TextTable, chosen: Chosen | None, output: int | None) -> int | None:
+    """Find the distance: what was said, else the one named so (with a length where several are), else the length."""
+    if chosen is not None and chosen.names_a_column:
+        return chosen.index(table)
+    units = [split_title(title)[1] for title in table.header]
+    named = [i for i, title in enumerate(table.header) if is_distance_name(title) and i != output]
+    lengths = [i for i, unit in enumerate(units) if is_length(unit) and i != output]
+    found = (
+        [i for i in named if i in lengths]
+        or [i for i in named if units[i] is None]
+        or [i for i in lengths if not is_setting(table.header[i])]
+        or named
+    )
+    return _only(table, found, "distance")
+
+
+def _output(table: TextTable, distance: int | None) -> int | None:
+    """Find the output: the one named so, else volts or counts, else what is left, else a current; one that changes."""
+    free = [i for i in range(len(table.header)) if i != distance]
+    others = [i for i in free if not is_setting(table.header[i])]
+    named = [i for i in others if is_output_name(table.header[i])]
+    known = [i for i in others if _is_output_unit(table.header[i])]
+    either = [i for i in free if len(free) > 1 and is_setting_or_output(table.header[i])]
+    left = others if len(free) > 1 and len(others) == 1 and not _tells_apart(table, others[0]) else []
+    moving = [i for i in free if len({row[i] for _, row in table.rows}) > 1]  # a bias voltage stays, a photocurrent not
+    found = (
+        [i for i in named if i in moving]
+        or [i for i in known if i in moving]
+        or [i for i in either if i in moving and (named or known)]
+        or named
+        or known
+        or left
+        or either
+    )
+    return _only(table, found, "output")
+
+
+def _tells_apart(table: TextTable, index: int) -> bool:
+    """Tell whether a column that nothing is known of may hold labels: text, or values that come again and again."""
+    cells = [row[index] for _, row in table.rows if not is_missing(row[index])]
+    return not all(is_number(cell) for cell in cells) or len(set(cells)) < max(_FEW, len(cells) / 2)
+
+
+def _is_output_unit(title: str) -> bool:
+    return output_unit(split_title(title)[1])[0] in {"V", "counts"}
+
+
+def _only(table: TextTable, found: Sequence[int], what: str) -> int | None:
+    """Return the one column that fits; None where none does."""
+    if len(found) < 2:
+        return found[0] if found else None
+    first, second = (f"{i + 1}: {shortened(table.header[i])}" for i in found[:2])
+    raise CalibrationDataError(
+        f"{table.place}: found two columns that may be the {what} ({first}, {second}), expected one: say which with "
+        f"{remedy(f'{what}={found[0] + 1}')}"
+    )
+
+
+def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Column:
+    title = table.header[index]
+    found = split_title(title)[1]
+    unit = chosen.unit_beside(title, found) if chosen else found
+    how = f'write it into the header, such as "distance [mm]", or say it: {remedy(f"distance={index + 1} [mm]")}'
+    if not unit:
+        raise CalibrationDataError(f"{table.place}: found {shortened(title)}, a distance without a unit: {how}")
+    if not is_length(unit):
+        raise CalibrationDataError(f"{table.place}: found the unit {unit!r}, expected a length such as mm: {how}")
+    return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
+
+
+def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen | None) -> tuple[Column, list[str]]:
+    index, title = outputs[0], table.header[outputs[0]]
+    found = split_title(title)[1]
+    unit = chosen.unit_beside(title, found) if chosen else found
+    symbol, factor = output_unit(unit)
+    notes = []
+    if unit is None:
+        symbol, taken = taken_as([row[i] for _, row in table.rows for i in outputs])
+        notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
+    if is_setting(title) and not (chosen and chosen.names_a_column):
+        notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other can be.")
+    return Column(index=index, title=title, unit=symbol, factor=factor), notes
+
+
+def taken_as(cells: Sequence[str]) -> tuple[str, str]:
+    """Decide what outputs without a unit are.
+
+    Args:
+        cells: the outputs.
+
+    Returns:
+        Their unit, and what a sentence calls it.
+    """
+    filled = [cell for cell in cells if not is_missing(cell)]
+    whole = bool(filled) and all(re.fullmatch(r"\+?\d+", cell) for cell in filled)
+    taken = "counts, for all of them are integers" if whole else "numbers without a unit"
+    return "counts" if whole else "", taken
+
+
+def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
+    """Find the columns that tell curves apart: all others but counts, other outputs, and settings that drift."""
+    others = [i for i in range(len(table.header)) if i not in {distance, *outputs}]
+    left_out = dict(_left_out(table, others, distance))
+    notes = [f"Column {table.title(i)} is not used: {reason}." for i, reason in left_out.items()]
+    return tuple(i for i in others if i not in left_out), notes
+
+
+def _left_out(table: TextTable, others: Sequence[int], distance: int) -> Iterator[tuple[int, str]]:
+    for i in others:
+        title = table.header[i]
+        cells = [row[i] for _, row in table.rows]
+        if is_output_name(title) or (is_distance_name(title) and is_length(split_title(title)[1])):
+            yield i, "another column is the distance or the output"
+        elif is_count(title) and len(set(cells)) == len(cells) > 1:
+            yield i, "it counts the rows"
+        elif (is_setting(title) or _is_output_unit(title)) and _drifts(table, i, distance):
+            yield i, "it changes within the curve"
+
+
+def _drifts(table: TextTable, index: int, distance: int) -> bool:
+    """Tell whether most values of a column hold too few distances to be curves of their own."""
+    found: dict[str, set[str]] = {}
+    for _, row in table.rows:
+        found.setdefault(row[index], set()).add(row[distance])
+    few = sum(len(distances) < _FEW for distances in found.values())
+    return len(found) > 1 and 2 * few > len(found)
+
+
+def output_column(table: TextTable, index: int, layout: Layout) -> Column:
+    """Read the unit of a column of outputs; that of the calibration where its header has none.
+
+    Args:
+        table: the file.
+        index: of the column.
+        layout: of the calibration, whose unit it must have.
+
+    Returns:
+        The column.
+
+    Raises:
+        CalibrationDataError: the unit is another one.
+    """
+    title = table.header[index]
+    found = split_title(title)[1]
+    symbol, factor = output_unit(found) if found else (layout.unit, layout.pairs[0].output.factor)
+    if symbol != layout.unit:
+        raise CalibrationDataError(
+            f"{table.place}: found the unit {found!r}, expected {layout.unit or 'none'!r} as in the calibration"
+        )
+    return Column(index=index, title=title, unit=symbol, factor=factor)

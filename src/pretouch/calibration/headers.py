@@ -1,0 +1,209 @@
+"""What the header of a column says: that it is a distance, an output, a setting or a count, and in which unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from pretouch._core.errors import UnitError
+from pretouch._core.units import parse_unit
+
+from .cells import is_no_object, is_number
+
+__all__ = [
+    "Mark",
+    "distance_mark",
+    "is_count",
+    "is_distance_name",
+    "is_length",
+    "is_output_name",
+    "is_repeat",
+    "is_setting",
+    "is_setting_or_output",
+    "is_time",
+    "looks_wide",
+    "names_a_distance",
+    "output_unit",
+    "split_title",
+]
+
+_DISTANCES = {"distance", "dist", "range", "l", "x", "d", "z", "gap", "position", "abstand", "entfernung"}
+_OUTPUTS = {
+    *("output", "out", "voltage", "value", "reading", "readings", "signal", "xi", "y", "counts", "count", "adc"),
+    *("intensity", "response", "sensor output", "sensor value", "u", "v", "level", "raw", "proximity", "photocurrent"),
+    *("photo current", "adc value", "adc counts"),
+}
+_SOURCE = r"(?:led|ir led|ir|drive|driving|driver|forward|supply|bias|pulse|emitter|emission|laser|source|tx|transmit)"
+_SETTING = re.compile(
+    rf"{_SOURCE} (?:current|voltage|power|level|intensity|frequency)|current|power|frequency|supply|vcc|vdd|bias"
+    r"|(?:pga|amplifier|analog|adc|sensor)? ?gain|(?:\w+ )?temperature|temp|humidity|wavelength|duty|duty cycle"
+    r"|(?:integration|exposure|measurement|measuring|shutter|conversion|settling) time|integration|exposure"
+    r"|(?:sample|sampling|data|frame) rate|pulse (?:width|length|count)|pulses|averages|averaging|led count"
+)
+_EITHER = {"current", "power", "frequency"}  # a setting beside another output, an output where there is none
+_COUNTS = {
+    *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
+    *("run", "sample", "measurement", "messung", "record"),
+}
+_REPEAT = re.compile(r"(?:(?:trial|repeat|repetition|rep|run|measurement|messung|reading|#) ?)?\d{1,6}")
+_TIMES = {"time", "date", "timestamp", "datetime", "clock", "zeit", "datum"}
+_TITLE = re.compile(r"\s*(.*?)\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])]\s*")
+_LAST_WORD = re.compile(r"(.+?)(?:\s+in\s+|[\s_,]+)(\S+)")
+_LONGEST = 200  # characters of a header
+_KNOWN: dict[tuple[int, ...], str] = {(0, 0, 0, 1, 0): "V", (0, 0, 0, 0, 1): "counts"}
+_AT = re.compile(
+    r"(?:(?P<name>[^\W\d_]+)[\s=:@_]*)?(?P<number>[-+\N{MINUS SIGN}]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)"
+    r"(?:[\s_]*[\[(]?(?P<unit>[^\W\d_]+)[\])]?(?:\.\d+)?)?"  # pandas writes 0cm.1 for a second 0cm
+)
+_AT_INFINITY = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)
+
+
+class Mark(NamedTuple):
+    """A header that is a distance: its number as written, None where it says that no object is there, and its unit."""
+
+    number: str | None
+    unit: str | None
+
+
+def split_title(title: str) -> tuple[str, str | None]:
+    """Split `output [V]`, `output (V)` and, where the name is known, `output_V` into name and unit."""
+    if len(title) > _LONGEST:
+        return title, None
+    match = _TITLE.fullmatch(title)
+    if match:
+        return match.group(1), match.group(2).strip()
+    match = _LAST_WORD.fullmatch(title.strip())
+    if match:
+        name, unit = match.groups()
+        known = _plain(name)
+        if (known in _DISTANCES and is_length(unit)) or (known in _OUTPUTS and _exponents(unit) in _KNOWN):
+            return name, unit
+    return title.strip(), None
+
+
+def is_length(unit: str | None) -> bool:
+    """Tell whether a unit is one of lengths."""
+    return _exponents(unit) == (1, 0, 0, 0, 0)
+
+
+def is_distance_name(title: str) -> bool:
+    """Tell whether a header is named as distances often are."""
+    return _name(title) in _DISTANCES
+
+
+def is_output_name(title: str) -> bool:
+    """Tell whether a header is named as outputs often are."""
+    return _name(title) in _OUTPUTS
+
+
+def is_setting(title: str) -> bool:
+    """Tell whether a header is named as a setting of a sensor or a condition, such as `gain` or `temperature`."""
+    return bool(_SETTING.fullmatch(_name(title)))
+
+
+def is_setting_or_output(title: str) -> bool:
+    """Tell whether a setting of that name may be an output where nothing else is: a photocurrent is a current."""
+    return _name(title) in _EITHER
+
+
+def is_count(title: str) -> bool:
+    """Tell whether a header is named as counts of rows are, such as `trial`, `#`, or empty."""
+    return _name(title) in _COUNTS
+
+
+def is_repeat(title: str) -> bool:
+    """Tell whether a header numbers repeats, such as `trial 3`, `run2 [V]` or `3`."""
+    return bool(_REPEAT.fullmatch(_name(title)))
+
+
+def is_time(title: str) -> bool:
+    """Tell whether a header is named as times of rows are."""
+    return _name(title) in _TIMES
+
+
+def output_unit(text: str | None) -> tuple[str, float]:
+    """Turn volts and counts with their prefixes into V and counts; leave every other unit as it is written."""
+    try:
+        unit = parse_unit(text or "")
+    except UnitError:
+        return str(text), 1.0
+    if unit.exponents in _KNOWN:
+        return _KNOWN[unit.exponents], unit.factor
+    return text or "", 1.0
+
+
+def distance_mark(title: str) -> Mark | None:
+    """Read a header such as `5 mm`, `d=5mm`, `0.5` or `inf` as a distance; None where it is none."""
+    if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title[:_LONGEST])):
+        return Mark(None, None)
+    match = _AT.fullmatch(title) if len(title) <= _LONGEST else None
+    if match is None:
+        return None
+    name, unit = match["name"], match["unit"]
+    if (unit is not None and not is_length(unit)) or (name and (unit is None or _plain(name) not in _DISTANCES)):
+        return None
+    return Mark(match["number"].replace("\N{MINUS SIGN}", "-").replace(",", "."), unit)
+
+
+def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
+    """Tell whether columns are named by distance.
+
+    Args:
+        header: the headers.
+        declared: whether somebody said in which unit.
+
+    Returns:
+        Whether there are two distances with units, or bare numbers that can be nothing else.
+    """
+    marks = [mark for title in header if (mark := distance_mark(title))]
+    bare = [float(mark.number) for mark in marks if mark.number is not None and mark.unit is None]
+    united = sum(mark.unit is not None for mark in marks)
+    absent = sum(mark.number is None for mark in marks)
+    if united:
+        return len(marks) > 1
+    rising = len(bare) > 2 and all(a < b for a, b in pairwise(bare))
+    falling = len(bare) > 2 and all(a > b for a, b in pairwise(bare))
+    text = [title for title in header if title and not distance_mark(title)]
+    return (
+        (len(bare) > 1 and any(is_length(split_title(title)[1]) or is_length(title) for title in text))
+        or (rising and bool(text or absent))
+        or (declared and (rising or falling))
+    )
+
+
+def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
+    """Tell whether a line is the header of a calibration, by its words alone.
+
+    Args:
+        header: its cells.
+        declared: whether somebody said in which unit distances are.
+        in_words: whether its cells are the words of a line, which may be prose: "Sensor X" names no distance.
+
+    Returns:
+        Whether a cell names a distance or has a unit of lengths and none is a number, or columns are named by distance.
+    """
+    if looks_wide(header, declared=declared):
+        return True
+    for title in header:
+        name, unit = split_title(title)
+        named = is_distance_name(title) and unit is None and (len(name) > 1 or not in_words)
+        if name and (named or is_length(unit)):
+            return not any(is_number(cell) for cell in header)
+    return False
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_-]+", " ", name).strip(" .:").casefold()
+
+
+def _name(title: str) -> str:
+    return _plain(split_title(title)[0])
+
+
+def _exponents(unit: str | None) -> tuple[int, ...]:
+    try:
+        return parse_unit(unit).exponents if unit and not is_number(unit) else ()
+    except UnitError:
+        return ()

@@ -11,6 +11,7 @@ import pytest
 
 import pretouch as pt
 from pretouch.uncertainty import reservations_of
+from pretouch.uncertainty.reservations import recess_in_words
 
 TRUTH = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 
@@ -134,3 +135,19 @@ def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
     found = reservations_of(report(0.008, 0.06), Answer(encounter(), sensor))
     assert found.left
     assert found.headline.startswith("Not supported by data: before contact the motion leaves the distances")
+
+
+@pytest.mark.parametrize("near", np.random.default_rng(6).uniform(1e-4, 0.3, 20))
+def test_the_recess_that_is_advised_reaches_contact_and_is_no_more_than_a_micrometer_too_deep(near: float) -> None:
+    """The readings of dense sweeps are gathered, so that a window starts anywhere."""
+    curve = pt.ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=float(near))
+    recess = float(recess_in_words(curve.minimum_distance).removesuffix(" mm")) / 1e3
+    assert pt.Recessed(sensor=curve, recess=recess).valid_range[0] <= 0.0
+    assert recess < near + 1.001e-6
+
+
+def test_a_recess_as_deep_as_a_curve_starts_reaches_contact_whatever_the_rounding() -> None:
+    for near in (np.nextafter(0.0075, 0.0), 0.0075, np.nextafter(0.0075, 1.0)):
+        curve = pt.ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=float(near))
+        assert pt.Recessed(sensor=curve, recess=0.0075).valid_range[0] == 0.0
+        assert recess_in_words(float(near)) == "7.5 mm"

@@ -23,6 +23,7 @@ from pretouch.sensors import (
     SensorModel,
     Table,
 )
+from pretouch.uncertainty.reservations import recess_in_words
 
 from .document import Document, Mistake
 from .fitting import FitRequest, OutputValue, fit_sensor_of, read_output
@@ -234,7 +235,7 @@ class Builder:
             self.refuse(
                 ("sensor",),
                 f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface{cause}, expected "
-                f'it to reach contact: sink the sensor with recess = "{1e3 * (recess + low):.4g} mm", or {extending}',
+                f'it to reach contact: sink the sensor with recess = "{recess_in_words(recess + low)}", or {extending}',
             )
         if scenario.distance > high:
             cause, extending = ", where the valid range of the sensor ends", ""

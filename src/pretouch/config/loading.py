@@ -119,7 +119,7 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
     if calibration is None:
         return ""
     window, recess = calibration.window, getattr(sensor, "recess", 0.0)
-    near, far = (format_quantity(limit - recess, "m") for limit in (window.l_min, window.l_max))
+    near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
     return (
         f"the calibration supports it from {near} ({window.start_reason}) to {far} ({window.end_reason}): calibrate "
         "over more distances, or extend the curve with minimum_distance or maximum_distance"

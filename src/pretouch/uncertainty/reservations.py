@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
     from pretouch.calibration.result import OffsetEstimate
 
-__all__ = ["Reservations", "reservations_of"]
+__all__ = ["Reservations", "recess_in_words", "reservations_of"]
 
 _DECISIVE: Final = 0.05  # of the impulse of the virtual force: what may be given where no data support the curve
 _ROUNDING: Final = 1e-9  # of the impulse, likewise
@@ -77,7 +78,7 @@ class Reservations(Value):
         parts, remedies = [], []
         if not self.is_contact_supported:
             parts.append(f"from {near}{nearest} to contact at 0 mm")
-            recess = format_quantity(self.report.window.l_min, "m")
+            recess = recess_in_words(self.report.window.l_min)
             remedies.append(
                 f'sink the sensor by recess = "{recess}", or calibrate it down to contact, at a lower gain of the '
                 "sensor where its output clips"
@@ -113,7 +114,7 @@ class Reservations(Value):
     def _limits(self) -> tuple[str, str]:
         """The distances between which data support the curve."""
         near, far = self.supported
-        return format_quantity(near, "m") if near > 0 else "contact", format_quantity(far, "m")
+        return "contact" if self.is_contact_supported else format_quantity(near, "m"), format_quantity(far, "m")
 
     @property
     def _reasons(self) -> tuple[str, str]:
@@ -121,7 +122,7 @@ class Reservations(Value):
         window, near = self.report.window, self.supported[0]
         counted = f", counted from the sensor's zero {format_quantity(self.recess, 'm')} behind the contact surface"
         told = [f" ({reason}{counted if self.recess else ''})" for reason in (window.start_reason, window.end_reason)]
-        return told[0] if near >= 0 else "", told[1]
+        return told[0] if near >= -_NO_DISTANCE else "", told[1]
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -256,6 +257,22 @@ def _speed_without_force(scenario: Scenario, sensor: SensorModel, gain: float, n
     )
     left = find_contact(rest, sensor, 0.0)
     return abs(float(left.end.relative_velocity)) if left.reached.all() else None
+
+
+def recess_in_words(nearest: float) -> str:
+    """Return the recess that puts contact where a curve starts, in whole micrometers and never less.
+
+    Args:
+        nearest: where the curve starts, from the sensor's zero [m].
+
+    Returns:
+        Text such as `7.5 mm`.
+
+    Examples:
+        >>> recess_in_words(0.0075), recess_in_words(0.0123441)
+        ('7.5 mm', '12.345 mm')
+    """
+    return f"{math.ceil(1e6 * nearest * (1 - 1e-12)) / 1e3:.10g} mm"
 
 
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:

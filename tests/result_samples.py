@@ -120,6 +120,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "fit": lambda: pt.fit_sensor(pt.read_calibration(EXAMPLES / "sensor.csv"), "inverse-power"),
     "ranking": lambda: replace(_report()),
     "distribution": lambda: pt.parameter_distribution(_report().best),
+    "reservations": lambda: uncertainty.reservations_of(_report(), pt.load_scenario(EXAMPLES / "fingertip.toml")),
     "simulation": lambda: TOUCHING.run(SCENARIO, SENSOR, -0.7),
     "simulations": lambda: NOISY.run(SEVERAL, SENSOR, -0.7),
     "trace": lambda: NOISY.run(SCENARIO, SENSOR, -0.7).trace(),

@@ -45,5 +45,5 @@ def _run(file: Path, presentation: Presentation) -> int:
             found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
         )
 
-    presentation.show(found, f"{file.stem}-design.html", write)
+    presentation.show(found, f"{file.stem}-design.html", write, problem.reservations(found))
     return OK if found.status.value == "optimal" else NO_RESULT

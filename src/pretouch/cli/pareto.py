@@ -41,7 +41,9 @@ def _run(file: Path, presentation: Presentation) -> int:
     def write(path: Path, overwrite: bool) -> object:
         from pretouch.report import write_pareto_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        return write_pareto_report(found, path, source=problem.source, overwrite=overwrite)
+        return write_pareto_report(
+            found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
+        )
 
-    presentation.show(found, f"{file.stem}-pareto.html", write)
+    presentation.show(found, f"{file.stem}-pareto.html", write, problem.reservations(found))
     return OK if found.status.value == "found" else NO_RESULT

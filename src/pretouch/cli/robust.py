@@ -64,5 +64,5 @@ def _run(file: Path, samples: int | None, seed: int | None, presentation: Presen
             found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
         )
 
-    presentation.show(found, f"{file.stem}-robust.html", write)
+    presentation.show(found, f"{file.stem}-robust.html", write, problem.reservations(found))
     return OK if found.status.value == "optimal" else NO_RESULT

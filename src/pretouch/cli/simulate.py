@@ -55,5 +55,5 @@ def _run(file: Path, gain: str | None, seed: int | None, presentation: Presentat
             found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
         )
 
-    presentation.show(found, f"{file.stem}-simulate.html", write)
+    presentation.show(found, f"{file.stem}-simulate.html", write, problem.reservations(found))
     return OK if found.run.touched.all() else NO_RESULT

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from pretouch.config import DesignProblem
     from pretouch.sweep import Progress
+    from pretouch.uncertainty import Reservations
 
 __all__ = ["sweep"]
 
@@ -71,7 +72,7 @@ def sweep(
             if output is not None:
                 print_message("interrupted; the same command goes on from here")
             raise
-        return _present(found, output, figure, json=json, force=force)
+        return _present(found, problem.reservations(), output, figure, json=json, force=force)
 
     conclude(run, json_wanted=json)
 
@@ -126,7 +127,15 @@ class _Teller:
             )
 
 
-def _present(found: xr.Dataset, output: Path | None, figure: Path | None, *, json: bool, force: bool) -> int:
+def _present(
+    found: xr.Dataset,
+    reservations: Reservations | None,
+    output: Path | None,
+    figure: Path | None,
+    *,
+    json: bool,
+    force: bool,
+) -> int:
     from pretouch.sweep.summary import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:
@@ -137,9 +146,11 @@ def _present(found: xr.Dataset, output: Path | None, figure: Path | None, *, jso
         sweep_figure(found).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=force)
     if json:
-        print_text(as_json({**sweep_as_dict(found), "output": output, "figure": figure}))
+        told = {**sweep_as_dict(found), "output": output, "figure": figure}
+        print_text(as_json(told if reservations is None else reservations.around_dict(told)))
     else:
-        print_text(sweep_as_text(found))
+        text = sweep_as_text(found)
+        print_text(text if reservations is None else reservations.around_text(text))
         for what, path in (("Dataset", output), ("Figure", figure)):
             if path is not None:
                 print_text(f"{what}: {path}")

@@ -7,13 +7,16 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 
 from pretouch._core.errors import PretouchError
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.json_text import as_json
+
+if TYPE_CHECKING:
+    from pretouch.uncertainty import Reservations
 
 __all__ = ["MISTAKE", "NO_RESULT", "OK", "Presentation", "Result", "conclude", "print_progress", "print_text"]
 
@@ -104,22 +107,30 @@ class Presentation:
     report: bool
     force: bool
 
-    def show(self, result: Result, default: str, write: Callable[[Path, bool], object]) -> None:
+    def show(
+        self,
+        result: Result,
+        default: str,
+        write: Callable[[Path, bool], object],
+        reservations: Reservations | None = None,
+    ) -> None:
         """Print a result and write its report.
 
         Args:
             result: what is printed.
             default: name of the report where none is given.
             write: writes the report, given its path and whether a file there may be replaced.
+            reservations: what the calibration of the sensor leaves open of the result, where there is one.
         """
         target = self.output or Path(default)
         if self.json:
-            text = as_json(result.to_dict())
+            found = result.to_dict()
+            text = as_json(found if reservations is None else reservations.around_dict(found))
             if self.output is not None:
                 self._write(target, write)
             print_text(text)
             return
-        print_text(str(result))
+        print_text(str(result) if reservations is None else reservations.around_text(str(result)))
         if self.report:
             self._write(target, write)
             print_text(f"\nReport with figures: {target}")

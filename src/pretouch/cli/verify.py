@@ -66,5 +66,5 @@ def _run(file: Path, gain: str | None, asked: dict[str, Any], presentation: Pres
             found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
         )
 
-    presentation.show(found, f"{file.stem}-verify.html", write)
+    presentation.show(found, f"{file.stem}-verify.html", write, problem.reservations(found))
     return OK if found.status.value in {"holds", "holds-narrowly"} else NO_RESULT

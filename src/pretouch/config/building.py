@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -22,6 +23,7 @@ from pretouch.sensors import (
     SensorModel,
     Table,
 )
+from pretouch.uncertainty.reservations import recess_in_words
 
 from .document import Document, Mistake
 from .fitting import FitRequest, OutputValue, fit_sensor_of, read_output
@@ -65,6 +67,7 @@ _SHORT: Mapping[str, str] = {
 }
 _FREE = ("natural_frequency_bounds", "damping_ratio_bounds")
 Bounds = tuple[float, float]
+_ROUNDING = 1e-9  # of a distance that is added and taken away again
 _PHYSICAL = ("impact_force", "drive_force")
 
 
@@ -127,10 +130,7 @@ class Builder:
             self.refuse(path if path in self.document.lines and len(path) == 2 else ("sensor", "calibration"), sentence)
             return None, None
         given = section.model_dump(include=set(_FROM_SURFACE), exclude_none=True)
-        if section.recess is not None:
-            recess = section.recess
-            return self.attempt("sensor", lambda: Recessed(sensor=sensor, recess=recess, **given)), report
-        return self.attempt("sensor", lambda: dataclasses.replace(sensor, **given)), report
+        return self.attempt("sensor", lambda: _extended(sensor, section.recess, given)), report
 
     def _no_object(self, value: float | str) -> OutputValue | Path:
         """Read a no-object level; text that is no quantity is the path of a file with such readings."""
@@ -223,21 +223,34 @@ class Builder:
         section = self.sections.get("motion", MotionSection())
         return (section.method, section.horizon) if isinstance(section, MotionSection) else ("auto", 600.0)
 
-    def check_range(self, sensor: SensorModel, scenario: Scenario) -> None:
-        """Refuse an encounter that the sensor cannot follow from its start to contact."""
+    def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
+        """Refuse an encounter that the sensor cannot follow from its start to contact; name the reason."""
         low, high = sensor.valid_range
+        recess = getattr(sensor, "recess", 0.0)
+        window = None if calibration is None else calibration.window
+        told = "every answer then says first that no data support it there"
         if low > 0:
+            cause, extending = "", 'extend the curve with minimum_distance = "0 mm" where the model allows it'
+            if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
+                cause = f", where the calibration supports it ({window.start_reason})"
+                extending = f"calibrate nearer, or {extending} (a table does not): {told}"
             self.refuse(
                 ("sensor",),
-                f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface, expected it to "
-                f'reach contact: sink the sensor with recess = "{1e3 * low:.4g} mm", or extend the curve with '
-                'minimum_distance = "0 mm" where the model allows it',
+                f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface{cause}, expected "
+                f'it to reach contact: sink the sensor with recess = "{recess_in_words(recess + low)}", or {extending}',
             )
         if scenario.distance > high:
+            cause, extending = ", where the valid range of the sensor ends", ""
+            if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
+                cause = f", where the calibration ceases to support the curve ({window.end_reason})"
+                extending = (
+                    f", calibrate farther out, or extend the curve with maximum_distance = "
+                    f'"{1e3 * scenario.distance:.4g} mm" where the model allows it (a table does not): {told}'
+                )
             self.refuse(
                 ("obstacle", "position"),
                 f"found a distance of {1e3 * scenario.distance:.4g} mm at the start, expected at most "
-                f"{1e3 * high:.4g} mm, where the valid range of the sensor ends: start where the object enters it",
+                f"{1e3 * high:.4g} mm{cause}: start where the object enters it{extending}",
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
@@ -245,6 +258,17 @@ class Builder:
             self.refuse(
                 path, f'found {quantity} without physical properties, expected [impact] with robot_mass = "4 kg"'
             )
+
+
+def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
+    """Sink a fitted curve, and extend or cut it to the distances that are asked for, from the contact surface."""
+    if recess is None:
+        return dataclasses.replace(sensor, **limits)
+    low, high = sensor.valid_range
+    low = min(low, limits.get("minimum_distance", low))  # whatever the recess, which may be uncertain
+    high = max(high, recess + limits.get("maximum_distance", -math.inf))
+    curve = dataclasses.replace(sensor, minimum_distance=low, maximum_distance=high)
+    return Recessed(sensor=curve, recess=recess, **limits)
 
 
 def _terms(section: Section) -> list[tuple[KeyPath, KeyPath, dict[str, Any]]]:

@@ -7,6 +7,7 @@ import os
 from typing import TYPE_CHECKING
 
 from pretouch._core.errors import ScenarioFileError
+from pretouch._core.units import format_quantity
 
 from .building import Builder
 from .document import Document, listed
@@ -82,7 +83,7 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         raise ScenarioFileError(listed(document.path, mistakes + builder.mistakes))  # not worth a fit
     sensor, calibration = builder.sensor()
     if sensor is not None and scenario is not None:
-        builder.check_range(sensor, scenario)
+        builder.check_range(sensor, scenario, calibration)
     robust = robust_request(builder, scenario=scenario, sensor=sensor, calibration=calibration, constraints=constraints)
     loop = _loop(builder, scenario, sensor, calibration)
     mistakes += builder.mistakes
@@ -105,8 +106,23 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         loop=loop,
         calibration=calibration,
         source=ScenarioSource(
-            path=document.path, text=document.text, sha256=hashlib.sha256(document.content).hexdigest()
+            path=document.path,
+            text=document.text,
+            sha256=hashlib.sha256(document.content).hexdigest(),
+            supported=_supported(sensor, calibration),
         ),
+    )
+
+
+def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
+    """Say where a calibration supports the curve."""
+    if calibration is None:
+        return ""
+    window, recess = calibration.window, getattr(sensor, "recess", 0.0)
+    near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
+    return (
+        f"the calibration supports it from {near} ({window.start_reason}) to {far} ({window.end_reason}): calibrate "
+        "over more distances, or extend the curve with minimum_distance or maximum_distance"
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from pretouch._core.errors import InvalidInputError, ScenarioFileError
+from pretouch._core.errors import InvalidInputError, OutOfRangeError, ScenarioFileError
 from pretouch.design.constraints import Constraint
 from pretouch.design.impact import ImpactModel
 from pretouch.design.objectives import Objective
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pretouch.design.robust.result import RobustDesign
     from pretouch.simulation import GainLimit
     from pretouch.sweep import Axes
+    from pretouch.uncertainty import Reservations
     from pretouch.verification import SimulatedEncounter, Verdict
 
     from .loop import LoopRequest
@@ -150,6 +151,7 @@ class DesignProblem:
 
         Raises:
             ScenarioFileError: the file asks for a margin to instability, and an axis moves the limit.
+            OutOfRangeError: an encounter starts outside the range of the sensor.
         """
         from pretouch.sweep import sweep  # noqa: PLC0415
 
@@ -162,7 +164,10 @@ class DesignProblem:
                     "constraints": self.constraints,
                 }
         held: dict[str, Any] = {"impact": self.impact, "method": self.method, "horizon": self.horizon}
-        return sweep(self.scenario, self.sensor, axes, **asked, **held, **options)
+        try:
+            return sweep(self.scenario, self.sensor, axes, **asked, **held, **options)
+        except OutOfRangeError as error:
+            raise OutOfRangeError(self.source.explained(error)) from error
 
     def design_robust(self, *, samples: int | None = None, seed: int | None = None) -> RobustDesign:
         """Choose the gain for inputs that are not known exactly.
@@ -259,6 +264,21 @@ class DesignProblem:
                 horizon=self.horizon,
                 changes=changes,
             )
+
+    def reservations(self, answer: Any = None) -> Reservations | None:
+        """Tell what the calibration of the sensor leaves open of an answer to this problem.
+
+        Args:
+            answer: what one of the verbs returned; the problem itself where none is given.
+
+        Returns:
+            The reservations; None where the sensor is given by its parameters.
+        """
+        if self.calibration is None:
+            return None
+        from pretouch.uncertainty import reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
+
+        return reservations_of(self.calibration, self if answer is None else answer)
 
     def _asked_loop(self) -> LoopRequest:
         if self.loop is None:

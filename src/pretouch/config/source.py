@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pretouch._core.errors import InvalidInputError, ScenarioFileError
+from pretouch._core.errors import InvalidInputError, OutOfRangeError, ScenarioFileError
 
 from .document import Mistake, listed
 from .placing import place
@@ -24,11 +24,13 @@ class ScenarioSource:
         path: where it stood.
         text: its text, so that a report can show it.
         sha256: the hash of its bytes, in hexadecimal.
+        supported: where the calibration of its sensor supports the curve, as a sentence; empty without one.
     """
 
     path: Path
     text: str = field(repr=False)
     sha256: str
+    supported: str = field(default="", repr=False)
 
     @contextmanager
     def placing(self) -> Iterator[None]:
@@ -43,7 +45,18 @@ class ScenarioSource:
         try:
             yield
         except InvalidInputError as error:
-            raise ScenarioFileError(self._placed(str(error))) from error
+            raise ScenarioFileError(self._placed(self.explained(error))) from error
+
+    def explained(self, error: InvalidInputError) -> str:
+        """Return the message of an error, with the calibration as the reason where a sensor says nothing.
+
+        Args:
+            error: what was raised.
+
+        Returns:
+            The message.
+        """
+        return f"{error}; {self.supported}" if self.supported and isinstance(error, OutOfRangeError) else str(error)
 
     def _placed(self, message: str) -> str:
         lines = key_lines(self.text)

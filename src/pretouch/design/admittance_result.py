@@ -13,6 +13,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import Admittance, Scenario
+from pretouch.sensors import SensorModel
 
 from .result import DesignStatus, GainDesign
 
@@ -120,6 +121,11 @@ class AdmittanceDesign(Value):
     def scenario(self) -> Scenario:
         """The encounter with the optimal admittance; that which was given unless optimal."""
         return (self.gain_design or self.as_it_is).scenario
+
+    @property
+    def sensor(self) -> SensorModel:
+        """The sensor curve."""
+        return self.as_it_is.sensor
 
     @property
     def admittance(self) -> Admittance:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.errors import OutOfRangeError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
@@ -67,14 +67,14 @@ class ManyCurves:
             scenario: the encounters, of a shape that broadcasts with (n,).
 
         Raises:
-            InvalidInputError: one does.
+            OutOfRangeError: one does.
         """
         low, high = np.array([sensor.valid_range for sensor in self.sensors]).T
         distance = np.broadcast_to(scenario.distance, (len(self),))
         outside = np.flatnonzero(~((low <= distance) & (distance <= high)))
         if len(outside):
             i = int(outside[0])
-            raise InvalidInputError(
+            raise OutOfRangeError(
                 f"obstacle position: found a distance of {distance[i]:g} m at the start, outside the {low[i]:g} m to "
                 f"{high[i]:g} m in which the {self.sensor.name} curve of encounter {i} holds: the encounter starts "
                 "when the object enters the detection range"

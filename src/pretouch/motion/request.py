@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import FloatArray, IntArray, finite, positive
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
@@ -122,7 +122,8 @@ def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         The method, never "auto".
 
     Raises:
-        InvalidInputError: there is no such method, or not for this curve, or an encounter starts outside its range.
+        InvalidInputError: there is no such method, or not for this curve.
+        OutOfRangeError: an encounter starts outside the range of the curve.
     """
     if method not in METHODS:
         raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
@@ -138,7 +139,7 @@ def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
     if not (low <= distance <= high if type(distance) is float else np.all((distance >= low) & (distance <= high))):
         inside = sensor.contains(distance)
         distance = np.asarray(distance)
-        raise InvalidInputError(
+        raise OutOfRangeError(
             f"obstacle position: found a distance of {float(distance[~inside].flat[0]):g} m at the start, outside the "
             f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
             "enters the detection range"

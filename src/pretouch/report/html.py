@@ -86,20 +86,28 @@ def design_report_html(
         **design_page(design),
         trade_off=picture(trade_off_figure(design), "trade-off"),
         motion=picture(motion_figure(design), "motion"),
-        fitted=fitted_part(calibration),
+        fitted=fitted_part(calibration, design),
         together=together,
         source=source_part(source),
     )
 
 
-def fitted_part(calibration: CalibrationReport | None) -> dict[str, Any] | None:
+def fitted_part(calibration: CalibrationReport | None, answer: Any) -> dict[str, Any] | None:
     """Collect what a page says of the calibration that a sensor was fitted to; None where there is none."""
     if calibration is None:
         return None
+    from pretouch.uncertainty import reservations_of  # noqa: PLC0415
+
     from .calibration_figures import calibration_figure  # noqa: PLC0415
     from .fit_page import fit_page  # noqa: PLC0415
 
-    return {**fit_page(calibration), "figure": picture(calibration_figure(calibration), "calibration")}
+    left = None if calibration.best is None else reservations_of(calibration, answer)
+    return {
+        **fit_page(calibration),
+        "figure": picture(calibration_figure(calibration), "calibration"),
+        "unsupported": left and left.headline,
+        "open": () if left is None else left.lines,
+    }
 
 
 def write_fit_report(report: CalibrationReport, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:

@@ -45,7 +45,7 @@ def robust_report_html(
         measure_figure=picture(robust_figure(design), "measure"),
         outcomes=picture(outcome_figure(design), "outcomes") if contact else None,
         price_figure=picture(price_figure(design, prices), "price") if prices else None,
-        fitted=fitted_part(calibration),
+        fitted=fitted_part(calibration, design),
         source=source_part(source),
     )
 

@@ -40,7 +40,7 @@ def simulation_report_html(
         "simulation.html.j2",
         **simulation_page(encounter),
         figure=picture(simulation_figure(encounter), "run"),
-        fitted=fitted_part(calibration),
+        fitted=fitted_part(calibration, encounter),
         source=source_part(source),
     )
 

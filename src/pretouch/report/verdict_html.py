@@ -48,7 +48,7 @@ def verdict_report_html(
         run_figure=_drawn(verdict_run_figure, verdict, "runs"),
         stability_figure=_drawn(verdict_stability_figure, verdict, "stability"),
         gain_figure=_drawn(verdict_gain_figure, verdict, "gains"),
-        fitted=fitted_part(calibration),
+        fitted=fitted_part(calibration, verdict),
         source=source_part(source),
     )
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from .change import CurveChange, curve_change
 from .model import SensorModel, _limit, _number
 
 __all__ = ["Recessed"]
+
+_ROUNDING: Final = 1e-12  # of a recess as deep as the curve starts: the mean of equal distances is not quite theirs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +55,8 @@ class Recessed(SensorModel):
             _limit(self.maximum_distance, "maximum_distance"),
         )
         object.__setattr__(self, "recess", recess)
-        object.__setattr__(self, "minimum_distance", max(nearest, low - recess))
+        reach = 0.0 if math.isclose(low, recess, rel_tol=_ROUNDING) else low - recess
+        object.__setattr__(self, "minimum_distance", max(nearest, reach))
         object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
         if not self.maximum_distance > 0:
             raise InvalidInputError(

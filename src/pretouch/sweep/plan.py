@@ -10,7 +10,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import finite, positive
 from pretouch.design import OBSTACLE_SPEED
 from pretouch.design.own_objective import OwnObjective
@@ -260,7 +260,7 @@ def _check_distances(plan: Plan) -> None:
         nearest, farthest = held_at(plan.held, sensors, index).sensor.valid_range
         for distance in (low + shift, high + shift):
             if not (distance > 0 and nearest <= distance <= farthest):
-                raise InvalidInputError(
+                raise OutOfRangeError(
                     f"obstacle position: found an encounter that starts at a distance of {distance:g} m, expected more "
                     f"than 0 m, and {nearest:g} m to {farthest:g} m, where the {plan.held.sensor.name} curve holds"
                 )

@@ -11,6 +11,7 @@ from .distributions import (
 )
 from .ensemble import Ensemble, make_ensemble
 from .fitted import parameter_distribution
+from .reservations import Reservations, reservations_of
 from .sampling import Uncertainty, sample_inputs
 
 __all__ = [
@@ -20,10 +21,12 @@ __all__ = [
     "Ensemble",
     "Interval",
     "Normal",
+    "Reservations",
     "TruncatedNormal",
     "Uncertainty",
     "Uniform",
     "make_ensemble",
     "parameter_distribution",
+    "reservations_of",
     "sample_inputs",
 ]

@@ -1,0 +1,188 @@
+"""What a calibration leaves open stands in text, JSON and page of every verb that uses the sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from command_text import SCENARIO, command, lay_out, strict
+
+import pretouch as pt
+from page_checks import assert_sound
+
+REST = "\n".join(SCENARIO.splitlines()[4:])
+BESIDE = """
+[uncertainty]
+obstacle.velocity = { uniform = ["-0.31 m/s", "-0.29 m/s"] }
+[robust]
+samples = 32
+[chain]
+rate = "1 kHz"
+[controller]
+rate = "1 kHz"
+[loop]
+runs = 8
+"""
+VERBS = {
+    "design": (),
+    "robust": (),
+    "pareto": (),
+    "simulate": (),
+    "verify": ("--no-changes",),
+    "sweep": ("--axis", "obstacle.velocity=-0.3:-0.2:2"),
+}
+CLIPPED = 'calibration = "clipped.csv"\nmodel = "exponential-1"'
+WHOLE = 'calibration = "sensor.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
+UNSUPPORTED = "Not supported by data: this answer rests on the fitted exponential-1 curve being extended from "
+
+
+def scenario(name: str, sensor: str, *changes: tuple[str, str]) -> str:
+    text = f"[sensor]\n{sensor}\n{REST}{BESIDE}"
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    Path(name).write_text(text)
+    return name
+
+
+def near_end() -> tuple[str, str]:
+    """Where the window of `clipped.csv` starts, and why, as the calibration says it."""
+    window = pt.load_scenario(scenario("asked.toml", CLIPPED + '\nminimum_distance = "0 mm"')).calibration.window
+    assert "clip" in window.start_reason
+    return f"{1e3 * window.l_min:.4g} mm", window.start_reason
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Lay out `sensor.csv`, which falls from contact to 56 mm, and `clipped.csv`, the same clipped up to 8 mm."""
+    lay_out(tmp_path, monkeypatch)
+    head, *rows = Path("sensor.csv").read_text().splitlines()
+    clipped = (f"{distance},{min(float(output), 1.25)}" for distance, output in (row.split(",") for row in rows))
+    Path("clipped.csv").write_text("\n".join([head, *clipped]) + "\n")
+    return command(monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_says_what_the_calibration_leaves_open(run, verb):
+    file = scenario("whole.toml", WHOLE)
+    report = pt.load_scenario(file).calibration
+    quiet = () if verb == "sweep" else ("--no-report",)
+    code, out, _ = run(verb, file, *VERBS[verb], *quiet)
+    assert code == 0
+    assert not out.startswith("Not supported")
+    assert f"calibration sensor.csv: {report.verdict}\n" in out
+    for reason in report.reasons:
+        assert f"  - {reason}\n" in out
+    assert f"to 56 mm ({report.window.end_reason})" in out
+    assert f"the controller must subtract the offset {report.offset.value:.4g} ± " in out
+    told = strict(run(verb, file, *VERBS[verb], "--json")[1])
+    known = told["calibration"]
+    assert (known["verdict"], known["reasons"]) == (report.verdict, list(report.reasons))
+    assert known["offset"]["value"] == report.offset.value
+    assert (known["offset"]["kind"], known["output_unit"]) == ("measured", "V")
+    assert known["supported"] == [report.window.l_min, report.window.l_max]
+    assert (known["headline"], known["is_contact_supported"], known["share_beyond"]) == (None, True, 0.0)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
+    file = scenario("clipped.toml", CLIPPED + '\nminimum_distance = "0 mm"')
+    quiet = () if verb == "sweep" else ("--no-report",)
+    _, out, _ = run(verb, file, *VERBS[verb], *quiet)
+    first = out.splitlines()[0]
+    near, reason = near_end()
+    assert first.startswith(f"{UNSUPPORTED}{near} ({reason}) to contact at 0 mm.")
+    assert f'To mend it, sink the sensor by recess = "{near}", or calibrate it down to contact' in first
+    assert (f"With no virtual force nearer than {near}, contact is at " in first) == (verb not in {"pareto", "sweep"})
+    told = strict(run(verb, file, *VERBS[verb], "--json")[1])
+    assert next(iter(told)) == "headline"
+    assert told["headline"].startswith(first)
+    assert told["calibration"]["headline"] == first
+    assert told["calibration"]["is_contact_supported"] is False
+
+
+@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "sweep"])
+def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
+    extended = scenario("clipped.toml", CLIPPED + '\nminimum_distance = "0 mm"')
+    run(verb, extended, *VERBS[verb])
+    words = assert_sound(Path(f"clipped-{verb}.html").read_text(encoding="utf-8")).words
+    first = words.index(UNSUPPORTED + near_end()[0])
+    assert first < words.index("D_p")
+    assert "Its calibration: clipped.csv" in words
+    assert "The controller must subtract the offset " in words
+    run(verb, scenario("whole.toml", WHOLE), *VERBS[verb])
+    words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words
+    assert "Not supported by data" not in words
+    assert "Data support the exponential-1 curve from contact (first measured distance) to 56 mm" in words
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_sensor_given_by_numbers_says_nothing_of_a_calibration(run, verb):
+    Path("numbers.toml").write_text(SCENARIO.replace("scale = 0.458", 'scale = "0.458 V"') + BESIDE)
+    told = strict(run(verb, "numbers.toml", *VERBS[verb], "--json")[1])
+    assert "calibration" not in told
+    assert verb == "verify" or "headline" not in told
+
+
+def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
+    head, *rows = Path("sensor.csv").read_text().splitlines()
+    near = [row for row in rows if row.startswith("inf") or float(row.split(",")[0]) <= 20]
+    Path("near.csv").write_text("\n".join([head, *near]) + "\n")
+    sensor = 'calibration = "near.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
+    _, out, _ = run("design", scenario("far.toml", sensor), "--no-report")
+    # of a constant slope the impulse is that of the distances: 22.2 of 42.2 mm
+    assert out.startswith(
+        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), where 53 % of the impulse"
+    )
+    assert "To mend it, calibrate out to 42.2 mm with more readings at each distance, or start at 20 mm." in out
+    _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report")
+    assert out.startswith("Optimal gain")
+    assert "4.3 % of the impulse of the virtual force are given beyond 20 mm" in out
+
+
+def test_a_motion_that_leaves_the_data_names_the_calibration(run):
+    file = scenario("away.toml", CLIPPED + '\nrecess = "12 mm"', ('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"'))
+    code, out, _ = run("design", file, "--no-report")
+    assert code == 1
+    assert out.startswith("Not supported by data: before contact the motion leaves the distances at which data support")
+    assert out.splitlines()[0].endswith("To mend it, calibrate farther out.")
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_reason(run, verb):
+    code, _, err = run(verb, scenario("clipped.toml", CLIPPED), *VERBS[verb])
+    near, reason = near_end()
+    assert code == 2
+    assert f"starts {near} in front of the contact surface, where the calibration supports it ({reason})" in err
+    assert f'sink the sensor with recess = "{near}", or calibrate nearer, or extend the curve' in err
+
+
+def test_the_ways_out_of_a_refusal_lead_out(run):
+    recessed = CLIPPED + '\nrecess = "5 mm"'
+    err = run("design", scenario("clipped.toml", recessed))[2]
+    assert "starts 7 mm in front" in err
+    assert 'recess = "12 mm"' in err
+    assert run("design", scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"'), "--no-report")[0] == 0
+    code, out, _ = run("design", scenario("both.toml", recessed + '\nminimum_distance = "0 mm"'), "--no-report")
+    assert code == 0
+    assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}, counted from")
+    assert "counted from the sensor's zero 5 mm behind the contact surface) to contact" in out
+    far = scenario("far.toml", WHOLE.splitlines()[0], ("42.2 mm", "70 mm"))
+    assert "where the calibration ceases to support the curve (last measured distance)" in run("design", far)[2]
+
+
+def test_a_curve_that_the_file_cuts_is_not_blamed_on_the_calibration(run):
+    err = run("design", scenario("cut.toml", WHOLE + '\nminimum_distance = "2 mm"'))[2]
+    assert "starts 2 mm in front of the contact surface, expected it to reach contact" in err
+
+
+@pytest.mark.parametrize(
+    ("verb", "options"),
+    [("robust", ()), ("verify", ("--no-changes",)), ("sweep", ("--axis", "obstacle.position=20mm:30mm:3"))],
+)
+def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_as_the_reason(run, verb, options):
+    sensor = WHOLE.replace("60 mm", "25 mm")
+    known = ("[robust]", 'obstacle.position = { uniform = ["20 mm", "30 mm"] }\n[robust]')
+    code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
+    assert code == 2
+    assert "; the calibration supports it from 0 mm (first measured distance) to 56 mm (last measured distance)" in err

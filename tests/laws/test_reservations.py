@@ -1,0 +1,153 @@
+"""What data do not support of an encounter: shares of the impulse, and contact where the sensor tells nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from pretouch.uncertainty import reservations_of
+from pretouch.uncertainty.reservations import recess_in_words
+
+TRUTH = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+
+
+@dataclass(frozen=True)
+class Answer:
+    scenario: pt.Scenario
+    sensor: pt.SensorModel
+    gain: Any = None
+
+
+@cache
+def report(first: float, last: float) -> pt.CalibrationReport:
+    distances = np.linspace(first, last, 21)
+    return pt.rank_models(
+        pt.Calibration(distances=distances, outputs=TRUTH.output(distances), unit="V"),
+        models=("inverse-power",),
+        offset="zero",
+    )
+
+
+def encounter(start: float = 0.04, **given: Any) -> pt.Scenario:
+    bodies = {"obstacle": pt.Obstacle(position=start, velocity=-0.3), **given}
+    return pt.Scenario(admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0), **bodies)
+
+
+def answer(first: float, last: float, *, recess: float = 0.0, gain: Any = -0.75, **given: Any) -> Any:
+    fitted = replace(report(first, last).best.sensor, minimum_distance=0.0, maximum_distance=0.2)
+    sensor = pt.Recessed(sensor=fitted, recess=recess) if recess else fitted
+    return reservations_of(report(first, last), Answer(encounter(**given), sensor, gain))
+
+
+def silent_nearer(sensor: pt.SensorModel, near: float) -> pt.CustomSensor:
+    """The curve with an output that stays the same nearer than a distance."""
+    return pt.CustomSensor(
+        log_output_function=lambda distance: np.asarray(sensor.log_output(np.maximum(distance, near))),
+        log_slope_function=lambda distance: np.where(
+            distance > near, sensor.log_slope(np.maximum(distance, near)), 0.0
+        ),
+        corners=(near,),
+        maximum_distance=sensor.valid_range[1],
+    )
+
+
+def test_data_from_contact_to_the_start_leave_nothing_to_say() -> None:
+    found = answer(0.0, 0.05)
+    assert (found.headline, found.share_nearer, found.share_beyond, found.left) == (None, 0.0, 0.0, False)
+    assert found.supported == (0.0, 0.05)
+
+
+def test_a_recess_as_deep_as_the_window_starts_makes_contact_supported() -> None:
+    """l_min - recess rounds to within 1e-18 m of zero; whatever the numbers are, that is no distance."""
+    for near in np.random.default_rng(5).uniform(0.001, 0.02, 50):
+        found = reservations_of(
+            replace(report(0.0, 0.06), window=replace(report(0.0, 0.06).window, distances=(near, 0.06))),
+            Answer(encounter(), pt.Recessed(sensor=report(0.0, 0.06).best.sensor, recess=float(near))),
+        )
+        assert found.is_contact_supported
+        assert found.headline is None
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.006, 0.05), (0.0, 0.02), (0.01, 0.03)])
+@pytest.mark.parametrize("recess", [0.0, 0.004])
+def test_shares_are_those_of_the_impulse_along_the_motion(first: float, last: float, recess: float) -> None:
+    found = answer(first, last, recess=recess)
+    sensor = Answer(encounter(), report(first, last).best.sensor).sensor
+    sensor = replace(sensor, minimum_distance=0.0, maximum_distance=0.2)
+    sensor = pt.Recessed(sensor=sensor, recess=recess) if recess else sensor
+    motion = pt.solve_motion(encounter(), sensor, -0.75, samples=4001)
+    near, far = found.supported
+    # the trapezoidal rule over 4000 steps, a step astride either limit: 1/4000 of the whole each
+    force, time, distance = motion.virtual_force, motion.time, motion.distance
+    pushes = np.diff(time) * (force[1:] + force[:-1]) / 2
+    middle = (distance[1:] + distance[:-1]) / 2
+    whole = pushes.sum()
+    assert found.share_nearer == pytest.approx(pushes[middle < near].sum() / whole, abs=2e-3)
+    assert found.share_beyond == pytest.approx(pushes[middle > far].sum() / whole, abs=2e-3)
+
+
+@pytest.mark.parametrize("gain", [-0.2, -0.75, -3.0])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"reference": pt.Reference(velocity=0.05, acceleration=-0.1)},
+        {"obstacle": pt.Obstacle(position=0.05, velocity=-0.2, acceleration=-0.5), "plant": pt.Plant(velocity=0.1)},
+    ],
+)
+def test_without_force_nearer_than_the_data_contact_is_that_of_a_silent_sensor(gain: float, given: Any) -> None:
+    found = answer(0.008, 0.06, gain=gain, **given)
+    sensor = replace(report(0.008, 0.06).best.sensor, minimum_distance=0.0, maximum_distance=0.2)
+    silent = pt.find_contact(encounter(**given), silent_nearer(sensor, found.supported[0]), gain)
+    # two motions joined at a located distance against one over a corner: both good to about 1e-10
+    assert found.speed_without_force == pytest.approx(-silent.contact.relative_velocity, rel=1e-8)
+    whole = pt.find_contact(encounter(**given), sensor, gain)
+    assert found.speed == pytest.approx(-whole.contact.relative_velocity, rel=1e-12)
+    assert found.speed_without_force > found.speed
+
+
+def test_the_headline_has_both_speeds_and_what_to_measure() -> None:
+    found = answer(0.008, 0.06)
+    for text in ("from 8 mm (first measured distance) to contact", 'recess = "8 mm"', "With no virtual force nearer"):
+        assert text in found.headline
+    assert answer(0.008, 0.06, gain=None).speed is None
+    assert "With no virtual force" not in answer(0.008, 0.06, gain=None).headline
+    assert answer(0.008, 0.06, gain=np.array([-0.5, -1.0])).speed is None
+
+
+@pytest.mark.parametrize(("start", "said"), [(0.0506, False), (0.06, True)])
+def test_beyond_the_data_a_twentieth_of_the_impulse_is_decisive(start: float, said: bool) -> None:
+    found = answer(0.0, 0.05, start=start)
+    slope = 3.32  # ln xi = -n ln(l + l_0) + const
+    shares = slope * np.log((start + 0.0419) / (0.05 + 0.0419)) / (slope * np.log((start + 0.0419) / 0.0419))
+    assert found.share_beyond == pytest.approx(shares, rel=1e-3)  # the fit is good to that
+    assert (found.share_beyond > 0.05) is said
+    assert (found.headline is not None) is said
+
+
+def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
+    sensor = report(0.008, 0.06).best.sensor
+    found = reservations_of(report(0.008, 0.06), Answer(encounter(), sensor))
+    assert found.left
+    assert found.headline.startswith("Not supported by data: before contact the motion leaves the distances")
+
+
+@pytest.mark.parametrize("near", np.random.default_rng(6).uniform(1e-4, 0.3, 20))
+def test_the_recess_that_is_advised_reaches_contact_and_is_no_more_than_a_micrometer_too_deep(near: float) -> None:
+    """The readings of dense sweeps are gathered, so that a window starts anywhere."""
+    curve = pt.ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=float(near))
+    recess = float(recess_in_words(curve.minimum_distance).removesuffix(" mm")) / 1e3
+    assert pt.Recessed(sensor=curve, recess=recess).valid_range[0] <= 0.0
+    assert recess < near + 1.001e-6
+
+
+def test_a_recess_as_deep_as_a_curve_starts_reaches_contact_whatever_the_rounding() -> None:
+    for near in (np.nextafter(0.0075, 0.0), 0.0075, np.nextafter(0.0075, 1.0)):
+        curve = pt.ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=float(near))
+        assert pt.Recessed(sensor=curve, recess=0.0075).valid_range[0] == 0.0
+        assert recess_in_words(float(near)) == "7.5 mm"

@@ -12,10 +12,10 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Table
 
 from .averaging import AveragedCurve
-from .courses import Problem, fit_free
 from .data import Calibration
 from .diagnostics import corrected_akaike, r_squared, root_mean_square, runs_p_value, slope_error
 from .families import FAMILIES, Family
+from .family_fits import Problem, fit_free
 from .many_fits import Fits
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit

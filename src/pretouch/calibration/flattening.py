@@ -16,8 +16,8 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 
 from .averaging import AveragedCurve
-from .courses import HEAVIEST_KAPPA, Problem
 from .families import Family, InversePowerFamily, MittagLefflerFamily, SecondOrderFamily
+from .family_fits import HEAVIEST_KAPPA, Problem
 from .many_fits import Fits, minimize_many
 from .result import NoiseEstimate, OffsetEstimate
 

@@ -9,8 +9,9 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 
 from .averaging import AveragedCurve, ReadingNoise
-from .courses import Problem, families_of, find_noise, fit_free
 from .families import Family
+from .family_fits import Problem, families_of, fit_free
+from .noise import find_noise
 from .result import NoiseEstimate, OffsetEstimate
 
 __all__ = ["bad_distances"]

@@ -13,10 +13,12 @@ from pretouch._core.units import format_quantity
 
 from .averaging import AveragedCurve, ReadingNoise, average, reading_noise
 from .condensing import condense
-from .courses import Courses, families_of, find_courses, find_noise
+from .courses import Courses, find_courses
 from .data import Calibration
+from .family_fits import families_of
 from .far_end import end_of_falling, is_rising
 from .flattening import first_steep
+from .noise import find_noise
 from .outliers import bad_distances
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
 from .window import NearEnd, declared_offset, find_near_end, window_of
@@ -167,6 +169,8 @@ def _steep_end(
         return near, False
     noise = find_noise(part, known, given, families_of(part)[:2])
     first = first_steep(part, noise, given, flat=near.flat)
+    if first and given is not None and given.kind == "declared":  # an offset that is wrong bends a curve, too
+        first = min(first, first_steep(part, noise, None, flat=near.flat))
     if not first:
         return near, False
     at = format_quantity(float(part.distance[first]), "m")

@@ -72,8 +72,20 @@ def _conditions(report: CalibrationReport) -> list[str]:
         lines.append(f"offset  {offset.value:.4g} ± {offset.standard_error:.2g} {unit} ({offset.kind})".rstrip())
     if noise is not None:
         lines.append(f"noise   {noise.output:.3g} {unit} per reading, from {noise.output_source};".replace("  ", " "))
-        lines.append(f"        {100 * noise.relative:.2g} % of the signal, from {noise.relative_source}")
+        lines.append(f"        {100 * noise.relative:.2g} % of the signal per reading, from {noise.relative_source}")
+        size = f"{100 * noise.misfit:.2g} % of the signal, over {format_quantity(noise.misfit_length, 'm', 2)}"
+        lines.append(f"misfit  {size if noise.misfit > 0 else 'none beyond the noise'}")
+    if report.slope is not None:
+        known, (near, far) = report.slope, (format_quantity(float(d), "m", 3) for d in report.slope.distances[[0, -1]])
+        size = _size(float(known.uncertainty.max()))
+        lines.append(f"g       known to {size} from {near} to {far}, whatever the model")
+    lines += [f"{'left out' if i == 0 else '        '}  {text}" for i, text in enumerate(report.left_out)]
     return lines
+
+
+def _size(share: float) -> str:
+    """Write a relative uncertainty, which may be a factor."""
+    return f"{100 * share:.2g} %" if share < 1 else f"a factor of {1 + share:.2g}"
 
 
 def _limits(report: CalibrationReport) -> str:

@@ -87,6 +87,7 @@ def rank_models(
         not_fitted=not_fitted,
         slope=slope_knowledge(prepared),
         left_out=_left_out(prepared),
+        curves=prepared.courses,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -235,6 +235,26 @@ class SlopeKnowledge(Value):
     worst_at: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnCurve(Value):
+    """One curve that the readings allow, with the offset that goes with it.
+
+    Args:
+        sensor: the curve, valid on the window.
+        offset: what would have to be subtracted for it, in the unit of the outputs.
+    """
+
+    sensor: SensorModel
+    offset: float
+
+
+class AllowedCurves(Protocol):
+    """All curves that the readings allow."""
+
+    def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
+        """Draw some, each as likely as the readings make it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CalibrationReport(Value):
     """All models on one calibration, ranked, and the verdict on the sensor.
@@ -250,6 +270,7 @@ class CalibrationReport(Value):
         not_fitted: models that were asked for and not fitted, with the reason.
         slope: how well g is known, whatever the model; None where there are too few readings.
         left_out: readings that no model saw, in groups, in sentences.
+        curves: all curves that the readings allow, over families, offsets and parameters; None where there are too few.
     """
 
     calibration: Calibration
@@ -262,6 +283,7 @@ class CalibrationReport(Value):
     not_fitted: dict[str, str] = field(default_factory=dict)
     slope: SlopeKnowledge | None = None
     left_out: tuple[str, ...] = ()
+    curves: AllowedCurves | None = None
 
     @property
     def best(self) -> SensorFit | None:

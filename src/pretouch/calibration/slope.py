@@ -67,7 +67,7 @@ def slope_reservations(prepared: Prepared, best: SensorFit) -> list[str]:
                 )
         elif offset is not None and best.slope_shift > 0.5 * KNOWN / _NORMAL:
             remedy = "record the output with no object more often: its uncertainty moves the slope"
-        size = f"{100 * worst:.0f} %" if worst < 2 else f"a factor of {1 + worst:.2g}"
+        size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
         near, far = (format_quantity(float(d), "m", 3) for d in known.distances[[0, -1]])
         found.append(
             f"g is known to {size} only (at {format_quantity(known.worst_at, 'm', 3)}, of the part from {near} to "
@@ -80,7 +80,8 @@ def slope_reservations(prepared: Prepared, best: SensorFit) -> list[str]:
         near, far = format_quantity(low, "m", 3), format_quantity(high, "m", 3)
         found.append(
             f"From {near} to {far} the readings are {100 * abs(share):.0f} % "
-            f"{'flatter' if share > 0 else 'steeper'} than {best.model}, the best model: the curve has another shape; the table follows it."
+            f"{'flatter' if share > 0 else 'steeper'} than {best.model}, the best model: "
+            "the curve has another shape; the table follows it."
         )
     return found
 

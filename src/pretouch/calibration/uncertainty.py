@@ -10,8 +10,8 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
-from .courses import Problem
 from .families import Family
+from .family_fits import Problem
 from .many_fits import Fits, gradient, intervals
 from .result import Estimate, OffsetEstimate
 

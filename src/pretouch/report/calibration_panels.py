@@ -225,8 +225,7 @@ def _points(report: CalibrationReport) -> _Points:
     log_output = np.asarray(fit.sensor.log_output(distance)) + fit.residuals
     repeats = np.array([max(1, int(np.sum(report.calibration.distances == d))) for d in distance])
     signal = np.exp(log_output)
-    variance = (fit.noise.output / signal) ** 2 / repeats + fit.noise.relative**2
-    return _Points(distance, log_output, np.sqrt(variance))
+    return _Points(distance, log_output, fit.noise.of_means(repeats, signal) / signal)
 
 
 def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, spread: FloatArray) -> None:

@@ -73,18 +73,26 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
     if report.noise is not None:
         n = report.noise
         yield "noise of one reading", _value(n.output, unit), n.output_source
-        yield "relative jitter of the signal", f"{100 * n.relative:.3g} %", n.relative_source
+        yield "noise relative to the signal", f"{100 * n.relative:.3g} %", f"per reading, from {n.relative_source}"
+        length = f"of the mean, it keeps its sign over {quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
+        yield "misfit of the curve", f"{100 * n.misfit:.3g} %", length or "none beyond the noise"
+    if report.slope is not None:
+        places = [quantity(float(d), "m") for d in report.slope.distances[[0, -1]]]
+        worst = 100 * float(report.slope.uncertainty.max())
+        yield (
+            "g is known to",
+            f"{worst:.3g} %",
+            f"from {places[0]} to {places[1]}, over all curves that the readings allow",
+        )
+    if report.noise is not None:
+        n = report.noise
         if n.resolution > 0:
             yield "resolution", _value(n.resolution, unit), "smallest step between outputs"
     yield "floor of the signal", _value(window.floor, unit), "below it a reading does not tell a signal from the offset"
     if window.saturation is not None:
         yield "clipping level", _value(window.saturation, unit), "readings there are not used"
-    if report.best is not None and report.best.outliers:
-        c = report.calibration
-        points = ", ".join(
-            f"{_value(c.outputs[i], unit)} at {quantity(float(c.distances[i]), 'm')}" for i in report.best.outliers
-        )
-        yield "readings left out", str(len(report.best.outliers)), f"fitting no curve: {points}"
+    for text in report.left_out:
+        yield "left out", "", text
 
 
 def _ranking_row(index: int, fit: SensorFit) -> Row:

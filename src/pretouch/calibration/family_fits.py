@@ -1,0 +1,103 @@
+"""A family of curves fitted to averaged readings, many times at once: with given offsets, or each with its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+
+from .averaging import AveragedCurve
+from .families import Family, InversePowerFamily, MittagLefflerFamily, SecondOrderFamily
+from .many_fits import Fits, minimize_many
+from .result import NoiseEstimate
+
+__all__ = ["HEAVIEST_KAPPA", "Problem", "families_of", "fit_free", "lowest_offset"]
+
+HEAVIEST_KAPPA: Final = 1 / 0.7
+"""1 / n of the flattest inverse power that is considered."""
+_EXPONENTIAL_KAPPA: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """One family on some points, fitted many times.
+
+    Args:
+        curve: the points.
+        family: of the curves.
+        noise: what weighs the points.
+        offsets: of the fits, shape (b,); None where each finds its own, as a last parameter.
+        weights: of each point in each fit, shape (b, n); None where all count alike.
+    """
+
+    curve: AveragedCurve
+    family: Family
+    noise: NoiseEstimate
+    offsets: FloatArray | None
+    weights: FloatArray | BoolArray | None = None
+
+    def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
+        """Return (h(y - o) - h(xi)) / c with h(z) = asinh(z / tau), tau = sigma / (c sqrt n): of unit variance."""
+        relative = self.noise.relative_of_means(self.curve.count)
+        tau = np.maximum(self.noise.output, 1e-300) / np.sqrt(self.curve.count) / relative
+        offset = u[:, -1:] if self.offsets is None else self.offsets[which][:, None]
+        measured = np.arcsinh((self.curve.output - offset) / tau)
+        log_ratio = self.family.log_output(u[:, : self.family.size], self.curve.distance) - np.log(tau)
+        found = (measured - np.arcsinh(np.exp(np.minimum(log_ratio, 300)))) / relative
+        return np.asarray(found if self.weights is None else found * self.weights[which])
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of the parameters."""
+        low, high = self.family.bounds
+        if self.offsets is not None:
+            return low, high
+        return np.append(low, lowest_offset(self.curve)), np.append(high, self.curve.output.max())
+
+    def minimize(self, start: FloatArray) -> Fits:
+        """Fit from one start each."""
+        return minimize_many(self.residuals, start, self.bounds())
+
+    def starts(self, guess: float) -> FloatArray:
+        """Return starts at an offset, one per row."""
+        d, y = self.curve.distance, self.curve.output
+        reach = float(np.ptp(y)) or max(abs(float(y[0])), 1.0)
+        third = max(2, len(d) // 3)
+        xi = np.log(np.maximum(y - guess, 0.01 * reach))
+        middle = float(np.interp(self.family.middle, d, xi))
+        steep = min(float(np.polyfit(d[:third], xi[:third], 1)[0]), -0.1 / self.family.span)
+        rows = []
+        for bend in (0.05, 0.3, 0.8):
+            slope = steep * (1 - 0.5 * bend)
+            start = np.clip(self.family.start(middle, slope, bend * slope**2), *self.family.bounds)
+            rows.append(np.append(start, guess) if self.offsets is None else start)
+        return np.array(rows)
+
+
+def lowest_offset(curve: AveragedCurve) -> float:
+    """Return the lowest offset that is looked for: hardly below zero where no output is negative."""
+    lowest, reach = float(curve.output.min()), float(np.ptp(curve.output))
+    return lowest - reach if lowest < 0 else max(-0.1 * reach, lowest - reach)
+
+
+def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
+    """Return the families of three parameters for the span of a curve."""
+    first, last = float(curve.distance[0]), float(curve.distance[-1])
+    return (
+        InversePowerFamily(first=first, last=last, kappa_max=HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA),
+        SecondOrderFamily(first=first, last=last),
+        MittagLefflerFamily(first=first, last=last),
+    )
+
+
+def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:
+    """Fit one family from several starts, with its own offset as the last parameter where none is given; b = 1."""
+    guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if offset is None else offset
+    offsets = None if offset is None else np.array([offset])
+    problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
+    starts = problem.starts(guess)
+    many = problem if offsets is None else replace(problem, offsets=np.repeat(offsets, len(starts)))
+    rough = minimize_many(many.residuals, starts, problem.bounds(), tolerance=1e-3, most=12)
+    return problem.minimize(rough.x[[int(rough.costs.argmin())]])

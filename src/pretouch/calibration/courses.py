@@ -18,8 +18,9 @@ from pretouch._core.numbers import FloatArray
 from .averaging import AveragedCurve
 from .families import Family, InversePowerFamily
 from .family_fits import Problem, families_of, fit_free, lowest_offset
+from .knowledge import DrawnCurve
 from .many_fits import Fits
-from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
+from .result import NoiseEstimate, OffsetEstimate
 
 __all__ = ["Course", "Courses", "find_courses"]
 

@@ -107,10 +107,11 @@ def _left_out(prepared: Prepared) -> tuple[str, ...]:
         more = ", ..." if len(np.unique(calibration.distances[single])) > _MOST_NAMED else ""
         found.append(f"{_readings(len(single))} at {where}{more}: lost, or far off the others at the same distance.")
     for distance in prepared.outlier_distances:
-        count = int((calibration.distances == distance).sum())
+        here = calibration.distances == distance
+        level = f"{float(np.mean(calibration.outputs[here])):.4g} {calibration.unit}".rstrip()
         found.append(
-            f"{_readings(count)} at {format_quantity(distance, 'm')}: no curve through the others comes near; "
-            "measure again."
+            f"{_readings(int(here.sum()))} at {format_quantity(distance, 'm')} ({level}): no curve through the others comes "
+            "near; measure again."
         )
     if window.distances:
         kept = ~at_bad

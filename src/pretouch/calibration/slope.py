@@ -14,8 +14,9 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
+from .knowledge import SlopeKnowledge
 from .preparation import Prepared
-from .result import SensorFit, SlopeKnowledge
+from .result import SensorFit
 
 __all__ = ["slope_knowledge", "slope_reservations"]
 

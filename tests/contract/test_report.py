@@ -218,7 +218,7 @@ def test_fit_reports_are_sound(usable: CalibrationReport, useless: CalibrationRe
     assert usable.best is not None
     assert usable.best.model in words
     assert usable.window.end_reason in words
-    assert "at 25 mm (0.473 V)" in words
+    assert "0.473 V at 25 mm" in words
     assert 'model = "inverse-power"' in words
     words = " ".join(assert_sound(fit_report_html(useless)).text)
     assert "no usable signal" in words

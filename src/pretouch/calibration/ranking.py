@@ -103,15 +103,20 @@ def _left_out(prepared: Prepared) -> tuple[str, ...]:
     at_bad = np.isin(calibration.distances, prepared.outlier_distances)
     single = [i for i in prepared.outliers if not at_bad[i]]
     if single:
-        where = ", ".join(format_quantity(d, "m") for d in np.unique(calibration.distances[single])[:_MOST_NAMED])
-        more = ", ..." if len(np.unique(calibration.distances[single])) > _MOST_NAMED else ""
-        found.append(f"{_readings(len(single))} at {where}{more}: lost, or far off the others at the same distance.")
+        shown = [
+            f"{_level(calibration, calibration.outputs[i])} at {format_quantity(float(calibration.distances[i]), 'm')}"
+            for i in single[:_MOST_NAMED]
+        ]
+        more = ", ..." if len(single) > _MOST_NAMED else ""
+        found.append(
+            f"{_readings(len(single))} ({', '.join(shown)}{more}): lost, or far off the others at the same distance."
+        )
     for distance in prepared.outlier_distances:
         here = calibration.distances == distance
-        level = f"{float(np.mean(calibration.outputs[here])):.4g} {calibration.unit}".rstrip()
+        level = _level(calibration, np.mean(calibration.outputs[here]))
         found.append(
-            f"{_readings(int(here.sum()))} at {format_quantity(distance, 'm')} ({level}): no curve through the others comes "
-            "near; measure again."
+            f"{_readings(int(here.sum()))} ({level} at {format_quantity(distance, 'm')}): no curve through the others "
+            "comes near; measure again."
         )
     if window.distances:
         kept = ~at_bad
@@ -122,6 +127,10 @@ def _left_out(prepared: Prepared) -> tuple[str, ...]:
         if far:
             found.append(f"{_readings(far)} beyond {format_quantity(window.l_max, 'm')}: {window.end_reason}.")
     return tuple(found)
+
+
+def _level(calibration: Calibration, output: float) -> str:
+    return f"{output:.4g} {calibration.unit}".rstrip()
 
 
 def _readings(count: int) -> str:

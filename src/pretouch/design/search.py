@@ -28,6 +28,7 @@ RESOLVED = 1e-3
 _ROUNDING = 16 * np.finfo(np.float64).eps  # of u: its inverse function is good to 4 units by whichever processor
 _ZOOM = 17
 _MOST = 16  # local minima that are refined, the lowest ones: a smooth function has a few, one with jumps has hundreds
+_LEVEL = 1e-14  # of the values: a coefficient of the polynomial that is nothing
 _FINEST = 1e-14  # of u: rounding
 _JUMP = 1e-6  # of the axis: what an interval so narrow does not predict, jumps
 _NARROWEST = 1e-9  # an interval in which a polynomial says more than rounding
@@ -283,10 +284,14 @@ def _polish(function: Callable[[FloatArray], FloatArray], left: float, right: fl
     nodes = np.cos((np.arange(_ZOOM) + 0.5) * np.pi / _ZOOM)
     u = 0.5 * (left + right) + 0.5 * (right - left) * nodes
     values = function(u)
-    fit = np.polynomial.Chebyshev.fit(u, values, 8, domain=[left, right])
-    if np.abs(fit(u) - values).max() > 1e-7 * np.ptp(values):
+    span = float(np.ptp(values))
+    if not 0 < span < np.inf:
         return None
-    roots = fit.deriv().roots()
+    shares = (values - values.min()) / span
+    fit = np.polynomial.Chebyshev.fit(u, shares, 8, domain=[left, right])
+    if np.abs(fit(u) - shares).max() > 1e-7:
+        return None
+    roots = fit.deriv().trim(_LEVEL).roots()
     real = roots[np.abs(roots.imag) < 1e-9].real
     inside = real[(real >= left) & (real <= right)]
     if not len(inside):

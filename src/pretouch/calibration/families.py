@@ -245,13 +245,13 @@ class MittagLefflerFamily(Family):
 
     def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ln E_alpha(c l) and its derivative by l."""
-        log, slope = np.empty((2, *u.shape[:-1], len(distance)))
+        value, derivative = np.empty((2, *u.shape[:-1], len(distance)))
         with np.errstate(all="ignore"):  # trial steps may go where the curve underflows
+            argument = -np.exp(u[..., 1, None]) * distance
             for i in np.ndindex(u.shape[:-1]):
-                rate = -np.exp(u[i][1])
-                value, derivative = mittag_leffler(float(min(u[i][2], 1.0)), rate * distance)
-                log[i] = np.log(np.clip(np.nan_to_num(value), 1e-300, 1.0))
-                slope[i] = np.nan_to_num(rate * derivative / value, nan=-1e9)
+                value[i], derivative[i] = mittag_leffler(min(float(u[i][2]), 1.0), argument[i])
+            log = np.log(np.clip(np.nan_to_num(value), 1e-300, 1.0))
+            slope = np.nan_to_num(-np.exp(u[..., 1, None]) * derivative / value, nan=-1e9)
         return log, slope
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ __all__ = ["MODELS", "check_models", "fit_prepared", "fit_sensor", "why_not"]
 MODELS = (*sorted(FAMILIES), "table")
 
 _Part = TypeVar("_Part")
+_POINT_SOURCE = 2.0  # the exponent of light from a point, far away
 
 
 def fit_sensor(
@@ -144,7 +145,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
         slope_shift=spread.slope_shift,
         outliers=prepared.outliers,
         identifiable=spread.identifiable,
-        warnings=_warnings(spread.slope_shift, offset, x, family),
+        warnings=_warnings(spread.slope_shift, offset, x, family, spread.parameters),
     )
 
 
@@ -187,8 +188,17 @@ def _clear(estimate: Estimate, value: float, unit: str) -> Estimate:
     return replace(estimate, value=value, unit=unit, low=min(estimate.low, value), high=max(estimate.high, value))
 
 
-def _warnings(shift: float, offset: OffsetEstimate, x: FloatArray, family: Family) -> tuple[str, ...]:
+def _warnings(
+    shift: float, offset: OffsetEstimate, x: FloatArray, family: Family, parameters: dict[str, Estimate]
+) -> tuple[str, ...]:
     found = []
+    exponent = parameters.get("exponent")
+    if exponent is not None and exponent.value < _POINT_SOURCE:
+        sure = "ask for" if exponent.high < _POINT_SOURCE else "allow"
+        found.append(
+            f"The readings {sure} an exponent of {exponent.value:.3g}, below the 2 of light from a point: a large object, "
+            "or several emitters in a row, falls off so slowly; so does a pedestal that was not subtracted."
+        )
     if offset.kind == "fitted":
         found.append(
             f"The offset was fitted, not measured; one standard error of it moves the slope by {100 * shift:.2g} %."

@@ -28,7 +28,7 @@ from .options import (
     Saturation,
     Select,
 )
-from .terminal import NO_RESULT, OK, Presentation, conclude, print_text
+from .terminal import NO_RESULT, OK, Presentation, conclude, print_progress, print_text
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
@@ -164,8 +164,10 @@ def _several(request: FitRequest, curves: tuple[Calibration, ...], json: bool, o
     usable, objects = 0, []
     if not json:
         print_text(f"{'curve':<{width}}  {'best model':<14}  {'RMSE ln xi':>10}  {'window [mm]':>13}  verdict")
-    for curve in curves:
+    for number, curve in enumerate(curves, start=1):
         found = request.rank(curve)
+        if json:
+            print_progress(f"{number} of {len(curves)} curves fitted")
         usable += found.best is not None
         if json:
             objects.append({"label": curve.label, **found.to_dict()})

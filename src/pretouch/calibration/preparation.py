@@ -185,7 +185,7 @@ def _rising(calibration: Calibration) -> str:
     return (
         "The output rises with distance, and a proximity signal falls: for a sensor that reports a distance, give "
         "its curve "
-        "by hand and set chain.reports_distance = true; for an electronics that inverts, write the output with the "
+        "by hand and set chain.reports_distance = true; for electronics that invert, write the output with the "
         "other "
         f"sign, such as {calibration.outputs.max():g} {calibration.unit}".rstrip()
         + " minus the reading."

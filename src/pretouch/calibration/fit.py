@@ -196,8 +196,9 @@ def _warnings(
     if exponent is not None and exponent.value < _POINT_SOURCE:
         sure = "ask for" if exponent.high < _POINT_SOURCE else "allow"
         found.append(
-            f"The readings {sure} an exponent of {exponent.value:.3g}, below the 2 of a point of light: so falls "
-            "slowly what a large object returns, or several emitters in a row, or a pedestal that was not subtracted."
+            f"The readings {sure} an exponent of {exponent.value:.3g}, below the 2 of a point of light. Light from a "
+            "large object, or from several emitters in a row, falls off so slowly; so does a pedestal that was not "
+            "subtracted."
         )
     if offset.kind == "fitted":
         found.append(

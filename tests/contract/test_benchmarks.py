@@ -128,6 +128,11 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
         ("loops", ["--quick"], [r"[\d,]+ runs/s", r"200 contacts", r"largest difference 0\.\d\d%"]),
         ("verdicts", ["--quick"], [r"verdicts over 20 runs", r"s with changes", r"which loses -?\d+\.\d\d \+- "]),
         (
+            "calibrations",
+            ["--count", "13"],
+            [r"within 15 % of the promised contact speed: (\d+) of \1 ", r"not said beforehand: 0", r"ms a fit"],
+        ),
+        (
             "gradients",
             ["--count", "300", "--seconds", "0.01"],
             [r"exponential-1 .*ns", r"table .*ns", r"0\.\d\d ms each"],

@@ -16,8 +16,9 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 
 from .averaging import AveragedCurve
-from .families import Family, InversePowerFamily, MittagLefflerFamily, SecondOrderFamily
-from .family_fits import HEAVIEST_KAPPA, Problem
+from .diagnostics import slope_weights
+from .families import Family, SecondOrderFamily
+from .family_fits import Problem, families_of
 from .many_fits import Fits, minimize_many
 from .result import NoiseEstimate, OffsetEstimate
 
@@ -82,9 +83,7 @@ def _bulging(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimate |
             stop += 1
         if stop > usable:
             break
-        weight = 1 / (error[k:stop] ** 2 + (1e-6 * drop) ** 2)
-        away = curve.distance[k:stop] - (weight * curve.distance[k:stop]).sum() / weight.sum()
-        line = weight * away / (weight * away**2).sum()
+        line = slope_weights(curve.distance[k:stop], error[k:stop] ** 2 + (1e-6 * drop) ** 2)
         slopes.append(float(line @ value[k:stop]))
         errors.append(float(np.sqrt((line**2 * error[k:stop] ** 2).sum())))
     if len(slopes) < 2:
@@ -101,14 +100,8 @@ def _first_followed(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEst
     last = min(int(_NARROWEST * count), count - _LEFT - (known is None))
     if last < 1:
         return 0
-    first, end = float(curve.distance[0]), float(curve.distance[-1])
-    families: tuple[Family, ...] = (
-        InversePowerFamily(first=first, last=end, kappa_max=HEAVIEST_KAPPA, kappa_floor=1e-6),
-        SecondOrderFamily(first=first, last=end),
-        MittagLefflerFamily(first=first, last=end),
-    )
     ok = np.zeros(last + 1, dtype=bool)
-    for family in families:
+    for family in families_of(curve):
         if not ok[0]:
             ok |= _foretold(curve, family, noise, known, last)
     return int(np.argmax(ok)) if ok.any() else last
@@ -162,9 +155,7 @@ def _foretold(
                 continue
             miss = np.log(signal) - log[i, part]
             variance = (noise.output / signal) ** 2 / curve.count[part] + noise.relative**2 / curve.count[part] + 1e-8
-            weight = 1 / variance
-            away = distance[part] - (weight * distance[part]).sum() / weight.sum()
-            line = weight * away / (weight * away**2).sum()
+            line = slope_weights(distance[part], variance)
             own = float((line**2 * variance).sum())
             change = _gradient(family, fits.x[i, :3], distance[part]) @ line
             spread = _roughness(fits.residuals[i, max(stop, i) :])

@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
+from .diagnostics import slope_weights
 from .knowledge import SlopeKnowledge
 from .preparation import Prepared
 from .result import SensorFit
@@ -102,16 +102,9 @@ def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[floa
         while stop < len(log) and log[k] - log[stop - 1] < _FALL:
             stop += 1
         part = slice(k, stop)
-        size, error = _line(used.distance[part], best.residuals[part], own[part])
+        line = slope_weights(used.distance[part], own[part] ** 2 + 1e-12)
+        size, error = float(line @ best.residuals[part]), math.sqrt(float(line**2 @ own[part] ** 2))
         g = -float(np.mean(np.asarray(best.sensor.log_slope(used.distance[part]))))
         if abs(size) > max(_SURE * error, KNOWN * g) and (worst is None or abs(size / g) > abs(worst[0])):
             worst = (size / g, float(used.distance[k]), float(used.distance[stop - 1]))
     return worst
-
-
-def _line(distance: FloatArray, value: FloatArray, error: FloatArray) -> tuple[float, float]:
-    """Return the slope of a weighted straight line, and its standard error."""
-    weight = 1 / (error**2 + 1e-12)
-    away = distance - float(weight @ distance) / float(weight.sum())
-    line = weight * away / float(weight @ away**2)
-    return float(line @ value), math.sqrt(float(line**2 @ error**2))

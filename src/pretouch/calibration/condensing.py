@@ -15,19 +15,19 @@ from .data import Calibration
 __all__ = ["condense"]
 
 _MANY: Final = 100  # distinct distances from which on they are gathered
-_FEW: Final = 50
+_FEW: Final = 50  # two of them are the ends
 _BLOCKS: Final = 100
 
 
 def condense(calibration: Calibration) -> Calibration:
     """Gather readings at many distances into at most fifty, so that neighbors become repeats of each other.
 
-    The range is cut into fifty parts, along which the signal falls, and the distance grows, by equal steps of
+    The range is cut into parts, along which the signal falls, and the distance grows, by equal steps of
     asinh((y - y_far) / tau), which is ln xi above the scatter tau, and of l, half by half: where the curve is steep,
-    parts are narrow. Every reading is moved to the mean distance of its part along a cubic spline through the medians
-    of the parts, in that logarithm. What that leaves is of fourth order in the width of a part. Readings of exactly 0
-    (lost) and at a largest value that is met more than once (clipped) are not moved, so that they are known for what
-    they are.
+    parts are narrow. The first and the last distance are parts of their own. Every reading is moved to the mean
+    distance of its part along a cubic spline through the medians of the parts; what that leaves is of fourth order in
+    the width of a part. Readings of exactly 0 (lost) and at a largest value that is met more than once (clipped) are
+    not moved, so that they are known for what they are.
 
     Args:
         calibration: the readings.
@@ -43,6 +43,8 @@ def condense(calibration: Calibration) -> Calibration:
     order = np.argsort(distance, kind="stable")
     places, part = _parts(distance[order], calibration.outputs[order])
     part = part[np.argsort(order, kind="stable")]
+    part[distance == distance.min()] = -1  # the ends are places of their own: they support the curve there
+    part[distance == distance.max()] = len(places)
     _, part = np.unique(part, return_inverse=True)
     count = int(part.max()) + 1
     middle, median = np.empty(count), np.empty(count)
@@ -79,6 +81,6 @@ def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArr
     fallen = (course[0] - course) / max(float(np.ptp(course)), 1e-300)
     gone = (at - distance[0]) / max(float(distance[-1] - distance[0]), 1e-300)
     way = np.maximum.accumulate(fallen + gone)
-    marks = np.interp(np.linspace(0.0, way[-1], _FEW + 1)[1:-1], way, at)
+    marks = np.interp(np.linspace(0.0, way[-1], _FEW - 1)[1:-1], way, at)
     borders = np.unique(np.concatenate([[distance[0]], marks, [distance[-1]]]))
     return borders, np.clip(np.searchsorted(borders, distance, side="right") - 1, 0, len(borders) - 2)

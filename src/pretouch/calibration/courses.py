@@ -134,6 +134,17 @@ class Courses:
             found.append(DrawnCurve(sensor=sensor, offset=float(part.offsets[i])))
         return tuple(found)
 
+    def doubt(self, offset: OffsetEstimate) -> float:
+        """Return how far an offset lies from what the readings ask for, in half widths of the 95 % interval.
+
+        The nearest end of its own interval counts; one beyond all that were fitted is infinitely far.
+        """
+        found = np.inf
+        for part in self.parts:
+            at = np.clip(part.offsets[int(part.costs.argmin())], offset.low, offset.high)
+            found = min(found, float(np.interp(at, part.offsets, part.costs, left=np.inf, right=np.inf)))
+        return float(np.sqrt(max(found - self.least, 0.0) / self.rise))
+
     def weights(self) -> list[FloatArray]:
         """Return what weight each fit keeps, all together one."""
         found = []

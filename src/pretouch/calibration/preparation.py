@@ -38,8 +38,8 @@ _CLEAR_FALL = 6.0  # standard deviations from the first to the last reading that
 class Prepared:
     """A calibration made ready for models.
 
-    `informed_by` counts the distances that the noise was estimated from; `free_offset` is the offset that the readings
-    ask for where another is given; `no_signal` says why there is nothing to fit, and is empty where there is.
+    `informed_by` counts the distances that the noise was estimated from; `free` are the curves that the readings ask
+    for where an offset is given; `no_signal` says why there is nothing to fit, and is empty where there is.
     """
 
     calibration: Calibration
@@ -53,7 +53,7 @@ class Prepared:
     flattens: bool = False
     outliers: tuple[int, ...] = ()
     outlier_distances: tuple[float, ...] = ()
-    free_offset: OffsetEstimate | None = None
+    free: Courses | None = None
     no_signal: tuple[str, ...] = ()
 
 
@@ -155,7 +155,7 @@ def _prepared(
         flattens=flattens,
         outliers=tuple(sorted({*curve.bad_readings, *(int(i) for i in readings)})),
         outlier_distances=at_bad,
-        free_offset=None if given is None or free is None else free.offset("fitted"),
+        free=None if given is None else free,
         no_signal=_why_no_signal(tail, window, found, noise, calibration.unit),
     )
 

@@ -22,7 +22,7 @@ _LARGE_MISFIT = 0.1  # of ln xi: the virtual force is wrong by as much over one 
 _FEW_EMPTY = 4  # readings without an object, which tell the noise as repeats do
 _DOUBT = {"declared": 1.0, "measured": 2.5, "fitted": 1.0}  # times the interval of what the readings ask for instead
 _MOST_NAMED = 5  # distances, one by one
-_SMALL_FALL = 1.0  # of ln xi over the window
+_SMALL_FALL = 0.5  # of ln xi over the window: less tells hardly more than a slope
 
 
 def rank_models(
@@ -194,7 +194,7 @@ def _reservations(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
 def _offset_reservations(prepared: Prepared) -> list[str]:
     """Say where the readings contradict the offset, and offsets that no sensor has."""
     unit, found = prepared.calibration.unit, []
-    offset, free, curve = prepared.offset, prepared.free_offset, average(prepared.calibration)
+    offset, curve = prepared.offset, average(prepared.calibration)
     if offset is None:
         return []
     at = int(curve.output.argmin())
@@ -214,19 +214,20 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
             "with no "
             "object."
         )
-    margin = _DOUBT[offset.kind]
-    if free is not None and free.value - margin * (free.value - free.low) > offset.high:
+    if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
+        return found
+    free = prepared.free.offset("fitted")
+    asked = f"{free.value:.4g} {unit} (95 % interval {free.low:.4g} to {free.high:.4g})"
+    if free.value > offset.value:
         found.append(
-            f"The far readings level off at {free.value:.4g} {unit} (95 % interval {free.low:.4g} to {free.high:.4g}), "
-            f"above the {named}: a pedestal left in weakens the virtual "
+            f"The far readings level off at {asked}, above the {named}: a pedestal left in weakens the virtual "
             "force; record the output with no object, or fit the offset."
         )
-    if free is not None and free.value + margin * (free.high - free.value) < offset.low:
+    else:
         found.append(
-            f"The far readings fall more steeply than any curve on the {named}; they ask for {free.value:.4g} {unit} "
-            f"(95 % interval {free.low:.4g} to {free.high:.4g}): too much is subtracted, which makes the virtual "
-            "force too "
-            "strong far away; record the output with no object, or fit the offset."
+            f"The far readings fall more steeply than any curve on the {named}; they ask for {asked}: too much is "
+            "subtracted, which makes the virtual force too strong far away; record the output with no object, or fit "
+            "the offset."
         )
     return found
 

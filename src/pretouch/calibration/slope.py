@@ -27,7 +27,7 @@ _DECISIVE: Final = 0.1  # of the signal at the nearest distance
 _PLACES: Final = 25
 _FALL: Final = 0.5  # of ln xi, over which slopes of readings and curve are compared
 _FEWEST: Final = 4
-_SURE: Final = 3.0  # standard errors
+_SURE: Final = 4.0  # standard errors
 _NORMAL: Final = 1.959964
 
 
@@ -101,6 +101,8 @@ def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[floa
         stop = k + _FEWEST
         while stop < len(log) and log[k] - log[stop - 1] < _FALL:
             stop += 1
+        if log[k] - log[stop - 1] < _FALL:  # the last readings, over which nothing falls by so much
+            break
         part = slice(k, stop)
         line = slope_weights(used.distance[part], own[part] ** 2 + 1e-12)
         size, error = float(line @ best.residuals[part]), math.sqrt(float(line**2 @ own[part] ** 2))

@@ -20,10 +20,10 @@ from pretouch.uncertainty.reservations import recess_in_words
 from .request import Request
 from .simulated import simulated_quantity
 
-__all__ = ["CalibrationCheck", "check_calibration"]
+__all__ = ["CalibrationCheck", "check_calibration", "unknown_calibration"]
 
 _DRAWS: Final = 100
-_ALIKE: Final = 5  # times as many are drawn, of which those with the nearest offsets are taken: as if it were known
+_ALIKE: Final = 20  # times as many are drawn, of which those with the nearest offsets are taken: as if it were known
 _FAILING: Final = 0.05  # of the draws
 _HARDER: Final = 0.15  # of the speed at contact
 _ROOM: Final = 0.03  # of a limit's quantity: what is on its limit by design is not moved beyond it by a calibration
@@ -174,6 +174,24 @@ def check_calibration(r: Request, gain: float) -> CalibrationCheck | None:
         return check
     decisive = _decisive(r, gain, drawn, promised)
     return replace(check, decisive=decisive, remedy=_remedy(r, report, decisive))
+
+
+def unknown_calibration(report: CalibrationReport | None) -> tuple[str, ...]:
+    """Say where a calibration has too few readings to tell what else they allow.
+
+    Args:
+        report: the report of the fit, where there is one.
+
+    Returns:
+        A sentence, or nothing.
+    """
+    if report is None or report.best is None or report.curves is not None:
+        return ()
+    count = len(report.window.distances)
+    return (
+        f"The calibration has {count} usable distances, too few to tell which other curves its readings allow: nothing "
+        "is said of whether it is good enough.",
+    )
 
 
 def _quiet(chain: SensorChain) -> SensorChain:

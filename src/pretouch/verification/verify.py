@@ -20,7 +20,7 @@ from pretouch.simulation.stability import passed_distances
 from pretouch.uncertainty import Uncertainty
 
 from .assumptions import assumptions_of
-from .calibration_check import check_calibration
+from .calibration_check import check_calibration, unknown_calibration
 from .cautions import cautions_of
 from .checks import check_limits, check_reached, compare_quantities
 from .draws import draw_encounters
@@ -203,7 +203,10 @@ def _verdict(request: Request, design: GainDesign, gain: float, changes: bool) -
         assumptions=assumptions_of(
             loop, r.sensor, r.uncertainty, impact=impact, runs=r.runs, compared=compared_runs(problem)
         ),
-        warnings=cautions_of(loop, draws, (outcomes.result, unmitigated), comparisons, design),
+        warnings=(
+            *cautions_of(loop, draws, (outcomes.result, unmitigated), comparisons, design),
+            *unknown_calibration(r.calibration),
+        ),
         mitigated=outcomes.result,
         unmitigated=unmitigated,
         **found,

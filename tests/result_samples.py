@@ -129,6 +129,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "verdict, uncertain sensor": lambda: verdict(
         NOISY, uncertainty={"sensor.exponent": pt.Uniform(low=3.2, high=3.4)}, runs=4, changes=False
     ),
+    "verdict, calibrated sensor": lambda: verdict(NOISY, calibration=_report(), runs=4, changes=False),
     "gain limit": lambda: pt.gain_limit(
         SENSOR, SCENARIO.admittance, pt.timing_of(NOISY.chain, NOISY.law), distance=[0.0, 0.04]
     ),

@@ -62,6 +62,8 @@ delay = "0.5 ms"
 jitter = "0.1 ms"
 noise = "12 counts"
 relative_noise = "0.3 %"
+misfit = "1 %"
+misfit_length = "4 mm"
 offset = "-5 counts"
 crosstalk = "40 counts"
 drift = "2 counts/s"
@@ -123,6 +125,8 @@ LOOP = ClosedLoop(
         jitter=0.0001,
         noise=12.0,
         relative_noise=0.003,
+        misfit=0.01,
+        misfit_length=0.004,
         offset=-5.0,
         crosstalk=40.0,
         drift=2.0,
@@ -283,12 +287,15 @@ def test_a_calibration_gives_noise_offset_steps_and_saturation(read, tmp_path):
     chain, known = problem.loop.loop.chain, chain_of_fit(best, rate=250.0)
     assert best.noise.output > 0
     assert (chain.noise, chain.relative_noise, chain.offset) == (known.noise, known.relative_noise, known.offset)
+    assert (chain.misfit, chain.misfit_length) == (known.misfit, known.misfit_length)
     assert chain.resolution == known.resolution == 1.0
     assert chain.highest == sensor_part("VCNL4010").chain.highest  # the fit found no clipping
     assert problem.loop.loop.law.conditioning.floor == 3 * best.noise.output
     assert problem.loop.loop.law.conditioning.offset == best.offset.value == pytest.approx(400, abs=5)
     own = read(CHAIN + 'noise = "9 counts"\noffset = "1 count"\n' + CONTROLLER, encounter).loop.loop.chain
     assert (own.noise, own.offset, own.relative_noise) == (9.0, 1.0, known.relative_noise)
+    off = read(CHAIN + 'misfit = "2 %"\nmisfit_length = "5 mm"\n' + CONTROLLER, encounter).loop.loop.chain
+    assert (off.misfit, off.misfit_length) == (0.02, 0.005)
     clipped = fitted + 'saturation = "18000 counts"\n' + ENCOUNTER[ENCOUNTER.index("[admittance]") :]
     assert read(CHAIN + CONTROLLER, clipped).loop.loop.chain.highest == 18000.0
 

@@ -266,12 +266,15 @@ def test_rows_of_a_chain_name_what_can_go_wrong_in_it() -> None:
         offset=0.2,
         crosstalk=0.1,
         relative_noise=0.01,
+        misfit=0.02,
+        misfit_length=0.005,
     )
     rows = dict(chain_rows(chain))
     assert rows["readings that are missing"] == "10 %"
     assert rows["jitter of an exposure"] == "1 ms"
     assert rows["drift"] == "0.5 [unit of \u03be per s]"
     assert rows["noise relative to \u03be"] == "1 %"
+    assert rows["misfit of the curve relative to \u03be"] == "2 %, another in each run, alike over 5 mm of distance"
     assert "in each run" in rows["first exposure"]
     assert {"ambient offset", "crosstalk"} <= set(rows)
 

@@ -120,6 +120,72 @@ def test_runs_of_one_seed_meet_the_same_noise_whatever_else_is_changed() -> None
     assert not np.array_equal(first, second)
 
 
+def curve_errors(runs: int, **chain: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The distances that an object passes, and ln of reading / xi at them in each run."""
+    law = BareLaw(-1e-12, 1e-3)
+    made = pt.SensorChain(**{"rate": 1000.0, "misfit": 0.03, "misfit_length": 0.008} | chain)
+    several = pt.simulate(PASSING, SENSOR, law, chain=made, runs=runs, horizon=0.1)
+    distance = 0.04 - 0.3 * np.arange(100) * 1e-3
+    found = np.array([several.trace(i).reading for i in range(runs)])
+    return distance, np.log(found / SENSOR.output(distance))
+
+
+def test_a_misfit_has_its_size_and_its_length_over_runs() -> None:
+    """Its covariance is misfit^2 exp(-d^2 / (2 misfit_length^2)), whatever the number of cosines.
+
+    From N independent runs a covariance rho misfit^2 is known to misfit^2 sqrt((1 + rho^2) / N), with few cosines to
+    less; a mean to misfit / sqrt(N). Four of these, at distances 1.2, 6 and 24 mm apart.
+    """
+    distance, error = curve_errors(400)
+    for apart in (0, 4, 20, 80):
+        d = distance[10] - distance[10 + apart]
+        alike = np.exp(-(d**2) / (2 * 0.008**2))
+        covariance = np.mean(error[:, 10] * error[:, 10 + apart]) / 0.03**2
+        assert covariance == pytest.approx(alike, abs=4 * np.sqrt((1 + alike**2) / 400))
+    assert abs(error[:, 50].mean()) < 4 * 0.03 / np.sqrt(400)
+    assert np.abs(np.diff(error)).max() < 0.03 * 4 * 5 * 0.0003 / 0.008  # |h'| <= 4 misfit max |w|, 5 / length at most
+
+
+def test_a_misfit_is_one_function_of_distance_in_a_run_and_another_in_the_next() -> None:
+    misfit: dict[str, Any] = {"misfit": 0.03, "misfit_length": 0.008}
+    distance, error = curve_errors(2)
+    still = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=float(distance[50])))
+    found = readings(0.5, still, **misfit)
+    assert np.ptp(found) < 1e-12 * found[0]  # no noise: the same in every reading
+    assert np.log(found[0] / SENSOR.output(distance[50])) == pytest.approx(error[0, 50], abs=1e-9)
+    slower = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.04, velocity=-0.15))
+    assert np.log(readings(0.1, slower, **misfit) / XI)[20] != 0
+    assert np.log(readings(0.1, slower, **misfit)[::2] / SENSOR.output(distance[:50])) == pytest.approx(
+        error[0, :50], abs=1e-9
+    )
+    assert np.abs(error[0] - error[1]).max() > 0.003
+    distances = readings(0.5, still, reports_distance=True, **misfit)  # at the distance that the part reports
+    assert distances == pytest.approx(found, rel=1e-9)
+
+
+def test_a_misfit_moves_the_contact_of_a_run_and_no_noise_does_that_for_it() -> None:
+    """As noise of the same size it would average out over some hundred readings; as misfit it stays."""
+    law = BareLaw(-0.7, 1e-3)
+
+    def spread(**chain: Any) -> float:
+        run = pt.simulate(PASSING, SENSOR, law, chain=pt.SensorChain(rate=1000.0, **chain), runs=200)
+        return float(np.std(run.relative_velocity))
+
+    none = spread()
+    assert none < 1e-15  # the rounding of a mean of equal numbers
+    assert spread(misfit_length=0.01) == none
+    small, large = spread(misfit=0.005, misfit_length=0.01), spread(misfit=0.02, misfit_length=0.01)
+    assert small > 0
+    assert large == pytest.approx(4 * small, rel=0.2)  # the same 200 draws, in first order four times as far
+
+
+def test_a_misfit_asks_for_its_length() -> None:
+    with pytest.raises(
+        pt.InvalidInputError, match=r"misfit_length: found 0 m beside a misfit of 0\.02 of xi, expected"
+    ):
+        pt.SensorChain(rate=20.0, misfit=0.02)
+
+
 @pytest.mark.parametrize("name", PARTS)
 def test_a_part_names_its_source_and_what_is_assumed(name: str) -> None:
     part = pt.sensor_part(name)
@@ -138,6 +204,7 @@ def test_the_chain_of_a_calibration_has_its_noise_offset_and_steps() -> None:
     chain = pt.chain_of_fit(fit, rate=100.0, delay=0.002)
     assert chain.noise == fit.noise.output
     assert chain.relative_noise == fit.noise.relative
+    assert (chain.misfit, chain.misfit_length) == (fit.noise.misfit, fit.noise.misfit_length)
     assert chain.offset == fit.offset.value
     assert chain.latency == 0.002
     assert chain.noise == pytest.approx(1e-3, rel=0.5)

@@ -137,6 +137,20 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
     }
 
 
+def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() -> None:
+    said = {c.name: c for c in candidates_of(loop_of(misfit=0.03, misfit_length=0.005), APPROACH)}
+    assert {"noise", "add-median", "add-low-pass"}.isdisjoint(said)
+    assert said["calibration"].sentence == (
+        "Calibrate anew, so that the sensor lies off its curve by 1.5 % of xi instead of 3 %: at more distances, set "
+        "more exactly; or sink it to where its curve fits better."
+    )
+    chain = said["calibration"].loop.chain
+    assert (chain.misfit, chain.misfit_length) == (0.015, 0.005)
+    assert "calibration" not in {c.name for c in candidates_of(NOISY, APPROACH)}
+    quiet = {c.name: c.sentence for c in candidates_of(loop_of(noise=1e-3), APPROACH)}
+    assert "%" not in quiet["noise"]
+
+
 def test_another_rate_takes_exposure_and_controller_along() -> None:
     full = pt.SensorChain(rate=60.0, exposure=1 / 60, jitter=0.004)
     assert chain_at(full, 120.0).exposure == pytest.approx(1 / 120)

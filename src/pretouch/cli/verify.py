@@ -39,7 +39,8 @@ def verify(
 ) -> None:
     """Tell whether the gain holds on the loop as it will really run (TOML).
 
-    Runs many encounters with the noise of the sensor and what [uncertainty] says of inputs. Prints a verdict, contact
+    Runs many encounters with the noise of the sensor and what [uncertainty] says of inputs; where the file names a
+    calibration, also the sensors that its readings allow. Prints a verdict, contact
     predicted and simulated, with mitigation and without, the margin to every limit and to instability, and the one
     change that would help most; writes a page with figures, STEM-verify.html in this folder.
 

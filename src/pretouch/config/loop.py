@@ -50,6 +50,7 @@ _PLANTS: Final[dict[str, type[PlantModel]]] = {
     "position": PositionPlant,
 }
 _CONTACTS: Final[dict[str, type[ContactModel]]] = {"hunt-crossley": HuntCrossley, "spring-damper": SpringDamper}
+_FITTED: Final = ("noise", "relative_noise", "misfit", "misfit_length", "offset")
 _NEEDED: Final = {"chain": 'part = "VCNL4010" or rate = "250 Hz"', "controller": 'rate = "1 kHz"'}
 
 
@@ -253,7 +254,7 @@ def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float
     if calibration is None or calibration.best is None:
         return {}
     chain = chain_of_fit(calibration.best, rate=rate)
-    found = {"noise": chain.noise, "relative_noise": chain.relative_noise, "offset": chain.offset}
+    found = {name: getattr(chain, name) for name in _FITTED}
     if chain.resolution > 0:
         found["resolution"] = chain.resolution
     return found | ({"highest": chain.highest} if np.isfinite(chain.highest) else {})

@@ -73,6 +73,8 @@ class ChainSection(DeferredSection):
     jitter: Annotated[float | None, _TIME] = None
     noise: Annotated[float | None, _SPREAD] = None
     relative_noise: Annotated[float | None, _SHARE] = None
+    misfit: Annotated[float | None, _SHARE] = None
+    misfit_length: Annotated[float | None, _LENGTH] = None
     offset: Annotated[float | None, _OUTPUT] = None
     crosstalk: Annotated[float | None, _OUTPUT] = None
     drift: Annotated[float | None, Quantity(unit="output/s", example="0.0")] = None

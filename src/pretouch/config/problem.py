@@ -263,6 +263,7 @@ class DesignProblem:
                 method=self.method,
                 horizon=self.horizon,
                 changes=changes,
+                calibration=self.calibration,
             )
 
     def reservations(self, answer: Any = None) -> Reservations | None:

@@ -53,6 +53,9 @@ def chain_rows(chain: SensorChain) -> Iterator[Row]:
         yield "step of the distance", quantity(chain.distance_resolution, "m")
     yield "noise without a signal", _output(chain.noise)
     yield "noise relative to \u03be", f"{number(100 * chain.relative_noise)} %"
+    if chain.misfit:
+        alike = f"alike over {quantity(chain.misfit_length, 'm')} of distance"
+        yield "misfit of the curve relative to \u03be", f"{number(100 * chain.misfit)} %, another in each run, {alike}"
     for label, value in (("ambient offset", chain.offset), ("crosstalk", chain.crosstalk), ("step", chain.resolution)):
         if value:
             yield label, _output(value)

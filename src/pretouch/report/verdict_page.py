@@ -8,7 +8,15 @@ from typing import Any, Final
 
 from pretouch.design.robust.wording import share_in_words, uncertainty_in_words
 from pretouch.simulation import ClosedLoop
-from pretouch.verification import Comparison, LimitCheck, Spread, StabilityCheck, Verdict, VerdictStatus
+from pretouch.verification import (
+    CalibrationCheck,
+    Comparison,
+    LimitCheck,
+    Spread,
+    StabilityCheck,
+    Verdict,
+    VerdictStatus,
+)
 from pretouch.verification.simulated import QUANTITY_WORDS
 
 from .design_page import METHODS, scenario_rows, sensor_rows
@@ -62,6 +70,8 @@ def verdict_page(verdict: Verdict) -> dict[str, Any]:
         "confidence": f"{100 * v.confidence:g} %",
         "stability_text": v.stability_text,
         "stability_rows": [] if known is None else list(_stability_rows(known)),
+        "calibration_text": "" if v.calibration_check is None else v.calibration_check.text,
+        "calibration_rows": [] if v.calibration_check is None else list(_calibration_rows(v.calibration_check)),
         "loss_text": loss_text(v),
         "loss_rows": list(loss_rows(v)),
         "assumptions": list(v.assumptions),
@@ -219,3 +229,16 @@ def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
     yield "rate of the sensor", quantity(check.rate, "Hz")
     yield "rate from which on this gain is stable", _rate(check.lowest_rate)
     yield "rate from which on it has a margin of 2", _rate(check.lowest_rate_with_margin)
+
+
+def _calibration_rows(check: CalibrationCheck) -> Iterator[Row]:
+    yield "speed at contact on the fitted curve", quantity(check.promised, "m/s")
+    for label, value in (("5 %", check.low), ("half", check.median), ("95 %", check.high)):
+        if value is not None:
+            yield f"{label} of the sensors stay below", quantity(value, "m/s")
+    for label, count in (
+        ("contact is more than 15 % harder on", check.harder),
+        ("a limit is missed that the fitted curve keeps on", check.broken),
+        ("no contact comes on", check.missing),
+    ):
+        yield label, f"{count} of {check.draws}"

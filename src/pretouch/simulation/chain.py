@@ -23,6 +23,8 @@ _UNITS: Final = {
     "distance_noise": "m",
     "distance_resolution": "m",
     "relative_noise": "",
+    "misfit": "",
+    "misfit_length": "m",
     "dropout": "",
 }
 
@@ -31,7 +33,9 @@ _UNITS: Final = {
 class SensorChain:
     """From distance to reading: exposure, pedestal, noise, clipping, quantization, dropouts, delay, in this order.
 
-    The k-th exposure starts at phase + k / rate, shifted by its jitter, and xi is averaged over it. A reading is
+    The k-th exposure starts at phase + k / rate, shifted by its jitter, and the output is averaged over it. That is xi
+    but for the misfit of the curve: ln xi + h(l), where h is a smooth function of distance, drawn once per run, that
+    has the covariance misfit^2 exp(-d^2 / (2 misfit_length^2)) over runs. A reading is
 
         y = quantize(clip(mean xi + offset + crosstalk + drift t + noise)),
 
@@ -46,7 +50,10 @@ class SensorChain:
         delay: from the end of an exposure until the controller can have the reading [s]: conversion and transfer.
         jitter: standard deviation of the start of an exposure [s], at most a quarter of the period.
         noise: standard deviation of a reading where there is no signal [unit of xi].
-        relative_noise: standard deviation relative to xi, on top.
+        relative_noise: standard deviation relative to xi, on top; as `noise`, drawn anew for every reading.
+        misfit: standard deviation of h: how far the sensor lies off its curve, relative to xi, in every reading of a
+            run alike.
+        misfit_length: correlation length of h [m]; it changes its sign every pi of these, on average.
         offset: ambient pedestal [unit of xi].
         crosstalk: light from emitter to receiver without an object, such as from a cover [unit of xi].
         drift: change of the pedestal [unit of xi per s].
@@ -72,6 +79,8 @@ class SensorChain:
     jitter: float = 0.0
     noise: float = 0.0
     relative_noise: float = 0.0
+    misfit: float = 0.0
+    misfit_length: float = 0.0
     offset: float = 0.0
     crosstalk: float = 0.0
     drift: float = 0.0
@@ -120,6 +129,11 @@ class SensorChain:
             )
         if not self.dropout < 1:
             raise InvalidInputError(f"dropout: found {self.dropout:g}, which must be below 1: no reading would come")
+        if self.misfit and not self.misfit_length:
+            raise InvalidInputError(
+                f"misfit_length: found 0 m beside a misfit of {self.misfit:g} of xi, expected the distance over which "
+                'it is alike, such as "5 mm"'
+            )
         if (self.distance_noise or self.distance_resolution) and not self.reports_distance:
             raise InvalidInputError("distance_noise, distance_resolution: only for a part that reports_distance")
 
@@ -146,12 +160,12 @@ class SensorChain:
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
             *(bool(self.reports_distance), self.distance_noise, self.distance_resolution, farthest),
-            bool(self.random_phase),
+            *(bool(self.random_phase), self.misfit, self.misfit_length),
         )
 
 
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
-    """Make a chain whose noise, offset, resolution and saturation are those of a fitted calibration.
+    """Make a chain whose noise, misfit, offset, resolution and saturation are those of a fitted calibration.
 
     Args:
         fit: what `fit_sensor` or `rank_models` gave; its noise is that of a single reading.
@@ -160,8 +174,7 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
         delay: from the end of an exposure until the reading can be had [s].
 
     Returns:
-        The chain. The relative part of the noise holds jitter of positions and misfit of the curve as well, so the
-        chain is rather too noisy than too quiet.
+        The chain. Its noise is how readings at one distance scatter, its misfit how far their means lie off the curve.
     """
     saturation = fit.window.saturation
     return SensorChain(
@@ -170,6 +183,8 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
         delay=delay,
         noise=fit.noise.output,
         relative_noise=fit.noise.relative,
+        misfit=fit.noise.misfit,
+        misfit_length=fit.noise.misfit_length,
         offset=fit.offset.value,
         resolution=fit.noise.resolution,
         highest=math.inf if saturation is None else saturation,

@@ -1,5 +1,6 @@
 """Whether a designed gain holds on the loop as it will really run: predicted beside simulated, and what to change."""
 
+from .calibration_check import CalibrationCheck
 from .encounter import SimulatedEncounter, simulate_encounter
 from .parts import Comparison, Effect, LimitCheck, Reached, Spread, StabilityCheck, VerdictStatus
 from .proposals import Change, LoopCurve, Loss
@@ -7,6 +8,7 @@ from .result import Verdict
 from .verify import verify_gain
 
 __all__ = [
+    "CalibrationCheck",
     "Change",
     "Comparison",
     "Effect",

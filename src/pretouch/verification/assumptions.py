@@ -47,8 +47,8 @@ def assumptions_of(
         *_uncertain(sensor, uncertainty),
         _runs(runs, compared, loop.seed),
         "Predicted is the nominal encounter in continuous time with a perfect sensor, the robot following exactly.",
-        "Stability is that of the loop linearized at each distance of the nominal curve, without noise, jitter, limits "
-        "and friction.",
+        "Stability is that of the loop linearized at each distance of the nominal curve, without noise, misfit, "
+        "jitter, limits and friction.",
         "Left out: whatever changes the sensor curve (color, shape and angle of the object, other light) beyond what "
         "is named as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
     ]
@@ -88,9 +88,15 @@ def _noise(loop: ClosedLoop) -> str:
         (c.dropout, f"{100 * c.dropout:.3g} % of the readings missing"),
     ):
         parts += [text] if value else []
-    if not parts:
-        return "Readings: without noise, steps, pedestal and dropouts."
-    return f"Readings: {', '.join(parts)}; noise independent from reading to reading and normal."
+    text = "Readings: without noise, steps, pedestal and dropouts."
+    if parts:
+        text = f"Readings: {', '.join(parts)}; noise independent from reading to reading and normal."
+    if not c.misfit:
+        return text
+    return (
+        f"{text} The sensor lies off its curve by a standard deviation of {100 * c.misfit:.3g} % of xi, another error "
+        f"in each run and the same in all its readings, alike over {format_quantity(c.misfit_length, 'm')} of distance."
+    )
 
 
 def _controller(loop: ClosedLoop) -> str:

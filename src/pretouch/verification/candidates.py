@@ -68,7 +68,8 @@ def candidates_of(loop: ClosedLoop, approach: Approach) -> list[Candidate]:
     """
     makers: list[Callable[[], Candidate | None]] = [
         lambda: _of_rate(loop, approach.wanted_rate),
-        *(lambda: _prompt(loop), lambda: _quiet(loop), lambda: _faster_robot(loop), lambda: _stiffer_robot(loop)),
+        *(lambda: _prompt(loop), lambda: _quiet(loop), lambda: _calibrated(loop)),
+        *(lambda: _faster_robot(loop), lambda: _stiffer_robot(loop)),
     ]
     if isinstance(law := loop.law, Controller):
         makers += [
@@ -125,6 +126,18 @@ def _quiet(loop: ClosedLoop) -> Candidate | None:
         parts.append(" instead of ".join(format_quantity(noise, "m") for noise in noises))
     text = f"Halve the noise of the sensor to a standard deviation of {' and '.join(parts)}."
     return Candidate(name="noise", sentence=text, loop=replace(loop, chain=replace(chain, **half)))
+
+
+def _calibrated(loop: ClosedLoop) -> Candidate | None:
+    chain = loop.chain
+    if not chain.misfit > 0:
+        return None
+    half = replace(chain, misfit=chain.misfit / 2)
+    text = (
+        f"Calibrate anew, so that the sensor lies off its curve by {100 * half.misfit:.3g} % of xi instead of "
+        f"{100 * chain.misfit:.3g} %: at more distances, set more exactly; or sink it to where its curve fits better."
+    )
+    return Candidate(name="calibration", sentence=text, loop=replace(loop, chain=half))
 
 
 def _faster_robot(loop: ClosedLoop) -> Candidate | None:

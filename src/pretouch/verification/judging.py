@@ -7,6 +7,7 @@ from typing import Final
 from pretouch._core.units import format_quantity
 from pretouch.design.robust.wording import share_in_words
 
+from .calibration_check import CalibrationCheck
 from .parts import Effect, LimitCheck, Reached, StabilityCheck, VerdictStatus
 
 __all__ = ["judge"]
@@ -20,6 +21,7 @@ def judge(
     effect: Effect | None,
     limits: tuple[LimitCheck, ...],
     stability: StabilityCheck | None,
+    calibration: CalibrationCheck | None = None,
     *,
     runs: int,
     confidence: float,
@@ -31,6 +33,7 @@ def judge(
         effect: on the speed at contact, beside no mitigation; None where it cannot be compared.
         limits: the limits.
         stability: the margin to instability; None where it is not known.
+        calibration: what becomes of the gain on other sensors that its readings allow; None where that is not known.
         runs: how many runs.
         confidence: of the bounds.
 
@@ -41,6 +44,7 @@ def judge(
     missed += [_contact_missing(reached, runs)] if reached.missing else []
     missed += [_contact_harder(effect)] if effect is not None and effect.is_harder else []
     missed += [_limit_missed(check, runs) for check in limits if not check.is_met]
+    missed += [calibration.reason] if calibration is not None and not calibration.is_good_enough else []
     narrow: list[str] = []
     if stability is None:
         narrow.append(_stability_unknown())

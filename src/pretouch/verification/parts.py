@@ -43,7 +43,7 @@ class VerdictStatus(StrEnum):
             "gain can at least double until the loop is unstable.",
             VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
             VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is harder than without "
-            "mitigation, or the loop is unstable.",
+            "mitigation, the loop is unstable, or the calibration is not good enough.",
             VerdictStatus.NO_GAIN: "There is no gain to verify.",
         }[self]
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
+from pretouch.calibration import CalibrationReport
 from pretouch.design import ImpactModel, Objective
 from pretouch.design.robust import Required
 from pretouch.motion import ContactResult, Scenario, find_contact
@@ -36,6 +37,7 @@ class Request:
     confidence: float
     method: str
     horizon: float
+    calibration: CalibrationReport | None = None
 
     @property
     def foreseen_impact(self) -> ImpactModel | None:

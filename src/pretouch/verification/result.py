@@ -13,6 +13,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
 
+from .calibration_check import CalibrationCheck
 from .parts import Comparison, Effect, LimitCheck, Reached, StabilityCheck, VerdictStatus
 from .proposals import Change, Loss
 from .summary import verdict_as_dict, verdict_as_html, verdict_as_text
@@ -38,6 +39,8 @@ class Verdict(Value):
         limits: each limit.
         stability: the margin to instability; None where it is not known.
         stability_text: the same in words, or why it is not known.
+        calibration_check: the gain on other sensors that the readings of the calibration allow; None where no
+            calibration was given, its readings are too few to tell, or the fitted curve comes to no contact.
         loss: what the gain costs beside the best one for this loop; None without changes.
         changes: what was tried, the most helpful first.
         assumptions: what the verdict rests on.
@@ -66,6 +69,7 @@ class Verdict(Value):
     limits: tuple[LimitCheck, ...] = ()
     stability: StabilityCheck | None = None
     stability_text: str = ""
+    calibration_check: CalibrationCheck | None = None
     loss: Loss | None = None
     changes: tuple[Change, ...] = ()
     assumptions: tuple[str, ...] = ()

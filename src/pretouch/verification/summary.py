@@ -46,6 +46,7 @@ def verdict_as_dict(verdict: Verdict) -> dict[str, Any]:
             "limits": [_limit_as_dict(check) for check in v.limits],
             "stability": None if v.stability is None else _stability_as_dict(v.stability),
             "stability_text": v.stability_text,
+            "calibration_check": None if v.calibration_check is None else v.calibration_check.to_dict(),
             "loss": None
             if loss is None
             else {
@@ -118,6 +119,8 @@ def verdict_as_text(verdict: Verdict) -> str:
         lines += ["", *aligned([head, *(_limit_row(check, verdict.confidence) for check in verdict.limits)])]
     if verdict.stability_text:
         lines += ["", verdict.stability_text]
+    if verdict.calibration_check is not None:
+        lines += ["", verdict.calibration_check.text]
     lines += _loss(verdict)
     lines += _changes(verdict)
     if verdict.assumptions:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pretouch._core.numbers import finite
+from pretouch.calibration import CalibrationReport
 from pretouch.design import Constraint, GainDesign, ImpactModel, design_gain
 from pretouch.design.own_objective import AnyObjective, as_objective
 from pretouch.design.robust import Required
@@ -19,6 +20,7 @@ from pretouch.simulation.stability import passed_distances
 from pretouch.uncertainty import Uncertainty
 
 from .assumptions import assumptions_of
+from .calibration_check import check_calibration, unknown_calibration
 from .cautions import cautions_of
 from .checks import check_limits, check_reached, compare_quantities
 from .draws import draw_encounters
@@ -51,6 +53,7 @@ def verify_gain(
     method: str = "auto",
     horizon: float = 600.0,
     changes: bool = True,
+    calibration: CalibrationReport | None = None,
 ) -> Verdict:
     """Find out whether a gain designed in continuous time, L(1) and L(2), holds on a loop, and what would help.
 
@@ -70,6 +73,8 @@ def verify_gain(
         method: how encounters are solved in continuous time, as in `find_contact`.
         horizon: how long to wait for contact there [s].
         changes: whether to look for the best gain on the loop and for the change that helps most.
+        calibration: the report of the fit that the sensor comes from; the gain is then tried on what else its readings
+            allow.
 
     Returns:
         The verdict. That a gain does not hold, or that there is none, is its status, not an error.
@@ -119,6 +124,7 @@ def verify_gain(
             confidence=confidence,
             method=method,
             horizon=horizon,
+            calibration=calibration,
         )
     )
     design = design_gain(
@@ -159,7 +165,10 @@ def _verdict(request: Request, design: GainDesign, gain: float, changes: bool) -
     stability = check_stability(loop, r.sensor, distance, gain, limit)
     reached = check_reached(outcomes.result, problem.predicted, r.confidence)
     limits = check_limits(r.limits, outcomes, predicted, gain, loop=loop, impact=impact, confidence=r.confidence)
-    status, reasons = judge(reached, outcomes.effect, limits, stability, runs=r.runs, confidence=r.confidence)
+    calibrated = check_calibration(r, gain)
+    status, reasons = judge(
+        reached, outcomes.effect, limits, stability, calibrated, runs=r.runs, confidence=r.confidence
+    )
     comparisons = compare_quantities(outcomes.result, unmitigated, predicted, r.contact(0.0), loop=loop, impact=impact)
     found: dict[str, Any] = {}
     if changes:
@@ -190,10 +199,14 @@ def _verdict(request: Request, design: GainDesign, gain: float, changes: bool) -
         stability_text=no_stability_in_words(gain, limit is not None)
         if stability is None
         else stability_in_words(stability),
+        calibration_check=calibrated,
         assumptions=assumptions_of(
             loop, r.sensor, r.uncertainty, impact=impact, runs=r.runs, compared=compared_runs(problem)
         ),
-        warnings=cautions_of(loop, draws, (outcomes.result, unmitigated), comparisons, design),
+        warnings=(
+            *cautions_of(loop, draws, (outcomes.result, unmitigated), comparisons, design),
+            *unknown_calibration(r.calibration),
+        ),
         mitigated=outcomes.result,
         unmitigated=unmitigated,
         **found,

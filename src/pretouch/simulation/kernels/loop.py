@@ -20,7 +20,7 @@ from .mechanics import (
     resolution,
 )
 from .noise import mix
-from .sensing import instant_of, log_output, raw_reading, start_of
+from .sensing import draw_misfit, exposed_to, instant_of, raw_reading, start_of
 
 __all__ = ["encounters"]
 
@@ -30,13 +30,6 @@ _TINY = 1e-12  # s: instants that are closer are one
 def step(parameters: Any, state: Any, sample: Any) -> Any:
     """Stand for the law, which takes this place when the loop is compiled."""
     raise NotImplementedError
-
-
-def exposed_to(ranging: Any, distance: float, table: Any, low: float, spacing: float, high: float) -> float:
-    """Return what an exposure averages: the output xi, or the distance of a part that reports one."""
-    if ranging:
-        return distance
-    return math.exp(log_output(table, low, spacing, distance)) if distance <= high else 0.0
 
 
 def encounters(
@@ -88,7 +81,7 @@ def encounters(
     steps = math.ceil(horizon / period - 1e-9)
     for n in range(which.size):
         key, end, marks = mix(seed, np.uint64(draws[which[n]])), out[which[n]], touches[which[n]]
-        scene = scenes[which[n]]
+        scene, waves = scenes[which[n]], draw_misfit(chain, key)
         x_start, v_start, xo_start, vo_start, ao = scene[0], scene[1], scene[2], scene[3], scene[4]
         xd_start, vd_start, ad = scene[5], scene[6], scene[7]
         body = (x_start, v_start, 0.0, xo_start, vo_start, 0.0)
@@ -115,8 +108,8 @@ def encounters(
         for j in range(steps):
             t = j * period
             if instant <= _TINY and j == 0 and nodes == 1:  # a reading at the start, before anything has moved
-                total = exposed_to(ranging, xo_start - x_start, table, low, spacing, high)
-                waiting[0] = raw_reading(chain, key, 0, total, 0.0, table, low, spacing)
+                total = exposed_to(ranging, xo_start - x_start, table, low, spacing, high, waves)
+                waiting[0] = raw_reading(chain, key, 0, total, 0.0, table, low, spacing, waves)
                 ready[0], taken[0], tail, k = delay, 0.0, 1, 1
                 total = 0.0
                 start = max(start_of(chain, key, 1), 0.0)
@@ -191,11 +184,11 @@ def encounters(
                     part = min(max((instant - t - at) / h, 0.0), 1.0) if h > 0.0 else 1.0
                     distance = hermite(gap, closing, gap_after, closing_after, part)
                     weight = 1.0 if nodes == 1 else (8.0 / 18.0 if node == 1 else 5.0 / 18.0)
-                    total += weight * exposed_to(ranging, distance, table, low, spacing, high)
+                    total += weight * exposed_to(ranging, distance, table, low, spacing, high, waves)
                     node += 1
                     if node == nodes:
                         place = tail % room
-                        waiting[place] = raw_reading(chain, key, k, total, instant, table, low, spacing)
+                        waiting[place] = raw_reading(chain, key, k, total, instant, table, low, spacing, waves)
                         taken[place] = start + 0.5 * chain[2]
                         ready[place] = start + chain[2] + delay
                         tail += 1

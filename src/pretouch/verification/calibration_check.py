@@ -1,0 +1,284 @@
+"""Is the calibration good enough? The gain on the sensors that its readings allow, and what to measure where not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import BoolArray, FloatArray, finite_or_none
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch.calibration import CalibrationReport
+from pretouch.calibration.result import DrawnCurve
+from pretouch.sensors import Recessed, SensorModel
+from pretouch.simulation import SensorChain
+from pretouch.uncertainty.reservations import recess_in_words
+
+from .request import Request
+from .simulated import simulated_quantity
+
+__all__ = ["CalibrationCheck", "check_calibration", "unknown_calibration"]
+
+_DRAWS: Final = 100
+_ALIKE: Final = 20  # times as many are drawn, of which those with the nearest offsets are taken: as if it were known
+_FAILING: Final = 0.05  # of the draws
+_HARDER: Final = 0.15  # of the speed at contact
+_ROOM: Final = 0.03  # of a limit's quantity: what is on its limit by design is not moved beyond it by a calibration
+_SEED: Final = 1
+_CLOSE: Final = 1e-9  # m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationCheck(Value):
+    """What becomes of a gain on the sensors that the readings of its calibration allow.
+
+    Each draw is another sensor: a curve, the offset that goes with it, and the misfit of the chain. The controller goes
+    on subtracting the offset that it subtracts. The loop runs without noise, so that what differs is the calibration's.
+
+    Args:
+        draws: how many sensors.
+        promised: |l'| at contact on the fitted curve, on the same loop [m/s].
+        low: 5 % of the sensors stay below this |l'| [m/s]; None where some come to no contact, as the next two.
+        median: half of them stay below.
+        high: 95 % of them stay below.
+        missing: on how many the gain comes to no contact.
+        harder: on how many contact is more than 15 % harder than promised.
+        broken: on how many a limit is missed that the fitted curve keeps.
+        failing: on how many any of these.
+        decisive: what matters most: `offset`, `curve` or `misfit`; empty where the calibration is good enough.
+        remedy: what to measure, in words; likewise.
+    """
+
+    draws: int
+    promised: float
+    low: float | None
+    median: float | None
+    high: float | None
+    missing: int
+    harder: int
+    broken: int
+    failing: int
+    decisive: str = ""
+    remedy: str = ""
+
+    @property
+    def is_good_enough(self) -> bool:
+        """Whether the gain does on 95 % of the sensors what it does on the fitted curve."""
+        return self.failing <= _FAILING * self.draws
+
+    @property
+    def reason(self) -> str:
+        """Why the calibration is not good enough, and what to measure, as one clause."""
+        named = (
+            (self.harder, f"contact is more than {100 * _HARDER:.0f} % harder than promised on {self.harder}"),
+            (self.broken, f"a limit is missed on {self.broken}"),
+            (self.missing, f"no contact comes on {self.missing}"),
+        )
+        found = ", ".join(text for count, text in named if count)
+        return (
+            f"the calibration is not good enough: of {self.draws} sensors that its readings allow, {found} "
+            f"({self._spread}); its {self.decisive} matters most: {self.remedy}"
+        )
+
+    @property
+    def text(self) -> str:
+        """What was found, in a sentence."""
+        if self.is_good_enough:
+            kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
+            return (
+                f"The calibration is good enough for this gain: {kept} that its readings allow keep what the fitted "
+                f"curve promises ({self._spread})."
+            )
+        return f"{self.reason[:1].upper()}{self.reason[1:]}."
+
+    @property
+    def _spread(self) -> str:
+        promised = f"{format_quantity(self.promised, 'm/s')} promised"
+        if self.low is None or self.high is None:
+            return promised
+        low, high = format_quantity(self.low, "m/s"), format_quantity(self.high, "m/s")
+        return f"contact at {low} to {high} on 90 % of them, {promised}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything that JSON can hold, in SI."""
+        names = ("draws", "promised", "low", "median", "high", "missing", "harder", "broken", "failing")
+        return {
+            "is_good_enough": self.is_good_enough,
+            **{name: getattr(self, name) for name in names},
+            "decisive": self.decisive or None,
+            "remedy": self.remedy or None,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outcome:
+    """How the gain does on some sensors: speed and largest share of a limit of each, NaN and inf without contact."""
+
+    speed: FloatArray
+    ratios: FloatArray
+
+    def failures(self, promised: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
+        """Tell of each sensor whether it comes to no contact, to a harder one, to a broken limit."""
+        missing = np.isnan(self.speed)
+        allowed = np.maximum(1.0, (1 + _ROOM) * promised.ratios[0])
+        return (
+            missing,
+            ~missing & (self.speed > (1 + _HARDER) * promised.speed[0]),
+            ~missing & (self.ratios > allowed).any(axis=1),
+        )
+
+    def badness(self, promised: _Outcome) -> tuple[int, float]:
+        """Return on how many sensors it fails and, among as many, how hard contact is."""
+        failing = int(np.any(self.failures(promised), axis=0).sum())
+        return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
+
+
+def check_calibration(r: Request, gain: float) -> CalibrationCheck | None:
+    """Run the nominal encounter on sensors that the readings of the calibration allow.
+
+    Args:
+        r: what was asked.
+        gain: D_p [N s].
+
+    Returns:
+        What was found; None without a calibration, where its readings are too few to tell what they allow, and where
+        the fitted curve itself comes to no contact.
+    """
+    report = r.calibration
+    if report is None or report.curves is None or report.offset is None:
+        return None
+    chain = _quiet(r.loop.chain)
+    nominal = DrawnCurve(sensor=r.sensor, offset=report.offset.value)
+    promised = _run(r, gain, replace(chain, misfit=0.0), (nominal,))
+    if np.isnan(promised.speed[0]):
+        return None
+    drawn = tuple(_mounted(curve, r.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
+    found = _run(r, gain, chain, drawn)
+    missing, harder, broken = found.failures(promised)
+    ends = [finite_or_none(v) for v in np.quantile(found.speed, (0.05, 0.5, 0.95))]
+    check = CalibrationCheck(
+        draws=_DRAWS,
+        promised=float(promised.speed[0]),
+        low=ends[0],
+        median=ends[1],
+        high=ends[2],
+        missing=int(missing.sum()),
+        harder=int(harder.sum()),
+        broken=int(broken.sum()),
+        failing=int((missing | harder | broken).sum()),
+    )
+    if check.is_good_enough:
+        return check
+    decisive = _decisive(r, gain, drawn, promised)
+    return replace(check, decisive=decisive, remedy=_remedy(r, report, decisive))
+
+
+def unknown_calibration(report: CalibrationReport | None) -> tuple[str, ...]:
+    """Say where a calibration has too few readings to tell what else they allow.
+
+    Args:
+        report: the report of the fit, where there is one.
+
+    Returns:
+        A sentence, or nothing.
+    """
+    if report is None or report.best is None or report.curves is not None:
+        return ()
+    count = len(report.window.distances)
+    return (
+        f"The calibration has {count} usable distances, too few to tell which other curves its readings allow: nothing "
+        "is said of whether it is good enough.",
+    )
+
+
+def _quiet(chain: SensorChain) -> SensorChain:
+    """Return a chain that does the same in every run, but for its misfit."""
+    return replace(
+        chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
+    )
+
+
+def _mounted(drawn: DrawnCurve, like: SensorModel) -> DrawnCurve | None:
+    """Extend and sink a curve as the one that was fitted; None where it has no value at a distance that is needed."""
+    try:
+        if not isinstance(like, Recessed):
+            low, high = like.valid_range
+            return replace(drawn, sensor=replace(drawn.sensor, minimum_distance=low, maximum_distance=high))
+        low, high = like.sensor.valid_range
+        curve = replace(drawn.sensor, minimum_distance=low, maximum_distance=high)
+        return replace(drawn, sensor=replace(like, sensor=curve))
+    except InvalidInputError:
+        return None
+
+
+def _run(r: Request, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
+    """Run the nominal encounter once on each sensor, the i-th with the misfit of the i-th run."""
+    own = 0.0 if r.calibration is None or r.calibration.offset is None else r.calibration.offset.value
+    limits = [limit.constraint for limit in r.limits if limit.constraint.name != "gain"]
+    speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
+    for i, drawn in enumerate(sensors):
+        if drawn is None:
+            continue
+        there = replace(chain, offset=chain.offset + drawn.offset - own)
+        loop = replace(r.loop.after(i), chain=there)
+        result = loop.run(r.scenario, drawn.sensor, gain)
+        if not np.all(result.touched):
+            continue
+        speed[i] = abs(float(result.relative_velocity))
+        for k, limit in enumerate(limits):
+            quantity = simulated_quantity(limit.quantity, result, gain, loop, r.impact)
+            ratios[i, k] = abs(float(quantity)) / limit.limit
+    return _Outcome(speed=speed, ratios=ratios)
+
+
+def _decisive(r: Request, gain: float, drawn: tuple[DrawnCurve | None, ...], promised: _Outcome) -> str:
+    """Find what matters most, by leaving out the misfit, what is open of the offset, and all but the misfit.
+
+    Offset and curve are open together: a pedestal that is moved bends the curve through the same readings. So what is
+    left where the offset is known is told by those of many draws whose offset is nearest to the fitted one.
+
+    Returns:
+        `offset`, `curve` or `misfit`.
+    """
+    report, chain = r.calibration, _quiet(r.loop.chain)
+    if report is None or report.curves is None or report.offset is None:  # nothing was drawn
+        return ""
+    value = report.offset.value
+    many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
+    nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
+    fitted = DrawnCurve(sensor=r.sensor, offset=value)
+    smooth = _run(r, gain, replace(chain, misfit=0.0), drawn).badness(promised)
+    known = _run(r, gain, chain, tuple(_mounted(curve, r.sensor) for curve in nearest)).badness(promised)
+    rest = _run(r, gain, chain, (fitted,) * _DRAWS).badness(promised)
+    if chain.misfit and smooth < rest:
+        return "misfit"
+    failing = _run(r, gain, chain, drawn).badness(promised)
+    return "offset" if known[0] <= failing[0] / 2 and known < failing else "curve"
+
+
+def _remedy(r: Request, report: CalibrationReport, decisive: str) -> str:
+    """Say what to measure."""
+    window, recess = report.window, getattr(r.sensor, "recess", 0.0)
+    if decisive == "offset":
+        again = "again, more often, " if report.offset is not None and report.offset.kind == "measured" else ""
+        return f"record the output {again}with no object in range, and give it to the calibration as no_object"
+    if decisive == "misfit":
+        apart = format_quantity(r.loop.chain.misfit_length, "m", 2)
+        return (
+            f"check how distances were set, and calibrate anew at distances no farther apart than {apart}, or sink the "
+            "sensor by a larger recess where the curve is missed near contact"
+        )
+    where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
+    parts = [f"measure at more distances and more often at each{where}"]
+    if window.l_min - recess > _CLOSE:
+        deeper = recess_in_words(window.l_min)
+        parts.append(f'nearer than {format_quantity(window.l_min, "m")}, or sink the sensor by recess = "{deeper}"')
+    start = float(np.max(r.scenario.distance))
+    if window.l_max - recess < start:
+        parts.append(f"out to {format_quantity(start + recess, 'm')}")
+    if report.offset is not None and report.offset.kind == "fitted":
+        parts.append("and record the output with no object in range, which tells curve and offset apart")
+    return "; ".join(parts)

@@ -1,0 +1,212 @@
+"""Whether a calibration is good enough for a gain: the gain on the sensors that its readings allow."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pretouch as pt
+from page_checks import assert_sound
+from pretouch.calibration.result import DrawnCurve
+from pretouch.cli import main
+from pretouch.report import verdict_report_html
+from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit
+
+SCENE = """\
+[sensor]
+calibration = "sensor.csv"
+maximum_distance = "45 mm"
+[admittance]
+mass = "1 kg"
+damping = "10 N*s/m"
+stiffness = "25 N/m"
+[obstacle]
+position = "42.2 mm"
+velocity = "-0.3 m/s"
+[objective]
+kind = "excursion"
+position_scale = "0.5 m"
+velocity_scale = "0.3 m/s"
+[gain]
+bounds = ["-10 N*s", "-0.01 N*s"]
+[constraints]
+relative_velocity = "0.1 m/s"
+[chain]
+rate = "1 kHz"
+[controller]
+rate = "1 kHz"
+[loop]
+runs = 20
+"""
+ON_ITS_LIMIT = SCENE.replace("0.1 m/s", "0.075 m/s")
+
+
+def write_scene(folder: Path, text: str, *, far: float, no_object: bool, seed: int = 0) -> Path:
+    """Write a scenario with its calibration: the letter's curve on a pedestal, 8 distances, 4 readings at each."""
+    rng = np.random.default_rng(seed)
+    rows = ["distance [mm],output [V]"]
+    for distance in np.linspace(0, far, 8):
+        rows += [f"{1e3 * distance:.6f},{y:.6f}" for y in SENSOR.output(distance) + 0.05 + 1e-3 * rng.normal(size=4)]
+    rows += [f"inf,{0.05 + 1e-3 * rng.normal():.6f}" for _ in range(50)] if no_object else []
+    (folder / "sensor.csv").write_text("\n".join(rows) + "\n")
+    (folder / "scene.toml").write_text(text)
+    return folder / "scene.toml"
+
+
+def test_a_calibration_with_its_offset_holds(tmp_path: Path) -> None:
+    """The readings know g within 1 %, and contact moves by less: no sensor that they allow is 15 % off."""
+    file = write_scene(tmp_path, SCENE, far=0.06, no_object=True)
+    problem = pt.load_scenario(file)
+    assert problem.calibration.verdict == "usable"
+    found = problem.verify(changes=False)
+    check = found.calibration_check
+    assert found.status.value == "holds"
+    assert check.is_good_enough
+    assert (check.failing, check.decisive, check.remedy) == (0, "", "")
+    assert check.low <= check.median <= check.high < 1.02 * check.promised
+    assert check.text in str(found)
+    assert found.to_dict()["calibration_check"]["draws"] == check.draws == 100
+
+
+def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """8 distances up to 14 mm, extended to 45 mm: with the offset no sensor fails, without it 16 of 100."""
+    file = write_scene(tmp_path, ON_ITS_LIMIT, far=0.014, no_object=True, seed=4)
+    known = pt.load_scenario(file).verify(changes=False).calibration_check
+    assert known.failing == 0
+    file = write_scene(tmp_path, ON_ITS_LIMIT, far=0.014, no_object=False, seed=4)
+    problem = pt.load_scenario(file)
+    found = problem.verify(changes=False)
+    check = found.calibration_check
+    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert check.reason in found.reasons
+    assert check.failing > 5
+    assert (check.decisive, check.draws) == ("offset", 100)
+    assert check.remedy == "record the output with no object in range, and give it to the calibration as no_object"
+    assert check.high > 1.15 * check.promised
+    page = assert_sound(verdict_report_html(found, calibration=problem.calibration)).words
+    assert "Is the calibration good enough?" in page
+    assert f"contact is more than 15 % harder on {check.harder} of 100" in page
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["pretouch", "verify", "scene.toml", "--no-changes", "--no-report", "--json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    told = json.loads(capsys.readouterr().out)["calibration_check"]
+    assert (told["is_good_enough"], told["decisive"]) == (False, "offset")
+    assert told["failing"] == check.failing
+    assert told["high"] == pytest.approx(check.high)
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """Curves that somebody else draws: a function of a generator makes each."""
+
+    make: Callable[[np.random.Generator], DrawnCurve]
+
+    def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
+        rng = np.random.default_rng(seed)
+        return tuple(self.make(rng) for _ in range(count))
+
+
+@cache
+def report() -> pt.CalibrationReport:
+    """The letter's curve without noise, its offset of 0.05 known."""
+    distance = np.linspace(0, 0.06, 20)
+    outputs = SENSOR.output(distance) + 0.05
+    calibration = pt.Calibration(distances=distance, outputs=outputs, no_object=[0.05, 0.05, 0.05], unit="V")
+    return pt.rank_models(calibration, models=("inverse-power",))
+
+
+def judged(make: Callable[[np.random.Generator], DrawnCurve], sensor: Any = SENSOR, **options: Any) -> pt.Verdict:
+    """Judge the letter's gain with a calibration that allows these curves."""
+    known = replace(report(), curves=Allowed(make))
+    chain = {"offset": 0.05} | options.pop("chain", {})
+    loop = loop_of(rate=1000.0, conditioning={"offset": 0.05}, **chain)
+    return pt.verify_gain(
+        SCENARIO, sensor, OBJECTIVE, loop, bounds=BOUNDS, runs=2, changes=False, calibration=known, **options
+    )
+
+
+def drawn(exponent: float = 3.32, offset: float = 0.0) -> DrawnCurve:
+    own = report().offset.value
+    curve = replace(SENSOR, exponent=exponent, minimum_distance=0.0, maximum_distance=0.06)
+    return DrawnCurve(sensor=curve, offset=own + offset)
+
+
+def fitted_one(_rng: np.random.Generator) -> DrawnCurve:
+    return drawn()
+
+
+def test_curves_that_are_the_fitted_one_promise_what_it_promises() -> None:
+    found = judged(fitted_one)
+    check = found.calibration_check
+    assert check.low == check.median == check.high == check.promised
+    assert check.promised == pytest.approx(found.comparison("relative_velocity").simulated.mean, rel=0.01)
+    assert check.failing == 0
+    assert found.status.value == "holds"
+
+
+def test_what_matters_most_is_what_is_open() -> None:
+    """Each of the three alone, wide enough to move contact by far more than 15 %."""
+    curve = judged(lambda rng: drawn(exponent=rng.uniform(1.0, 5.0))).calibration_check
+    assert not curve.is_good_enough
+    assert curve.decisive == "curve"
+    assert curve.remedy.startswith("measure at more distances and more often at each around ")
+    offset = judged(lambda rng: drawn(offset=rng.normal(0.0, 0.1))).calibration_check
+    assert offset.decisive == "offset"
+    assert offset.remedy.startswith("record the output again, more often, with no object in range")
+    misfit = judged(fitted_one, chain={"misfit": 0.2, "misfit_length": 0.006}).calibration_check
+    assert misfit.decisive == "misfit"
+    assert "no farther apart than 6 mm" in misfit.remedy
+    for check in (curve, offset, misfit):
+        assert check.failing >= max(check.harder, check.broken, check.missing) > 0
+        assert check.failing <= check.harder + check.broken + check.missing
+
+
+def test_a_limit_counts_as_missed_only_where_the_calibration_moves_it() -> None:
+    """The gain is on its limit: with every second curve it misses that by a little, which no calibration mends."""
+    little = {"constraints": [velocity_limit(0.07)]}
+    near = judged(lambda rng: drawn(exponent=rng.normal(3.32, 0.01)), **little)
+    assert near.calibration_check.high > 0.07
+    assert near.calibration_check.broken == 0
+    far = judged(lambda rng: drawn(exponent=rng.normal(3.32, 0.5)), **little)
+    assert far.calibration_check.broken > 5
+    assert any("a limit is missed on " in reason for reason in far.reasons)
+
+
+def test_drawn_curves_are_sunk_and_extended_as_the_fitted_one_and_what_cannot_be_fails() -> None:
+    recessed = pt.Recessed(sensor=replace(SENSOR, minimum_distance=0.005, maximum_distance=0.06), recess=0.005)
+
+    def nearby(rng: np.random.Generator) -> DrawnCurve:
+        return replace(drawn(), sensor=replace(SENSOR, minimum_distance=0.006, maximum_distance=0.05))
+
+    check = judged(nearby, recessed).calibration_check
+    assert check.low == check.high == check.promised
+
+    def pole(rng: np.random.Generator) -> DrawnCurve:
+        return replace(drawn(), sensor=replace(SENSOR, distance_offset=-0.001, minimum_distance=0.006))
+
+    check = judged(pole).calibration_check
+    assert check.missing == check.failing == 100
+    assert check.low is None
+    assert "no contact comes on 100" in check.text
+
+
+def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> None:
+    loop = loop_of(rate=1000.0)
+    given: dict[str, Any] = {"bounds": BOUNDS, "runs": 2, "changes": False}
+    assert pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop, **given).calibration_check is None
+    few = replace(report(), curves=None)
+    found = pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop, calibration=few, **given)
+    assert found.calibration_check is None
+    assert any("too few to tell which other curves" in warning for warning in found.warnings)
+    assert found.to_dict()["calibration_check"] is None

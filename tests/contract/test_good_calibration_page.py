@@ -1,4 +1,4 @@
-"""docs/good-calibration.md quotes what the program prints of its cases, and shows the pictures that are drawn of them."""
+"""docs/good-calibration.md quotes what the program prints of its cases, and shows their pictures."""
 
 import importlib
 import re
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from figure_checks import assert_legible
 
 ROOT = Path(__file__).parents[2]

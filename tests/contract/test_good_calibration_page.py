@@ -57,6 +57,12 @@ def test_what_a_section_quotes_is_what_is_printed(drawn, name):
         assert any(holds(text, quoted) for text in said), quoted
 
 
+def test_the_worked_example_of_the_other_page_is_what_is_printed(drawn):
+    page = (ROOT / "docs" / "calibration.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
+    assert plain(example) in plain(str(drawn.report("good")))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_picture_is_legible_and_the_one_that_is_shown(drawn, name):
     from matplotlib.image import imread

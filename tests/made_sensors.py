@@ -48,6 +48,8 @@ class MadeSensor:
         calibration: the readings.
         good: how many distances are read where nothing is wrong with the curve, above the floor.
         trusted_from: from where on the curve is the ideal one [m].
+        noise: standard deviation of one reading where there is no signal [counts].
+        jitter: of one reading relative to the signal, on top.
     """
 
     family: str
@@ -59,6 +61,8 @@ class MadeSensor:
     calibration: Calibration
     good: int
     trusted_from: float
+    noise: float
+    jitter: float
 
     @property
     def is_offset_known(self) -> bool:
@@ -150,6 +154,8 @@ def make_sensor(rng: np.random.Generator, mechanism: str, family: str | None = N
         calibration=Calibration(distances=readings, outputs=outputs, unit="counts", no_object=empty),
         good=good,
         trusted_from=trusted_from,
+        noise=noise,
+        jitter=jitter,
     )
 
 

@@ -1,0 +1,275 @@
+"""Draw the pictures of docs/good-calibration.md into a folder: python examples/calibration_pictures.py docs/images."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Final
+
+import numpy as np
+
+from calibration_cases import PEDESTAL, Array, Case, cases, report
+from pretouch.report.labels import label_inside, label_near
+from pretouch.report.style import BASELINE, CHOSEN, INK, QUIET, drawing, log_axis, new_figure, span
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WINDOW: Final = "#e3edf6"
+_TRUTH: Final = "#b9b9b9"
+_FINE: Final = 300
+_SMALL: Final = 7.5
+
+
+def output_panel(axes: Axes, case: Case) -> None:
+    """Draw what stands above the offset, on a logarithmic axis: readings, fitted and true curve, window."""
+    found = report(case.name)
+    readings, left_out = case.calibration, _left_out(case)
+    offset = 0.0 if found.offset is None else found.offset.value
+    signal = readings.outputs - offset
+    every = np.linspace(0.0, float(readings.distances.max()), _FINE)
+    truth = case.signal(every) + (PEDESTAL if found.offset is None else 0.0)
+    low = 0.55 * float(min(truth.min(), signal[(signal > 0) & ~left_out].min()))
+    high = 2.2 * float(max(truth.max(), signal.max()))
+    _distance_axis(axes, case)
+    axes.set_ylabel("output [counts]" if found.offset is None else "output above the offset [counts]")
+    log_axis(axes, "y", low, high)
+    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2, solid_capstyle="butt")
+    shown = np.clip(signal, 1.12 * low, None)
+    few = len(readings.distinct_distances) < 100
+    style = {"linestyle": "None", "markersize": 3.6 if few else 1.2, "zorder": 2.2}
+    kept = ~left_out & (signal > low)
+    place = readings.distances * 1e3
+    axes.plot(place[kept], shown[kept], "o", color=INK, markerfacecolor="white", markeredgewidth=0.7, **style)
+    axes.plot(place[left_out], shown[left_out], "X", color=BASELINE, **{**style, "markersize": 4.8, "zorder": 3.5})
+    if found.best is not None:
+        inside = np.linspace(*found.best.sensor.valid_range, _FINE)
+        fitted = found.best.sensor.output(inside)
+        axes.plot(inside * 1e3, fitted, color=CHOSEN, linewidth=1.6, zorder=3)
+        label_near(
+            axes,
+            inside[::12] * 1e3,
+            fitted[::12],
+            f"fitted: {found.best.model}",
+            color=CHOSEN,
+            size=_SMALL,
+            strict=True,
+        )
+    if left_out.any():
+        label_near(axes, place[left_out], shown[left_out], "left out", color=BASELINE, size=_SMALL, strict=True)
+    label_near(axes, every[::-6] * 1e3, truth[::-6], "true curve", color=QUIET, size=_SMALL, side=-1, strict=True)
+    _name_window(axes, case, np.geomspace(0.85 * high, 1.6 * low, 30))
+
+
+def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None = None, title: str = "") -> None:
+    """Draw g: of neighboring readings, of the fitted curve with what is known of it, and the true one."""
+    found = report(case.name)
+    if found.best is None or found.offset is None or found.slope is None:
+        raise AssertionError
+    places = case.calibration.distinct_distances
+    means = np.array([case.calibration.outputs[case.calibration.distances == d].mean() for d in places])
+    local = np.diff(np.log(means - found.offset.value)) / np.diff(places)
+    between = (places[1:] + places[:-1]) / 2
+    inside = np.linspace(*found.best.sensor.valid_range, _FINE)
+    every = np.linspace(float(places[0]), float(places[-1]), _FINE)
+    fitted, truth = found.best.sensor.log_slope(inside), case.slope(every)
+    known = found.slope
+    low_band, high_band = known.slope * (1 + known.uncertainty), known.slope * (1 - known.uncertainty)
+    drawn = [fitted, truth, local, low_band, np.zeros(1)] + ([] if wrong is None else [wrong(every)])
+    _distance_axis(axes, case)
+    axes.set_title(title or "Its slope, which the controller feels")
+    axes.set_ylabel("slope g [1/m]")
+    low, high = span(np.concatenate(drawn), 0.1)
+    axes.set_ylim(low, high)
+    axes.axhline(0, color=QUIET, linewidth=0.7, zorder=1.1)
+    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2, solid_capstyle="butt")
+    axes.fill_between(known.distances * 1e3, low_band, high_band, color=CHOSEN, alpha=0.22, linewidth=0, zorder=1.4)
+    axes.plot(between * 1e3, local, "o", color=INK, markerfacecolor="white", markersize=3.4, zorder=2.2)
+    axes.plot(inside * 1e3, fitted, color=CHOSEN, linewidth=1.6, zorder=3)
+    if wrong is not None:
+        axes.plot(every * 1e3, wrong(every), color=BASELINE, linestyle=(0, (5, 1.6)), linewidth=1.6, zorder=3)
+        label_near(
+            axes,
+            every[::8] * 1e3,
+            wrong(every[::8]),
+            "curve through all readings",
+            color=BASELINE,
+            size=_SMALL,
+            strict=True,
+        )
+    label_near(axes, inside[::-9] * 1e3, fitted[::-9], "fitted", color=CHOSEN, size=_SMALL, strict=True)
+    middle = slice(None, None, 2)
+    if float(known.uncertainty.max()) > 0.1:
+        label_near(
+            axes,
+            known.distances[middle] * 1e3,
+            low_band[middle],
+            "known to this (95 %)",
+            color=CHOSEN,
+            size=_SMALL,
+            side=-1,
+            strict=True,
+        )
+    label_near(axes, every[::6] * 1e3, truth[::6], "true g", color=QUIET, size=_SMALL, side=-1, strict=True)
+    label_near(axes, between * 1e3, local, "of neighboring readings", color=INK, size=_SMALL, strict=True)
+    _name_window(axes, case, np.linspace(high - 0.04 * (high - low), low + 0.05 * (high - low), 30))
+
+
+def residual_panel(axes: Axes, case: Case) -> None:
+    """Draw how far readings and their means lie from the fitted curve, and how far that lies from the true one."""
+    found = report(case.name)
+    if found.best is None or found.offset is None:
+        raise AssertionError
+    distance, sensor = case.calibration.distances, found.best.sensor
+    near = distance <= _SHOWN
+    distance, outputs = distance[near], case.calibration.outputs[near]
+    share = 100 * ((outputs - found.offset.value) / sensor.output(distance) - 1)
+    places = np.unique(distance)
+    means = np.array([share[distance == d].mean() for d in places])
+    every = np.linspace(0.0, _SHOWN, _FINE)
+    truth = 100 * (case.signal(every) / sensor.output(every) - 1)
+    _distance_axis(axes, case, last=_SHOWN)
+    axes.set_ylabel("off the fitted curve [% of the signal]")
+    axes.set_ylim(-14, 14)
+    axes.axhline(0, color=CHOSEN, linewidth=1.6, zorder=1.5)
+    axes.plot(every * 1e3, truth, color=_TRUTH, linewidth=4.5, zorder=1.2)
+    inside = np.abs(share) < 13.8
+    axes.plot(distance[inside] * 1e3, share[inside], ".", color=QUIET, markersize=3.0, zorder=2)
+    axes.plot(places * 1e3, means, "o", color=INK, markersize=4.6, zorder=3)
+    label_near(axes, places * 1e3, means, "means", color=INK, size=_SMALL, weight="bold", strict=True)
+    label_near(axes, distance[inside] * 1e3, share[inside], "readings", color=QUIET, size=_SMALL, strict=True)
+    label_near(axes, every[::-9] * 1e3, np.zeros(len(every[::-9])), "fitted", color=CHOSEN, size=_SMALL, strict=True)
+    label_near(axes, every[::9] * 1e3, truth[::9], "true curve", color=QUIET, size=_SMALL, strict=True)
+
+
+_SHOWN: Final = 0.036  # of distances where residuals are of interest [m]
+
+
+def _distance_axis(axes: Axes, case: Case, last: float | None = None) -> None:
+    axes.set_title(case.title)
+    axes.set_xlabel("distance l [mm]")
+    end = 1e3 * (float(case.calibration.distances.max()) if last is None else last)
+    axes.set_xlim(-0.03 * end, 1.03 * end)
+    axes.locator_params(axis="x", nbins=6)
+    window = report(case.name).window.distances
+    if window and last is None:
+        axes.axvspan(window[0] * 1e3, window[-1] * 1e3, color=_WINDOW, linewidth=0, zorder=0)
+
+
+def _name_window(axes: Axes, case: Case, heights: Array) -> None:
+    window = report(case.name).window.distances
+    if window:
+        x, y = np.meshgrid(np.linspace(0.9, 0.1, 9), heights)
+        left, right = 1e3 * window[0], 1e3 * window[-1]
+        places = np.concatenate([left + (right - left) * x.ravel(), [left, right]])
+        label_inside(
+            axes,
+            places,
+            np.concatenate([y.ravel(), heights[:2]]),
+            "usable window",
+            color=QUIET,
+            size=_SMALL,
+            fill=_WINDOW,
+        )
+
+
+def _left_out(case: Case) -> Array:
+    """Return which readings no model saw."""
+    found, given = report(case.name), case.calibration.distances
+    if found.best is None:
+        return np.zeros(len(given), dtype=bool)
+    out = (given < found.window.l_min) | (given > found.window.l_max)
+    if len(case.calibration.distinct_distances) < 100:
+        out = ~np.isin(given, found.window.distances)
+        out[list(found.best.outliers)] = True
+    else:
+        out[:] = False
+    return out
+
+
+def through_all(case: Case) -> Callable[[Array], Array]:
+    """Return g of a parabola in ln xi through all readings, as an exponential of second order is fitted by hand."""
+    signal = case.calibration.outputs - case.calibration.no_object.mean()
+    bend = np.polyfit(case.calibration.distances, np.log(signal), 2)
+    return lambda distance: np.asarray(np.polyval(np.polyder(bend), distance))
+
+
+def _figure(*panels: Callable[[Axes], None]) -> Figure:
+    """Put panels into rows of two."""
+    rows = (len(panels) + 1) // 2
+    with drawing():
+        figure = new_figure(7.4, 2.9 * rows)
+        for i, draw in enumerate(panels):
+            draw(figure.add_subplot(rows, 2, i + 1))
+        figure.subplots_adjust(
+            left=0.095, right=0.985, bottom=0.15 / rows, top=1 - 0.09 / rows, wspace=0.27, hspace=0.36
+        )
+    return figure
+
+
+def _outputs(*names: str) -> tuple[Callable[[Axes], None], ...]:
+    return tuple(partial(output_panel, case=cases()[name]) for name in names)
+
+
+def _slope(name: str) -> Callable[[Axes], None]:
+    return partial(slope_panel, case=cases()[name])
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of the page: the cases that it shows, and what draws it."""
+
+    cases: tuple[str, ...]
+    draw: Callable[[], Figure]
+
+
+def pictures() -> dict[str, Picture]:
+    """Return the pictures by their names."""
+    soft = cases()["soft saturation"]
+    return {
+        "good": Picture(("good",), lambda: _figure(*_outputs("good"), _slope("good"))),
+        "offset": Picture(
+            ("offset measured", "offset withheld"),
+            lambda: _figure(
+                *_outputs("offset measured", "offset withheld"), _slope("offset measured"), _slope("offset withheld")
+            ),
+        ),
+        "declared": _beside("offset too low", "offset too high"),
+        "saturation": Picture(
+            (soft.name,),
+            lambda: _figure(*_outputs(soft.name), lambda axes: slope_panel(axes, soft, through_all(soft))),
+        ),
+        "clipping": _beside("clipping", "good"),
+        "peak": Picture(("near-field peak",), lambda: _figure(*_outputs("near-field peak"), _slope("near-field peak"))),
+        "rising": _beside("rising", "inverted"),
+        "reflection": _beside("second reflection", "good"),
+        "misfit": Picture(
+            ("noise", "misfit"),
+            lambda: _figure(*(partial(residual_panel, case=cases()[name]) for name in ("noise", "misfit"))),
+        ),
+        "outliers": _beside("a bad distance", "lost readings"),
+        "dense": _beside("dense", "few"),
+    }
+
+
+def _beside(left: str, right: str) -> Picture:
+    return Picture((left, right), lambda: _figure(*_outputs(left, right)))
+
+
+def write(picture: Picture, file: str | Path | BinaryIO) -> None:
+    """Draw a picture to a PNG file."""
+    picture.draw().savefig(file, format="png", dpi=110, metadata={"Software": None}, pil_kwargs={"optimize": True})
+
+
+def main(folder: str) -> None:
+    """Draw every picture."""
+    for name, picture in pictures().items():
+        write(picture, Path(folder) / f"calibration-{name}.png")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -12,7 +12,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
-from pretouch.calibration.result import DrawnCurve
+from pretouch.calibration.knowledge import DrawnCurve
 from pretouch.sensors import Recessed, SensorModel
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_in_words

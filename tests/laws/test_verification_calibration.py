@@ -14,7 +14,7 @@ import pytest
 
 import pretouch as pt
 from page_checks import assert_sound
-from pretouch.calibration.result import DrawnCurve
+from pretouch.calibration.knowledge import DrawnCurve
 from pretouch.cli import main
 from pretouch.report import verdict_report_html
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
+from pretouch.calibration.result import DrawnCurve
 from pretouch.sensors import Recessed, SensorModel
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_in_words
@@ -112,13 +113,6 @@ class CalibrationCheck(Value):
         }
 
 
-class _Sensor(NamedTuple):
-    """A sensor that the readings allow: its curve over the distance from the contact surface, and its offset."""
-
-    sensor: SensorModel
-    offset: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
     """How the gain does on some sensors: speed and largest share of a limit of each, NaN and inf without contact."""
@@ -157,10 +151,11 @@ def check_calibration(r: Request, gain: float) -> CalibrationCheck | None:
     if report is None or report.curves is None or report.offset is None:
         return None
     chain = _quiet(r.loop.chain)
-    promised = _run(r, gain, replace(chain, misfit=0.0), (_Sensor(r.sensor, report.offset.value),))
+    nominal = DrawnCurve(sensor=r.sensor, offset=report.offset.value)
+    promised = _run(r, gain, replace(chain, misfit=0.0), (nominal,))
     if np.isnan(promised.speed[0]):
         return None
-    drawn = tuple(_mounted(curve.sensor, curve.offset, r.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
+    drawn = tuple(_mounted(curve, r.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
     found = _run(r, gain, chain, drawn)
     missing, harder, broken = found.failures(promised)
     ends = [finite_or_none(v) for v in np.quantile(found.speed, (0.05, 0.5, 0.95))]
@@ -206,20 +201,20 @@ def _quiet(chain: SensorChain) -> SensorChain:
     )
 
 
-def _mounted(drawn: SensorModel, offset: float, like: SensorModel) -> _Sensor | None:
+def _mounted(drawn: DrawnCurve, like: SensorModel) -> DrawnCurve | None:
     """Extend and sink a curve as the one that was fitted; None where it has no value at a distance that is needed."""
     try:
         if not isinstance(like, Recessed):
             low, high = like.valid_range
-            return _Sensor(replace(drawn, minimum_distance=low, maximum_distance=high), offset)
+            return replace(drawn, sensor=replace(drawn.sensor, minimum_distance=low, maximum_distance=high))
         low, high = like.sensor.valid_range
-        curve = replace(drawn, minimum_distance=low, maximum_distance=high)
-        return _Sensor(replace(like, sensor=curve), offset)
+        curve = replace(drawn.sensor, minimum_distance=low, maximum_distance=high)
+        return replace(drawn, sensor=replace(like, sensor=curve))
     except InvalidInputError:
         return None
 
 
-def _run(r: Request, gain: float, chain: SensorChain, sensors: tuple[_Sensor | None, ...]) -> _Outcome:
+def _run(r: Request, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
     """Run the nominal encounter once on each sensor, the i-th with the misfit of the i-th run."""
     own = 0.0 if r.calibration is None or r.calibration.offset is None else r.calibration.offset.value
     limits = [limit.constraint for limit in r.limits if limit.constraint.name != "gain"]
@@ -239,7 +234,7 @@ def _run(r: Request, gain: float, chain: SensorChain, sensors: tuple[_Sensor | N
     return _Outcome(speed=speed, ratios=ratios)
 
 
-def _decisive(r: Request, gain: float, drawn: tuple[_Sensor | None, ...], promised: _Outcome) -> str:
+def _decisive(r: Request, gain: float, drawn: tuple[DrawnCurve | None, ...], promised: _Outcome) -> str:
     """Find what matters most, by leaving out the misfit, what is open of the offset, and all but the misfit.
 
     Offset and curve are open together: a pedestal that is moved bends the curve through the same readings. So what is
@@ -254,11 +249,9 @@ def _decisive(r: Request, gain: float, drawn: tuple[_Sensor | None, ...], promis
     value = report.offset.value
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
-    fitted = _Sensor(r.sensor, value)
+    fitted = DrawnCurve(sensor=r.sensor, offset=value)
     smooth = _run(r, gain, replace(chain, misfit=0.0), drawn).badness(promised)
-    known = _run(r, gain, chain, tuple(_mounted(curve.sensor, curve.offset, r.sensor) for curve in nearest)).badness(
-        promised
-    )
+    known = _run(r, gain, chain, tuple(_mounted(curve, r.sensor) for curve in nearest)).badness(promised)
     rest = _run(r, gain, chain, (fitted,) * _DRAWS).badness(promised)
     if chain.misfit and smooth < rest:
         return "misfit"

@@ -14,7 +14,6 @@ import pytest
 
 import pretouch as pt
 from page_checks import assert_sound
-from pretouch.calibration.knowledge import DrawnCurve
 from pretouch.cli import main
 from pretouch.report import verdict_report_html
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit
@@ -88,6 +87,7 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
     check = found.calibration_check
     assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
     assert check.reason in found.reasons
+    assert f"  {check.reason}\n" in str(found)
     assert check.failing > 5
     assert (check.decisive, check.draws) == ("offset", 100)
     assert check.remedy == "record the output with no object in range, and give it to the calibration as no_object"
@@ -107,12 +107,18 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
 
 
 @dataclass(frozen=True)
+class Drawn:
+    sensor: pt.SensorModel
+    offset: float
+
+
+@dataclass(frozen=True)
 class Allowed:
     """Curves that somebody else draws: a function of a generator makes each."""
 
-    make: Callable[[np.random.Generator], DrawnCurve]
+    make: Callable[[np.random.Generator], Drawn]
 
-    def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
+    def draw(self, count: int, seed: int) -> tuple[Drawn, ...]:
         rng = np.random.default_rng(seed)
         return tuple(self.make(rng) for _ in range(count))
 
@@ -126,7 +132,7 @@ def report() -> pt.CalibrationReport:
     return pt.rank_models(calibration, models=("inverse-power",))
 
 
-def judged(make: Callable[[np.random.Generator], DrawnCurve], sensor: Any = SENSOR, **options: Any) -> pt.Verdict:
+def judged(make: Callable[[np.random.Generator], Drawn], sensor: Any = SENSOR, **options: Any) -> pt.Verdict:
     """Judge the letter's gain with a calibration that allows these curves."""
     known = replace(report(), curves=Allowed(make))
     chain = {"offset": 0.05} | options.pop("chain", {})
@@ -136,13 +142,13 @@ def judged(make: Callable[[np.random.Generator], DrawnCurve], sensor: Any = SENS
     )
 
 
-def drawn(exponent: float = 3.32, offset: float = 0.0) -> DrawnCurve:
+def drawn(exponent: float = 3.32, offset: float = 0.0) -> Drawn:
     own = report().offset.value
     curve = replace(SENSOR, exponent=exponent, minimum_distance=0.0, maximum_distance=0.06)
-    return DrawnCurve(sensor=curve, offset=own + offset)
+    return Drawn(sensor=curve, offset=own + offset)
 
 
-def fitted_one(_rng: np.random.Generator) -> DrawnCurve:
+def fitted_one(_rng: np.random.Generator) -> Drawn:
     return drawn()
 
 
@@ -157,7 +163,11 @@ def test_curves_that_are_the_fitted_one_promise_what_it_promises() -> None:
 
 def test_what_matters_most_is_what_is_open() -> None:
     """Each of the three alone, wide enough to move contact by far more than 15 %."""
-    curve = judged(lambda rng: drawn(exponent=rng.uniform(1.0, 5.0))).calibration_check
+    found = judged(lambda rng: drawn(exponent=rng.uniform(1.0, 5.0)))
+    curve = found.calibration_check
+    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.reasons == (curve.reason,)
+    assert curve.reason in found.headline
     assert not curve.is_good_enough
     assert curve.decisive == "curve"
     assert curve.remedy.startswith("measure at more distances and more often at each around ")
@@ -186,13 +196,13 @@ def test_a_limit_counts_as_missed_only_where_the_calibration_moves_it() -> None:
 def test_drawn_curves_are_sunk_and_extended_as_the_fitted_one_and_what_cannot_be_fails() -> None:
     recessed = pt.Recessed(sensor=replace(SENSOR, minimum_distance=0.005, maximum_distance=0.06), recess=0.005)
 
-    def nearby(rng: np.random.Generator) -> DrawnCurve:
+    def nearby(rng: np.random.Generator) -> Drawn:
         return replace(drawn(), sensor=replace(SENSOR, minimum_distance=0.006, maximum_distance=0.05))
 
     check = judged(nearby, recessed).calibration_check
     assert check.low == check.high == check.promised
 
-    def pole(rng: np.random.Generator) -> DrawnCurve:
+    def pole(rng: np.random.Generator) -> Drawn:
         return replace(drawn(), sensor=replace(SENSOR, distance_offset=-0.001, minimum_distance=0.006))
 
     check = judged(pole).calibration_check

@@ -119,8 +119,9 @@ def verdict_as_text(verdict: Verdict) -> str:
         lines += ["", *aligned([head, *(_limit_row(check, verdict.confidence) for check in verdict.limits)])]
     if verdict.stability_text:
         lines += ["", verdict.stability_text]
-    if verdict.calibration_check is not None:
-        lines += ["", verdict.calibration_check.text]
+    check = verdict.calibration_check
+    if check is not None and check.is_good_enough:  # else it is one of the reasons
+        lines += ["", check.text]
     lines += _loss(verdict)
     lines += _changes(verdict)
     if verdict.assumptions:

@@ -150,6 +150,7 @@ def test_readings_that_all_lie_on_one_side_stay(seed):
 def test_hundreds_of_distances_are_gathered_along_the_curve(seed):
     sensor, report = calibrated("dense", seed)
     at = report.slope.distances
+    assert report.window.l_min == sensor.calibration.distances.min()  # what was measured supports the curve
     decisive = [d for d in report.window.distances if d <= at[-1]]
     assert len(decisive) >= 12  # half of fifty parts lie along the fall; the decisive tenth is most of it
     assert report.verdict != "usable" or error_of_slope(report, sensor.ideal) < RELIABLE

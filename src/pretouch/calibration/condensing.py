@@ -17,6 +17,7 @@ __all__ = ["condense"]
 _MANY: Final = 100  # distinct distances from which on they are gathered
 _FEW: Final = 50  # two of them are the ends
 _BLOCKS: Final = 100
+_ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
@@ -52,7 +53,8 @@ def condense(calibration: Calibration) -> Calibration:
         members = part == i
         middle[i] = distance[members].mean()
         median[i] = np.median(calibration.outputs[members])
-    course = CubicSpline(middle, median) if count > 1 else None
+    inner = slice(1, -1)  # at an end nothing is moved, and one reading is no anchor
+    course = CubicSpline(middle[inner], median[inner]) if count > _ENDS + 1 else None
     moved = calibration.outputs - (course(distance) - course(middle[part]) if course else 0.0)
     at_top = calibration.outputs == calibration.outputs.max()
     kept = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))

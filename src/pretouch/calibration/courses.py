@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 
 from .averaging import AveragedCurve
 from .families import Family, InversePowerFamily
@@ -32,8 +33,8 @@ _SPREAD: Final = np.sinh(np.linspace(-3.0, 3.0, 21)) / np.sinh(3.0) * 8.0  # sta
 _NARROW: Final = np.linspace(-2.8, 2.8, 9)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Course:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course(Value):
     """The fits of one family, one for each of some offsets.
 
     Args:
@@ -66,8 +67,8 @@ class Course:
         return ends[0], ends[1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Courses:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Courses(Value):
     """All curves that the readings allow.
 
     Args:

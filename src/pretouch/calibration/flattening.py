@@ -28,6 +28,7 @@ _FALL: Final = 0.5  # of ln xi: over so much the slope is judged
 _AHEAD: Final = 0.25  # of ln xi: from so far out on the curve is fitted that foretells the slope
 _MISFIT: Final = 0.005
 _FEWEST: Final = 4  # points in a straight line
+_FEWEST_TO_SEE: Final = 7  # points of a curve
 _TOO_FLAT: Final = 0.1  # of g: what is flatter than the curve by more than that is not its near end
 _SURE: Final = 2.5  # standard errors
 _MARGIN: Final = 0.35  # of ln xi, beyond where flattening is seen: over so much it fades to a third, p being 3
@@ -48,12 +49,19 @@ def first_steep(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimat
     Returns:
         The index of the point; 0 where nothing flattens.
     """
+    if len(curve.distance) < _FEWEST_TO_SEE:
+        return _beyond(curve, 0, known) if flat else 0
     index = _bulging(curve, noise, None)
     if known is not None and known.kind == "measured":
         index = max(index, _bulging(curve, noise, known))
     index += _first_followed(curve.part(np.arange(len(curve.distance)) >= index), noise, known)
     if index == 0 and not flat:
         return 0
+    return _beyond(curve, index, known)
+
+
+def _beyond(curve: AveragedCurve, index: int, known: OffsetEstimate | None) -> int:
+    """Return the point at which the signal has fallen so far that what flattened it has faded."""
     base = float(curve.output.min()) if known is None else known.value
     signal = curve.output - base
     beyond = np.flatnonzero(signal <= np.exp(-_MARGIN) * signal[index])

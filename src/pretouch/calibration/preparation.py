@@ -29,7 +29,6 @@ OffsetChoice: TypeAlias = "str | float | tuple[float, float]"
 
 FEWEST_POINTS = 3  # two parameters and one point to judge them by
 _FEWEST_DISTANCES = 4  # the inverse power on a known offset, and one to judge it by
-_FEWEST_TO_SEE_FLATTENING = 7
 _FALL_LEVEL = 0.05
 _CLEAR_FALL = 6.0  # standard deviations from the first to the last reading that need no rank test
 
@@ -165,7 +164,7 @@ def _steep_end(
 ) -> tuple[NearEnd, bool]:
     """Move the near end to where the output is as steep as a curve, if it flattens toward the sensor."""
     part, place = curve.part(good), np.flatnonzero(good)
-    if len(place) < _FEWEST_TO_SEE_FLATTENING:
+    if len(place) < _FEWEST_DISTANCES + 1:
         return near, False
     noise = find_noise(part, known, given, families_of(part)[:2])
     first = first_steep(part, noise, given, flat=near.flat)
@@ -182,12 +181,13 @@ def _steep_end(
 
 def _rising(calibration: Calibration) -> str:
     """Say what to do with an output that rises with distance."""
+    top = float(max([calibration.outputs.max(), *calibration.no_object]))
     return (
         "The output rises with distance, and a proximity signal falls: for a sensor that reports a distance, give "
         "its curve "
         "by hand and set chain.reports_distance = true; for electronics that invert, write the output with the "
         "other "
-        f"sign, such as {calibration.outputs.max():g} {calibration.unit}".rstrip()
+        f"sign, such as {top:g} {calibration.unit}".rstrip()
         + " minus the reading."
     )
 
@@ -224,7 +224,7 @@ def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimat
         error = known.sigma / np.sqrt(count)
         reach = float(stdtrit(max(known.freedom, 1.0), 0.975)) * error
     return OffsetEstimate(
-        value=value, standard_error=float(error), low=value - reach, high=value + reach, kind="measured"
+        value=value, standard_error=float(error), low=float(value - reach), high=float(value + reach), kind="measured"
     )
 
 

@@ -200,7 +200,7 @@ def _offset_reservations(prepared: Prepared) -> list[str]:
     at = int(curve.output.argmin())
     lowest = float(curve.output[at])
     named = f"{offset.kind} offset of {offset.value:.4g} {unit}".rstrip()
-    if offset.value < 0 and offset.high < 0 and lowest >= 0:
+    if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
         found.append(f"The {named} is negative, which no reading is: record the output with no object.")
     error = 4 * prepared.noise.output / math.sqrt(float(curve.count[at])) if prepared.noise is not None else 0.0
     if offset.kind == "declared" and offset.value > lowest + error:

@@ -186,7 +186,12 @@ def _smooth_share(noise: NoiseEstimate, curve: AveragedCurve) -> float:
 
 
 def find_courses(
-    curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimate | None, *, informed_by: int | None = None
+    curve: AveragedCurve,
+    noise: NoiseEstimate,
+    known: OffsetEstimate | None,
+    *,
+    informed_by: int | None = None,
+    also: float | None = None,
 ) -> Courses:
     """Fit every family at every offset that comes into question.
 
@@ -195,6 +200,7 @@ def find_courses(
         noise: of readings and means.
         known: the offset where it is measured or declared; None where the readings have to tell it.
         informed_by: how many points the noise was estimated from; those of the curve where None.
+        also: another offset to fit at; None for none.
 
     Returns:
         The fits.
@@ -205,6 +211,7 @@ def find_courses(
     for family in families_of(curve):
         free = fit_free(curve, family, noise, None if known is None else known.value)
         offsets = _offsets(curve, free, known)
+        offsets = offsets if also is None else np.unique(np.append(offsets, also))
         problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
         start = np.repeat(free.x[:, :3], len(offsets), axis=0)
         found = problem.minimize(start)

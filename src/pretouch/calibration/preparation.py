@@ -118,7 +118,11 @@ def _prepared(
     noise = find_noise(tail, known, given)
     if given is not None and given.standard_error < 0:  # one or two readings: their noise is that of the others
         given = _with_noise(calibration, given, noise)
-    free = None if given is not None and len(tail.distance) < _FEWEST_DISTANCES + 2 else find_courses(tail, noise, None)
+    free = (
+        None
+        if given is not None and len(tail.distance) < _FEWEST_DISTANCES + 2
+        else find_courses(tail, noise, None, also=given.value if given else None)
+    )
     found = given if given is not None or free is None else free.offset("fitted")
     if found is None:  # there are points enough where none is given
         raise AssertionError

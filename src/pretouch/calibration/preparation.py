@@ -118,11 +118,11 @@ def _prepared(
     noise = find_noise(tail, known, given)
     if given is not None and given.standard_error < 0:  # one or two readings: their noise is that of the others
         given = _with_noise(calibration, given, noise)
-    free = (
-        None
-        if given is not None and len(tail.distance) < _FEWEST_DISTANCES + 2
-        else find_courses(tail, noise, None, also=given.value if given else None)
-    )
+    free = None
+    if given is None:
+        free = find_courses(tail, noise, None)
+    elif len(tail.distance) >= _FEWEST_DISTANCES + 2:  # what a wrong offset makes is no misfit
+        free = find_courses(tail, find_noise(tail, known, None), None, also=given.value)
     found = given if given is not None or free is None else free.offset("fitted")
     if found is None:  # there are points enough where none is given
         raise AssertionError

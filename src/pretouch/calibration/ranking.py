@@ -20,7 +20,7 @@ __all__ = ["rank_models"]
 _FEW_POINTS = 6
 _LARGE_MISFIT = 0.1  # of ln xi: the virtual force is wrong by as much over one step of the calibration
 _FEW_EMPTY = 4  # readings without an object, which tell the noise as repeats do
-_DOUBT = {"declared": 1.0, "measured": 2.5, "fitted": 1.0}  # times the interval of what the readings ask for instead
+_DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # times the interval of what the readings ask for instead
 _MOST_NAMED = 5  # distances, one by one
 _SMALL_FALL = 0.3  # of ln xi over the window: less tells hardly more than a slope
 

@@ -21,6 +21,8 @@ Residuals: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
 """From parameters, shape (b, p), and the numbers of their problems, shape (b,), to residuals, shape (b, n)."""
 
 _STEP: Final = 1e-6  # of a parameter, for differences
+_DOUBLINGS: Final = 5  # a profile that has not risen at 60 times the width of the linear interval has no end
+_ATTEMPTS: Final = 12
 _STIFFEST: Final = 1e12
 _HUGE: Final = 1e150  # a residual that is no number counts as this
 
@@ -216,10 +218,6 @@ def intervals(
         lane.finish()
     ends = [(lane.end or 0.0, lane.reached) for lane in lanes]
     return [(a[0], b[0], a[1], b[1]) for a, b in zip(ends[::2], ends[1::2], strict=True)]
-
-
-_DOUBLINGS: Final = 5  # a profile that has not risen at 60 times the width of the linear interval has no end
-_ATTEMPTS: Final = 12
 
 
 class _End:

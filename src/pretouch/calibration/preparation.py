@@ -188,10 +188,8 @@ def _rising(calibration: Calibration) -> str:
     top = float(max([calibration.outputs.max(), *calibration.no_object]))
     return (
         "The output rises with distance, and a proximity signal falls: for a sensor that reports a distance, give "
-        "its curve "
-        "by hand and set chain.reports_distance = true; for electronics that invert, write the output with the "
-        "other "
-        f"sign, such as {top:g} {calibration.unit}".rstrip()
+        "its curve by hand and set chain.reports_distance = true; for electronics that invert, write the output with "
+        f"the other sign, such as {top:g} {calibration.unit}".rstrip()
         + " minus the reading."
     )
 

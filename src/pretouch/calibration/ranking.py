@@ -11,6 +11,7 @@ from pretouch._core.units import format_quantity
 from .averaging import average
 from .data import Calibration
 from .fit import MODELS, check_models, fit_prepared, why_not
+from .knowledge import SlopeKnowledge
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit
 from .slope import slope_knowledge, slope_reservations
@@ -75,7 +76,8 @@ def rank_models(
             else:
                 fits.append(fit_prepared(model, prepared))
         fits.sort(key=_rank)
-    reservations = prepared.no_signal or tuple(_reservations(prepared, fits))
+    slope = slope_knowledge(prepared)
+    reservations = prepared.no_signal or tuple(_reservations(prepared, fits, slope))
     return CalibrationReport(
         calibration=prepared.calibration,
         fits=tuple(fits),
@@ -85,7 +87,7 @@ def rank_models(
         verdict=_verdict(prepared, reservations),
         reasons=reservations or (_praise(prepared, fits),),
         not_fitted=not_fitted,
-        slope=slope_knowledge(prepared),
+        slope=slope,
         left_out=_left_out(prepared),
         curves=prepared.courses,
     )
@@ -154,7 +156,7 @@ def _praise(prepared: Prepared, fits: list[SensorFit]) -> str:
     )
 
 
-def _reservations(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
+def _reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeKnowledge | None) -> list[str]:
     """List what is wrong with a usable signal, each with what to do about it."""
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
@@ -186,7 +188,7 @@ def _reservations(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
     if dropped > 0.2 * (dropped + len(calibration.outputs)):
         found.append(f"{dropped} rows have no output: check the recording.")
     if fits:
-        found += slope_reservations(prepared, fits[0])
+        found += slope_reservations(prepared, fits[0], slope)
         found += _misfits(prepared, fits)
     return found
 

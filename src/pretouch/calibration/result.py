@@ -77,7 +77,7 @@ class NoiseEstimate(Value):
         relative: standard deviation of one reading relative to xi, on top.
         resolution: step in which the outputs come; 0 where none was found.
         misfit: RMS distance of the means from the best curve beyond what noise explains, relative to xi.
-        misfit_length: distance [m] over which the misfit keeps its sign; 0 where there is none.
+        misfit_length: correlation length of the misfit [m], by its changes of sign; 0 where there is none.
         output_source: where `output` comes from.
         relative_source: where `relative` comes from.
     """

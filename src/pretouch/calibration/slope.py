@@ -50,11 +50,11 @@ def slope_knowledge(prepared: Prepared) -> SlopeKnowledge | None:
     )
 
 
-def slope_reservations(prepared: Prepared, best: SensorFit) -> list[str]:
+def slope_reservations(prepared: Prepared, best: SensorFit, known: SlopeKnowledge | None) -> list[str]:
     """Say where g is not known well enough, and what would tell it."""
-    known, found = slope_knowledge(prepared), []
     if known is None:
         return []
+    found = []
     worst = float(known.uncertainty.max())
     if worst > KNOWN:
         offset = prepared.offset

@@ -386,6 +386,16 @@ class TestMittagLeffler:
         near = x < 1  # farther out 2 / sqrt(pi) - 2 x erfcx(x) loses its digits
         np.testing.assert_allclose(derivative[near], (2 / np.sqrt(np.pi) - 2 * x * erfcx(x))[near], rtol=1e-12)
 
+    @pytest.mark.parametrize("accuracy", [1e-13, 1e-9])
+    def test_many_orders_in_one_call_are_each_alone(self, accuracy: float) -> None:
+        rng = np.random.default_rng(3)
+        orders = np.append(rng.uniform(0.05, 1, 300), [1.0, 0.68, 0.69])
+        arguments = -(10 ** rng.uniform(-3, 3, (len(orders), 7)))
+        together = mittag_leffler(orders, arguments, accuracy=accuracy)
+        for i, order in enumerate(orders):
+            for many, one in zip(together, mittag_leffler(float(order), arguments[i]), strict=True):
+                np.testing.assert_allclose(many[i], one, rtol=accuracy)
+
     @LAW
     @given(order=st.floats(0.05, 1) | st.floats(-12, -2).map(lambda e: 1 - 10**e), start=st.floats(0, 20))
     def test_it_is_completely_monotone(self, order: float, start: float) -> None:

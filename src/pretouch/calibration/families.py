@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from pretouch.sensors import (
     SensorModel,
     mittag_leffler,
 )
+
+_ACCURACY: Final = 1e-9  # of a curve that is fitted
 
 __all__ = ["FAMILIES", "Family", "InversePowerFamily"]
 
@@ -244,22 +246,19 @@ class MittagLefflerFamily(Family):
         return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
 
     def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ln E_alpha(c l) and its derivative by l."""
-        value, derivative = np.empty((2, *u.shape[:-1], len(distance)))
-        with np.errstate(all="ignore"):  # trial steps may go where the curve underflows
-            argument = -np.exp(u[..., 1, None]) * distance
-            for i in np.ndindex(u.shape[:-1]):
-                value[i], derivative[i] = mittag_leffler(min(float(u[i][2]), 1.0), argument[i])
-            log = np.log(np.clip(np.nan_to_num(value), 1e-300, 1.0))
-            slope = np.nan_to_num(-np.exp(u[..., 1, None]) * derivative / value, nan=-1e9)
-        return log, slope
+        """Return ln E_alpha(c l) and its derivative by c l."""
+        argument = -np.exp(u[..., 1, None]) * distance
+        order = np.minimum(u[..., 2], 1.0).ravel()
+        value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)
+        value = np.clip(value, 1e-300, 1.0)  # trial steps may go where the curve underflows
+        return np.log(value), derivative / value
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
         relative, _ = self._relative(u, np.append(distance, self.middle))
         return np.asarray(u[..., 0, None] + relative[..., :-1] - relative[..., -1:])
 
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        return self._relative(u, distance)[1]
+        return np.asarray(-np.exp(u[..., 1, None]) * self._relative(u, distance)[1])
 
     def coordinates(self, u: FloatArray) -> FloatArray:
         at_middle, _ = self._relative(u, np.array([self.middle]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,7 @@ from .families import Family, InversePowerFamily, MittagLefflerFamily, SecondOrd
 from .many_fits import Fits, minimize_many
 from .result import NoiseEstimate
 
-__all__ = ["HEAVIEST_KAPPA", "Problem", "families_of", "fit_free", "lowest_offset"]
+__all__ = ["HEAVIEST_KAPPA", "Problem", "families_of", "fit_free", "lowest_offset", "quick_families"]
 
 HEAVIEST_KAPPA: Final = 1 / 0.7
 """1 / n of the flattest inverse power that is considered."""
@@ -60,6 +60,18 @@ class Problem:
         """Fit from one start each."""
         return minimize_many(self.residuals, start, self.bounds())
 
+    def minimize_from(self, guess: float, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
+        """Fit each of the first problems within bounds, from several starts; the best is followed to its end."""
+        rows, every = self.starts(guess), np.arange(count)
+        which = np.tile(every, len(rows))
+
+        def each(u: FloatArray, number: IntArray) -> FloatArray:
+            return self.residuals(u, which[number])
+
+        rough = minimize_many(each, np.repeat(rows, count, axis=0), bounds, tolerance=1e-3, most=15)
+        best = rough.costs.reshape(len(rows), count).argmin(axis=0)
+        return minimize_many(self.residuals, rough.x.reshape(len(rows), count, -1)[best, every], bounds)
+
     def starts(self, guess: float) -> FloatArray:
         """Return starts at an offset, one per row."""
         d, y = self.curve.distance, self.curve.output
@@ -92,12 +104,14 @@ def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
     )
 
 
+def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:
+    """Return those of the families that take a small part of the time: all but the Mittag-Leffler curve."""
+    return tuple(f for f in families_of(curve) if not isinstance(f, MittagLefflerFamily))
+
+
 def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:
     """Fit one family from several starts, with its own offset as the last parameter where none is given; b = 1."""
     guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if offset is None else offset
     offsets = None if offset is None else np.array([offset])
     problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
-    starts = problem.starts(guess)
-    many = problem if offsets is None else replace(problem, offsets=np.repeat(offsets, len(starts)))
-    rough = minimize_many(many.residuals, starts, problem.bounds(), tolerance=1e-3, most=12)
-    return problem.minimize(rough.x[[int(rough.costs.argmin())]])
+    return problem.minimize_from(guess, 1, problem.bounds())

@@ -19,7 +19,7 @@ from .averaging import AveragedCurve
 from .diagnostics import slope_weights
 from .families import Family, SecondOrderFamily
 from .family_fits import Problem, families_of
-from .many_fits import Fits, minimize_many
+from .many_fits import Fits
 from .result import NoiseEstimate, OffsetEstimate
 
 __all__ = ["first_steep"]
@@ -129,17 +129,7 @@ def _fits(curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: Off
     if isinstance(family, SecondOrderFamily):
         high[2] = min(high[2], 0.0)  # never steeper farther away
     guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if value is None else value
-    rows = problem.starts(guess)
-    which = np.tile(np.arange(count), len(rows))
-    rough = minimize_many(
-        lambda u, w: problem.residuals(u, which[w]),
-        np.repeat(rows, count, axis=0),
-        (low, high),
-        tolerance=1e-3,
-        most=15,
-    )
-    best = rough.costs.reshape(len(rows), count).argmin(axis=0)
-    return minimize_many(problem.residuals, rough.x.reshape(len(rows), count, -1)[best, np.arange(count)], (low, high))
+    return problem.minimize_from(guess, count, (low, high))
 
 
 def _foretold(

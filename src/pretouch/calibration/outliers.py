@@ -10,7 +10,7 @@ from pretouch._core.numbers import FloatArray
 
 from .averaging import AveragedCurve, ReadingNoise
 from .families import Family
-from .family_fits import Problem, families_of, fit_free
+from .family_fits import Problem, fit_free, quick_families
 from .noise import find_noise
 from .result import NoiseEstimate, OffsetEstimate
 
@@ -52,7 +52,7 @@ def bad_distances(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstim
 
 
 def _worst(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> int | None:
-    families = families_of(curve)[:2]
+    families = quick_families(curve)
     noise = find_noise(curve, known, offset, families)
     value = None if offset is None else offset.value
     suspects: list[int] = []

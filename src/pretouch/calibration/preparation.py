@@ -15,7 +15,7 @@ from .averaging import AveragedCurve, ReadingNoise, average, reading_noise
 from .condensing import condense
 from .courses import Courses, find_courses
 from .data import Calibration
-from .family_fits import families_of
+from .family_fits import quick_families
 from .far_end import end_of_falling, is_rising
 from .flattening import first_steep
 from .noise import find_noise
@@ -170,7 +170,7 @@ def _steep_end(
     part, place = curve.part(good), np.flatnonzero(good)
     if len(place) < _FEWEST_DISTANCES + 1:
         return near, False
-    noise = find_noise(part, known, given, families_of(part)[:2])
+    noise = find_noise(part, known, given, quick_families(part))
     first = first_steep(part, noise, given, flat=near.flat)
     if first and given is not None and given.kind == "declared":  # an offset that is wrong bends a curve, too
         first = min(first, first_steep(part, noise, None, flat=near.flat))

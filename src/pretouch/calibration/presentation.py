@@ -69,11 +69,11 @@ def _conditions(report: CalibrationReport) -> list[str]:
         f"        ends:   {window.end_reason}",
     ]
     if offset is not None:
-        lines.append(f"offset  {offset.value:.4g} ± {offset.standard_error:.2g} {unit} ({offset.kind})".rstrip())
+        lines.append(f"offset  {offset.value:.4g} ± {f'{offset.standard_error:.2g} {unit}'.rstrip()} ({offset.kind})")
     if noise is not None:
-        lines.append(f"noise   {noise.output:.3g} {unit} per reading, from {noise.output_source};".replace("  ", " "))
+        lines.append(f"noise   {f'{noise.output:.3g} {unit}'.rstrip()} per reading, from {noise.output_source};")
         lines.append(f"        {100 * noise.relative:.2g} % of the signal per reading, from {noise.relative_source}")
-        size = f"{100 * noise.misfit:.2g} % of the signal, over {format_quantity(noise.misfit_length, 'm', 2)}"
+        size = f"{100 * noise.misfit:.2g} % of the signal, alike over {format_quantity(noise.misfit_length, 'm', 2)}"
         lines.append(f"misfit  {size if noise.misfit > 0 else 'none beyond the noise'}")
     if report.slope is not None:
         known, (near, far) = report.slope, (format_quantity(float(d), "m", 3) for d in report.slope.distances[[0, -1]])

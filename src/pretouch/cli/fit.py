@@ -81,14 +81,20 @@ def fit(
             floor_sigmas=floor_sigmas,
         )
         curves = request.read()
-        if not json and curves[0].source is not None:
-            for note in curves[0].source.notes:
-                print_text(f"note: {note}")
+        if not json:
+            _print_notes(curves[0], ())
         if len(curves) > 1:
             return _several(request, curves, json, output)
         return _one(request, curves[0], Presentation(json=json, output=output, report=report, force=force))
 
     conclude(run, json_wanted=json)
+
+
+def _print_notes(curve: Calibration, known: tuple[str, ...]) -> None:
+    """Print what was noted of a curve, but for what is known already."""
+    for note in () if curve.source is None else curve.source.notes:
+        if note not in known:
+            print_text(f"note: {note}")
 
 
 def _output_or(text: str, words: tuple[str, ...], name: str) -> str | OutputValue:
@@ -142,6 +148,8 @@ def _no_object(text: str | None) -> Any:
 def _one(request: FitRequest, curve: Calibration, presentation: Presentation) -> int:
     """Fit one curve: report on the terminal and as a file."""
     found = request.rank(curve)
+    if not presentation.json and curve.source is not None:
+        _print_notes(found.calibration, curve.source.notes)
 
     def write(path: Path, overwrite: bool) -> object:
         from pretouch.report import write_fit_report  # noqa: PLC0415 - Matplotlib, only when needed

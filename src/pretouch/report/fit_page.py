@@ -74,7 +74,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         n = report.noise
         yield "noise of one reading", _value(n.output, unit), n.output_source
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", f"per reading, from {n.relative_source}"
-        length = f"of the mean, it keeps its sign over {quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
+        length = f"of the mean, alike over {quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield "misfit of the curve", f"{100 * n.misfit:.3g} %", length or "none beyond the noise"
     if report.slope is not None:
         places = [quantity(float(d), "m") for d in report.slope.distances[[0, -1]]]

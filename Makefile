@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# what the compiled core is made of: built by pip, with the machine's compiler or, where there is none, one that pip brings
+NATIVE := native/build.py $(wildcard native/*/*.c native/*/*.h native/*/*.cpp native/*/*.hpp)
 JOBS ?= 2
 # what to test, as on which kind of processor (generic, avx2, native), and how (ORDER=shuffled: in another order each time)
 TESTS ?=
@@ -25,7 +27,7 @@ help:
 	@echo "make benchmark  what benchmarks/ measures, on this machine"
 	@echo "make clean      remove what make made"
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml constraints.txt hatch_build.py $(NATIVE)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "pretouch needs Python 3.11 or newer; name one with: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
@@ -36,8 +38,8 @@ demo: $(STAMP)
 	$(BIN)/python examples/demo.py
 
 check: $(STAMP)
-	$(BIN)/ruff format --check src tests benchmarks examples
-	$(BIN)/ruff check src tests benchmarks examples
+	$(BIN)/ruff format --check src tests benchmarks examples native hatch_build.py
+	$(BIN)/ruff check src tests benchmarks examples native hatch_build.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
 
@@ -53,4 +55,4 @@ benchmark: $(STAMP)
 	$(BIN)/python -m benchmarks
 
 clean:
-	rm -rf $(VENV) build dist demo-output .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf src/pretouch/_core/libpretouch.* $(VENV) build dist demo-output .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import Scenario
 
@@ -32,6 +33,8 @@ _VALUE: Final = 1e-10  # of the objective: the same, and the test of every encou
 _LOGARITHMIC: Final = 3.0  # ratio of largest to smallest from which the logarithm is the better coordinate
 _Z: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
 _TO_COEFFICIENTS: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_Z, _NODES - 1))
+
+_interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, INTEGER, POINTER)
 
 
 def find_family(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
@@ -75,9 +78,8 @@ def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray
 
 
 def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArray, out: FloatArray) -> FloatArray:
-    from .kernels.interpolation import interpolate  # noqa: PLC0415 - the compiled core is loaded when it pays
-
-    interpolate(place, low, high, coefficients, out)
+    coefficients = np.ascontiguousarray(coefficients)
+    _interpolate(address(place), place.size, low, high, address(coefficients), coefficients.shape[1], address(out))
     return out
 
 

@@ -1,0 +1,35 @@
+"""Hatchling's hook: builds the compiled core into the wheel, or beside the sources of an editable install."""
+
+from __future__ import annotations
+
+import importlib.util
+import sysconfig
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+_SPEC = importlib.util.spec_from_file_location("pretouch_native", Path(__file__).parent / "native/build.py")
+assert _SPEC is not None
+assert _SPEC.loader is not None
+native = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(native)
+
+
+class NativeHook(BuildHookInterface[Any]):
+    """The build of the compiled core."""
+
+    def dependencies(self) -> list[str]:
+        """Ask pip for a compiler where the machine has none."""
+        return [] if native.compilers() else [native.ZIG]
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:  # noqa: ARG002
+        """Build the library and say for which machines it is; no Python.h is used, so it serves every Python."""
+        library = native.build(native.library_path(Path(self.root)))
+        build_data["artifacts"].append(str(library.relative_to(self.root)))
+        build_data["pure_python"] = False
+        if native.compilers():
+            tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+        else:
+            tag = native.TARGETS[native.this_target()].tag
+        build_data["tag"] = f"py3-none-{tag}"

@@ -1,0 +1,160 @@
+"""Builds the compiled core: one plain shared library, by the machine's compiler or, where there is none, by zig's.
+
+    python native/build.py            into src/pretouch/_core/
+    python native/build.py --sanitize with checks of addresses and undefined behavior, into build/native/sanitized/
+
+Nothing here needs Python.h, so one library serves every Python. `lanes_*.cpp` are compiled once for each kind of
+processor, and which of them runs is decided when the library is loaded. Objects are kept in build/native/, named after
+all that they are made of, so that only what has changed is compiled again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+NATIVE = Path(__file__).resolve().parent
+ZIG = "ziglang>=0.14,<0.18"
+"""What pip brings where the machine has no compiler."""
+
+WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi -Werror"
+LAW = f"-std=c99 -O2 -ffp-contract=off -pedantic {WARNINGS}"
+PLAIN = f"-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics {WARNINGS}"
+LANES = (
+    f"-std=c++20 -O3 -fno-math-errno -fno-trapping-math -ffp-contract=fast -fno-exceptions -fno-rtti "
+    f"-fno-threadsafe-statics {WARNINGS}"
+)
+_AVX2 = "-mavx2 -mfma -mbmi -mbmi2"  # features, not -march: zig spells its levels otherwise
+PROCESSORS = {
+    "base": "",
+    "avx2": _AVX2,
+    "avx512": f"{_AVX2} -mavx512f -mavx512dq -mavx512bw -mavx512vl -mavx512cd -mprefer-vector-width=512",
+}
+SANITIZED = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g -O1"
+SUFFIXES = {"win32": ".dll", "darwin": ".dylib"}
+
+
+class Target(NamedTuple):
+    """A kind of machine: as zig names it with the oldest system that is served, and as a wheel says so."""
+
+    triple: str
+    tag: str
+
+
+TARGETS = {
+    "linux-x86_64": Target("x86_64-linux-gnu.2.17", "manylinux_2_17_x86_64.manylinux2014_x86_64"),
+    "linux-aarch64": Target("aarch64-linux-gnu.2.17", "manylinux_2_17_aarch64.manylinux2014_aarch64"),
+    "darwin-arm64": Target("aarch64-macos.11.0", "macosx_11_0_arm64"),
+    "darwin-x86_64": Target("x86_64-macos.11.0", "macosx_11_0_x86_64"),
+    "win32-AMD64": Target("x86_64-windows-gnu", "win_amd64"),
+}
+
+
+def this_target() -> str:
+    """Name the machine that is built for: this one, or the one that PRETOUCH_TARGET names."""
+    return os.environ.get("PRETOUCH_TARGET") or f"{sys.platform}-{platform.machine()}"
+
+
+def compilers() -> tuple[list[str], list[str]] | None:
+    """Find the commands for C and C++; None where zig has to do it."""
+    if os.environ.get("PRETOUCH_COMPILER") == "zig" or os.environ.get("PRETOUCH_TARGET") or sys.platform == "win32":
+        return None
+    if "CC" in os.environ and "CXX" in os.environ:
+        return os.environ["CC"].split(), os.environ["CXX"].split()
+    for c, cxx in (("cc", "c++"), ("gcc", "g++"), ("clang", "clang++")):
+        if shutil.which(c) and shutil.which(cxx):
+            return [c], [cxx]
+    return None
+
+
+def library_path(root: Path) -> Path:
+    """Return where the library of a source tree lies."""
+    return root / "src/pretouch/_core" / f"libpretouch{SUFFIXES.get(this_target().split('-')[0], '.so')}"
+
+
+def build(library: Path, *, sanitize: bool = False) -> Path:
+    """Compile every source and link them by the C compiler: no C++ runtime is needed.
+
+    Args:
+        library: where it is put.
+        sanitize: check addresses and undefined behavior when it runs.
+
+    Returns:
+        The library. A command that fails ends this with what it printed.
+    """
+    system, machine = this_target().split("-", 1)
+    cc, cxx = compilers() or _zig()
+    common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
+    common += SANITIZED.split() if sanitize else ["-g0"]
+    jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
+    for path in sorted(NATIVE.glob("core/*.cpp")):
+        if not path.name.startswith("lanes_"):
+            jobs.append([*cxx, *PLAIN.split(), *common, "-c", str(path)])
+            continue
+        for name, flags in PROCESSORS.items():
+            if name == "base" or machine in {"x86_64", "AMD64"}:
+                variant = [*LANES.split(), *flags.split(), f"-DPRETOUCH_VARIANT=pretouch_{name}"]
+                jobs.append([*cxx, *variant, *common, "-c", str(path)])
+    kept = NATIVE.parent / "build/native"
+    kept.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
+        objects = list(pool.map(lambda job: _compiled(job, kept), jobs))
+    library.parent.mkdir(parents=True, exist_ok=True)
+    made = library.with_name(f"{library.name}.{os.getpid()}")
+    link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system == "linux" else [])]
+    _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
+    made.replace(library)  # never a half of it, and a process that has the old one keeps it
+    return library
+
+
+def _zig() -> tuple[list[str], list[str]]:
+    """Return the commands of the compiler that pip brings."""
+    known = TARGETS.get(this_target())
+    if known is None:
+        raise RuntimeError(
+            f"pretouch's compiled core can not be built: found no C and C++ compiler, and none comes by pip for "
+            f"{this_target()}; install one, or name it by CC and CXX"
+        )
+    zig = [sys.executable, "-m", "ziglang"]
+    return [*zig, "cc", "-target", known.triple], [*zig, "c++", "-target", known.triple]
+
+
+def _compiled(job: list[str], kept: Path) -> Path:
+    """Compile one source, unless it was before."""
+    digest = hashlib.sha256("\0".join(job).encode())
+    for path in [Path(job[-1]), *sorted(NATIVE.glob("*/*.h")), *sorted(NATIVE.glob("*/*.hpp"))]:
+        digest.update(path.read_bytes())
+    made = kept / f"{Path(job[-1]).stem}-{digest.hexdigest()[:20]}.o"
+    if not made.exists():
+        partial = made.with_suffix(f".{os.getpid()}")
+        _run([*job, "-o", str(partial)])
+        partial.replace(made)
+    return made
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"pretouch's compiled core could not be built:\n  {' '.join(command)}\n{done.stderr}")
+
+
+def main() -> None:
+    """Build in place."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--sanitize", action="store_true", help="check addresses and undefined behavior")
+    sanitize = parser.parse_args().sanitize
+    root = NATIVE.parent
+    made = library_path(root) if not sanitize else root / "build/native/sanitized" / library_path(root).name
+    print(build(made, sanitize=sanitize).relative_to(root))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+// Numbers side by side: as many as one register of the processor holds that this file is compiled for.
+//
+// A kernel is written once, over a type V that is `double` or `Lanes`; the functions below are all that it needs beside
+// the operators. Everything lies in a namespace of the processor (PRETOUCH_VARIANT), and no std:: template is used: what
+// the linker could merge between the variants would bring the wrong instructions to a processor.
+
+#pragma once
+
+#include <stdint.h>
+
+#if defined(__x86_64__) || defined(_M_X64)
+#include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
+#endif
+
+namespace PRETOUCH_VARIANT {
+
+#if defined(__AVX512F__)
+constexpr int WIDTH = 8;
+#elif defined(__AVX2__)
+constexpr int WIDTH = 4;
+#else
+constexpr int WIDTH = 2;
+#endif
+
+typedef double Lanes __attribute__((vector_size(WIDTH * sizeof(double))));
+typedef int64_t Masks __attribute__((vector_size(WIDTH * sizeof(int64_t))));  // all bits of a lane, or none
+
+constexpr double INFINITE = __builtin_inf();
+const double NOT_A_NUMBER = __builtin_nan("");
+
+static inline Lanes all(double value) { return value - Lanes{}; }
+static inline Lanes load(const double *from) {
+    Lanes value;
+    __builtin_memcpy(&value, from, sizeof value);
+    return value;
+}
+static inline void store(double *to, Lanes value) { __builtin_memcpy(to, &value, sizeof value); }
+
+// The last lanes of an array of any length: what is not there is as the first. They go through the same instructions as
+// all others, so that a result does not depend on its place.
+static inline Lanes load(const double *from, int64_t count) {
+    if (count >= WIDTH) return load(from);
+    Lanes value = all(from[0]);
+    for (int i = 0; i < count; i++) value[i] = from[i];
+    return value;
+}
+static inline void store(double *to, Lanes value, int64_t count) {
+    if (count >= WIDTH) return store(to, value);
+    for (int i = 0; i < count; i++) to[i] = value[i];
+}
+
+static inline double where(bool condition, double yes, double no) { return condition ? yes : no; }
+static inline Lanes where(Masks condition, Lanes yes, Lanes no) { return condition ? yes : no; }
+
+static inline double absolute(double x) { return __builtin_fabs(x); }
+static inline Lanes absolute(Lanes x) { return (Lanes)((Masks)x & INT64_MAX); }
+
+// the smaller and the larger; the second one where the first is not a number
+static inline double least(double x, double y) { return x < y ? x : y; }
+static inline Lanes least(Lanes x, Lanes y) { return x < y ? x : y; }
+static inline double most(double x, double y) { return x > y ? x : y; }
+static inline Lanes most(Lanes x, Lanes y) { return x > y ? x : y; }
+
+static inline double root(double x) { return __builtin_sqrt(x); }
+static inline Lanes root(Lanes x) {
+#if defined(__AVX512F__)
+    return (Lanes)_mm512_sqrt_pd((__m512d)x);
+#elif defined(__AVX2__)
+    return (Lanes)_mm256_sqrt_pd((__m256d)x);
+#elif defined(__x86_64__)
+    return (Lanes)_mm_sqrt_pd((__m128d)x);
+#elif defined(__aarch64__)
+    return (Lanes)vsqrtq_f64((float64x2_t)x);
+#else
+    for (int i = 0; i < WIDTH; i++) x[i] = __builtin_sqrt(x[i]);
+    return x;
+#endif
+}
+
+static inline bool any(bool condition) { return condition; }
+static inline bool any(Masks condition) {
+    int64_t found = 0;
+    for (int i = 0; i < WIDTH; i++) found |= condition[i];
+    return found != 0;
+}
+
+// one bit for each lane in which the condition holds
+static inline uint64_t bits(Masks condition) {
+#if defined(__AVX512DQ__)
+    return _mm512_movepi64_mask((__m512i)condition);
+#elif defined(__AVX2__)
+    return (uint64_t)_mm256_movemask_pd((__m256d)condition);
+#elif defined(__x86_64__)
+    return (uint64_t)_mm_movemask_pd((__m128d)condition);
+#else
+    uint64_t found = 0;
+    for (int i = 0; i < WIDTH; i++) found |= (uint64_t)(condition[i] != 0) << i;
+    return found;
+#endif
+}
+
+static inline int64_t as_bits(double x) {
+    int64_t found;
+    __builtin_memcpy(&found, &x, sizeof found);
+    return found;
+}
+static inline Masks as_bits(Lanes x) { return (Masks)x; }
+static inline double from_bits(int64_t x) {
+    double found;
+    __builtin_memcpy(&found, &x, sizeof found);
+    return found;
+}
+static inline Lanes from_bits(Masks x) { return (Lanes)x; }
+
+// the type of a comparison of V, and a V of equal numbers
+template <class V> struct Of;
+template <> struct Of<double> {
+    typedef bool Mask;
+    static double all(double value) { return value; }
+};
+template <> struct Of<Lanes> {
+    typedef Masks Mask;
+    static Lanes all(double value) { return PRETOUCH_VARIANT::all(value); }
+};
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,10 @@
+// What the files of lanes define, once in the namespace of each processor. The arguments are those of pretouch.h.
+
+#include "pretouch.h"
+
+namespace PRETOUCH_VARIANT {
+
+void interpolate(const double *place, int64_t n, double low, double high, const double *coefficients, int64_t m,
+                 double *out);
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,113 @@
+"""The compiled core: a plain shared library, loaded by ctypes when a kernel is first called.
+
+A kernel takes numbers and addresses. `address` gives that of an array and refuses every array that a kernel would
+misread, so an error here is a Python exception and never a crash there. ctypes releases the interpreter's lock while a
+kernel runs.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InvalidInputError
+
+__all__ = ["DOUBLE", "INTEGER", "POINTER", "VARIANTS", "address", "columns", "kernel", "variant"]
+
+POINTER: Final = ctypes.c_void_p
+INTEGER: Final = ctypes.c_int64
+DOUBLE: Final = ctypes.c_double
+
+VARIANTS: Final = ("base", "avx2", "avx512")
+"""For which kinds of processor there are kernels."""
+
+_SWITCH: Final = "PRETOUCH_VARIANT"
+_SUFFIXES: Final = {"win32": ".dll", "darwin": ".dylib"}
+_FLOAT: Final = np.dtype(np.float64)
+_start: Final = ctypes.addressof
+_view: Final = ctypes.c_char.from_buffer
+
+
+@lru_cache(maxsize=1)
+def _library() -> ctypes.CDLL:
+    """Load the library and choose the kernels for this processor, or those that the environment asks for."""
+    path = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
+    if not path.exists():
+        raise ImportError(
+            f"pretouch's compiled core, {path.name}, is missing beside {__name__}: install pretouch by pip, which "
+            "brings or builds it; in a source tree, run python native/build.py"
+        )
+    library = ctypes.CDLL(str(path))
+    wanted = os.environ.get(_SWITCH, "")
+    if wanted not in {"", *VARIANTS}:
+        raise InvalidInputError(f"{_SWITCH}: found {wanted!r}, expected one of {', '.join(VARIANTS)}")
+    number = VARIANTS.index(wanted) if wanted else -1
+    if wanted and library.pretouch_choose_variant(number) != number:
+        raise InvalidInputError(f"{_SWITCH}: found {wanted}, which this processor does not have")
+    return library
+
+
+def variant() -> str:
+    """Return for which kind of processor the kernels that run are compiled, one of VARIANTS."""
+    return os.environ.get(_SWITCH) or VARIANTS[_library().pretouch_best_variant()]
+
+
+def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]:
+    """Return a function of the library, which is loaded when it is first called.
+
+    Args:
+        name: what it is called there, without `pretouch_`.
+        *arguments: the types of its arguments: POINTER, INTEGER or DOUBLE.
+        result: the type of what it returns; None for nothing.
+
+    Returns:
+        The function, of addresses and numbers.
+    """
+    found: Any = None
+
+    def call(*values: Any) -> Any:
+        nonlocal found
+        if found is None:
+            function = _library()[f"pretouch_{name}"]
+            function.argtypes, function.restype = arguments, result
+            found = function
+        return found(*values)
+
+    return call
+
+
+def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
+    """Return where the numbers of an array lie.
+
+    Args:
+        array: contiguous, in C's order; it must outlive the call that takes the address.
+        dtype: of its numbers.
+
+    Returns:
+        The address.
+
+    Raises:
+        TypeError: the array is not of that type, or not contiguous.
+    """
+    if array.dtype != dtype or not array.flags.c_contiguous:
+        raise TypeError(f"a kernel takes contiguous arrays of {dtype}, not {array.dtype} with strides {array.strides}")
+    try:
+        return _start(_view(array))  # type: ignore[arg-type]  # five times as fast as array.ctypes
+    except (TypeError, ValueError):  # read-only, or empty
+        return int(array.__array_interface__["data"][0])
+
+
+def columns(arrays: Sequence[NDArray[np.float64]]) -> ctypes.Array[ctypes.c_int64]:
+    """Return addresses and strides of several arrays, (n,) or (1,), as the kernels' pretouch_column."""
+    found = (INTEGER * (2 * len(arrays)))()
+    for i, array in enumerate(arrays):
+        found[2 * i], found[2 * i + 1] = address(array), int(array.size != 1)
+    return found

@@ -1,22 +1,11 @@
-// Which kind of processor this is, and the kernels that are compiled for it.
+// Which kind of processor this is.
+
+#include "dispatch.hpp"
 
 #include "pretouch.h"
 
-#if defined(__x86_64__) || defined(_M_X64)
-#include <cpuid.h>
-#define PRETOUCH_X86 1
-#endif
-
-#define PRETOUCH_VARIANT pretouch_base
-#include "lanes_kernels.hpp"
-#undef PRETOUCH_VARIANT
 #ifdef PRETOUCH_X86
-#define PRETOUCH_VARIANT pretouch_avx2
-#include "lanes_kernels.hpp"
-#undef PRETOUCH_VARIANT
-#define PRETOUCH_VARIANT pretouch_avx512
-#include "lanes_kernels.hpp"
-#undef PRETOUCH_VARIANT
+#include <cpuid.h>
 #endif
 
 namespace {
@@ -38,28 +27,13 @@ int best() {
 int best() { return 0; }
 #endif
 
-int chosen = best();
-
 }  // namespace
 
-#ifdef PRETOUCH_X86
-#define CHOSEN(kernel) (chosen == 2 ? pretouch_avx512::kernel : chosen == 1 ? pretouch_avx2::kernel : pretouch_base::kernel)
-#else
-#define CHOSEN(kernel) (pretouch_base::kernel)
-#endif
-
-extern "C" {
+int pretouch_chosen = best();
 
 int pretouch_best_variant(void) { return best(); }
 
 int pretouch_choose_variant(int wanted) {
     const int most = best();
-    return chosen = wanted < 0 || wanted > most ? most : wanted;
+    return pretouch_chosen = wanted < 0 || wanted > most ? most : wanted;
 }
-
-void pretouch_interpolate(const double *place, int64_t n, double low, double high, const double *coefficients,
-                          int64_t m, double *out) {
-    CHOSEN(interpolate)(place, n, low, high, coefficients, m, out);
-}
-
-}  // extern "C"

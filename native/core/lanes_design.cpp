@@ -1,7 +1,7 @@
 // Chebyshev series of two functions at many places, side by side: Clenshaw's recurrence.
 
 #include "lanes.hpp"
-#include "lanes_kernels.hpp"
+#include "lanes_design.hpp"
 
 namespace PRETOUCH_VARIANT {
 

@@ -1,4 +1,4 @@
-// What the files of lanes define, once in the namespace of each processor. The arguments are those of pretouch.h.
+// What lanes_design.cpp defines, once in the namespace of each processor (so there is no guard); see pretouch.h.
 
 #include "pretouch.h"
 

@@ -1,0 +1,20 @@
+// Designs, behind the plain interface of pretouch.h.
+
+#include "dispatch.hpp"
+
+#define PRETOUCH_VARIANT pretouch_base
+#include "lanes_design.hpp"
+#undef PRETOUCH_VARIANT
+#ifdef PRETOUCH_X86
+#define PRETOUCH_VARIANT pretouch_avx2
+#include "lanes_design.hpp"
+#undef PRETOUCH_VARIANT
+#define PRETOUCH_VARIANT pretouch_avx512
+#include "lanes_design.hpp"
+#undef PRETOUCH_VARIANT
+#endif
+
+void pretouch_interpolate(const double *place, int64_t n, double low, double high, const double *coefficients,
+                          int64_t m, double *out) {
+    CHOSEN(interpolate)(place, n, low, high, coefficients, m, out);
+}

@@ -1,0 +1,14 @@
+// The kernels of the processor at hand. A file that exports kernels of lanes includes, between the two macros, the header
+// that declares them once for each kind of processor: see api_design.cpp.
+
+#pragma once
+
+#if defined(__x86_64__) || defined(_M_X64)
+#define PRETOUCH_X86 1
+#define CHOSEN(kernel) \
+    (pretouch_chosen == 2 ? pretouch_avx512::kernel : pretouch_chosen == 1 ? pretouch_avx2::kernel : pretouch_base::kernel)
+#else
+#define CHOSEN(kernel) (pretouch_base::kernel)
+#endif
+
+extern int pretouch_chosen;

@@ -1,6 +1,6 @@
 """Run a command as on a lesser processor: `python .ci/processor.py generic|avx2|native COMMAND...` (x86-64).
 
-NumPy, OpenBLAS, Numba and the C library each choose code by what the processor can do, so results differ in their last
+NumPy, OpenBLAS, Numba, the compiled core and the C library each choose code by what the processor can do, so results differ in their last
 bits between machines. "generic" leaves them what every x86-64 has, "avx2" takes AVX-512 away, "native" changes nothing.
 """
 
@@ -11,6 +11,7 @@ import platform
 import sys
 
 AVX512 = ("AVX512F", "AVX512VL", "AVX512DQ", "AVX512BW")
+VARIANT = {"generic": "base", "avx2": "avx2"}
 COMPILED = {"generic": ("generic", ""), "avx2": ("haswell", "+avx,+avx2,+fma,+bmi,+bmi2,+f16c,+lzcnt,+movbe,+popcnt")}
 BLAS = {"generic": "Prescott", "avx2": "Haswell"}
 WITHOUT = {"generic": ("AVX", "AVX2", "FMA", "FMA4", *AVX512), "avx2": AVX512}
@@ -26,6 +27,7 @@ def environment(kind: str) -> dict[str, str]:
         raise SystemExit(f"{kind} is a kind of x86-64, this is {platform.machine()}")
     name, features = COMPILED[kind]
     return {
+        "PRETOUCH_VARIANT": VARIANT[kind],
         "NUMBA_CPU_NAME": name,
         "NUMBA_CPU_FEATURES": features,
         "NPY_DISABLE_CPU_FEATURES": " ".join(dispatched(kind)),

@@ -108,8 +108,8 @@ def build(library: Path, *, sanitize: bool = False) -> Path:
     with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
         objects = list(pool.map(lambda job: _compiled(job, kept), jobs))
     library.parent.mkdir(parents=True, exist_ok=True)
-    made = library.with_name(f"{library.name}.{os.getpid()}")
-    link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system == "linux" else [])]
+    made = kept / f"{os.getpid()}-{library.name}"  # where a linker may leave more than that
+    link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
     _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
     made.replace(library)  # never a half of it, and a process that has the old one keeps it
     return library

@@ -1,4 +1,4 @@
-// What lanes_design.cpp defines, once in the namespace of each processor (so there is no guard); see pretouch.h.
+// What lanes_design.cpp and lanes_interpolation.cpp define, once in the namespace of each processor (so there is no guard); see pretouch.h.
 
 #include "pretouch.h"
 

@@ -1,0 +1,63 @@
+"""Builds the wheels of a release: one for each kind of machine, all of them here, by zig.
+
+    python native/wheels.py --output dist                  every kind
+    python native/wheels.py --output dist linux-aarch64    only that
+
+Every wheel serves every Python, for the library knows none. Linux wheels are checked by auditwheel where that is
+installed. Those for macOS and Windows are built and have not been run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from build import NATIVE, TARGETS
+
+LARGEST = 1_000_000  # bytes of a wheel
+
+
+def build_wheel(target: str, output: Path) -> Path:
+    """Build the wheel of one kind of machine."""
+    before = set(output.glob("*.whl"))
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(output), "."]
+    subprocess.run(command, cwd=NATIVE.parent, env=os.environ | {"PRETOUCH_TARGET": target}, check=True)
+    (made,) = set(output.glob("*.whl")) - before
+    return made
+
+
+def check(wheel: Path, target: str) -> str:
+    """Say what is in a wheel; end where it is too large, or is not what its name says."""
+    with zipfile.ZipFile(wheel) as archive:
+        libraries = [i for i in archive.infolist() if Path(i.filename).name.startswith("libpretouch")]
+    if len(libraries) != 1 or wheel.stat().st_size > LARGEST:
+        raise SystemExit(f"{wheel.name}: {wheel.stat().st_size} bytes, libraries {[i.filename for i in libraries]}")
+    size, own = wheel.stat().st_size / 1e3, libraries[0].compress_size / 1e3
+    found = f"{wheel.name}: {size:.0f} kB, of which the library {own:.0f}"
+    if target.startswith("linux") and (auditwheel := shutil.which("auditwheel")):
+        shown = subprocess.run([auditwheel, "show", str(wheel)], check=True, capture_output=True, text=True).stdout
+        found += "\n    auditwheel: " + " ".join(shown.split())
+    return found
+
+
+def main() -> None:
+    """Build the wheels that the command line names."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("targets", nargs="*", default=sorted(TARGETS), help=", ".join(sorted(TARGETS)))
+    parser.add_argument("--output", type=Path, default=Path("dist"), help="folder of the wheels")
+    wanted = parser.parse_args()
+    output = wanted.output.resolve()
+    output.mkdir(parents=True, exist_ok=True)
+    for target in wanted.targets:
+        print(check(build_wheel(target, output), target), flush=True)
+
+
+if __name__ == "__main__":
+    main()

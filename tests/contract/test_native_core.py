@@ -1,0 +1,100 @@
+"""The compiled core: how it is found, chosen and called, and what it refuses before anything is read."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pretouch._core import native
+
+ROOT = Path(__file__).parents[2]
+
+
+def load_build():
+    spec = importlib.util.spec_from_file_location("native_build", ROOT / "native/build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def shown(program: str, **environment: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | environment, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.zeros(4, dtype=np.float32),
+        np.zeros(4, dtype=np.int64),
+        np.zeros(8)[::2],
+        np.zeros((3, 4), order="F"),
+        np.zeros((3, 4))[:, 1:],
+    ],
+    ids=["float32", "integers", "every second", "columns first", "part of each row"],
+)
+def test_an_array_that_a_kernel_would_misread_is_refused(array):
+    with pytest.raises(TypeError, match="contiguous arrays of float64"):
+        native.address(array)
+
+
+@pytest.mark.parametrize("size", [0, 1, 7])
+@pytest.mark.parametrize("writeable", [True, False])
+def test_the_address_is_where_the_numbers_lie(size, writeable):
+    array = np.arange(float(size))
+    array.flags.writeable = writeable
+    assert native.address(array) == array.ctypes.data
+
+
+def test_one_number_for_all_encounters_has_the_stride_zero():
+    arrays = [np.arange(3.0), np.ones(1)]
+    assert list(native.columns(arrays)) == [arrays[0].ctypes.data, 1, arrays[1].ctypes.data, 0]
+
+
+def test_each_kind_of_processor_up_to_this_one_can_be_asked_for():
+    best = native.kernel("best_variant", result=ctypes.c_int)()
+    for number, name in enumerate(native.VARIANTS):
+        program = "from pretouch._core import native; native.kernel('best_variant')(); print(native.variant())"
+        done = shown(program, PRETOUCH_VARIANT=name)
+        if number <= best:
+            assert (done.stdout.strip(), done.stderr) == (name, "")
+        else:
+            assert f"found {name}, which this processor does not have" in done.stderr
+
+
+def test_a_kind_that_is_none_is_named_with_those_that_are():
+    done = shown("from pretouch._core import native; native.kernel('best_variant')()", PRETOUCH_VARIANT="sse9")
+    assert "PRETOUCH_VARIANT: found 'sse9', expected one of base, avx2, avx512" in done.stderr
+
+
+def test_a_missing_library_says_how_to_make_it(monkeypatch, tmp_path):
+    monkeypatch.setattr(native, "__file__", str(tmp_path / "native.py"))
+    with pytest.raises(ImportError, match=r"libpretouch.* is missing .* run python native/build\.py"):
+        native._library.__wrapped__()
+
+
+def test_a_named_compiler_comes_before_those_that_are_found_and_pip_brings_one_where_none_is(monkeypatch):
+    build = load_build()
+    for name in ("PRETOUCH_COMPILER", "PRETOUCH_TARGET", "CC", "CXX"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(build.sys, "platform", "linux")
+    monkeypatch.setattr(
+        build.shutil, "which", lambda name: f"/bin/{name}" if name in {"clang", "clang++", "gcc"} else None
+    )
+    assert build.compilers() == (["clang"], ["clang++"])  # a gcc without g++ is none
+    monkeypatch.setenv("CC", "ccache gcc")
+    monkeypatch.setenv("CXX", "ccache g++")
+    assert build.compilers() == (["ccache", "gcc"], ["ccache", "g++"])
+    monkeypatch.setenv("PRETOUCH_COMPILER", "zig")
+    assert build.compilers() is None
+    monkeypatch.setenv("PRETOUCH_TARGET", "plan9-mips")
+    with pytest.raises(RuntimeError, match="found no C and C\\+\\+ compiler, and none comes by pip for plan9-mips"):
+        build._zig()

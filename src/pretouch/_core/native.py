@@ -30,6 +30,7 @@ VARIANTS: Final = ("base", "avx2", "avx512")
 """For which kinds of processor there are kernels."""
 
 _SWITCH: Final = "PRETOUCH_VARIANT"
+_OTHER: Final = "PRETOUCH_LIBRARY"  # a library in the place of the own one, such as one that checks itself
 _SUFFIXES: Final = {"win32": ".dll", "darwin": ".dylib"}
 _FLOAT: Final = np.dtype(np.float64)
 _start: Final = ctypes.addressof
@@ -39,10 +40,11 @@ _view: Final = ctypes.c_char.from_buffer
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
     """Load the library and choose the kernels for this processor, or those that the environment asks for."""
-    path = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
+    own = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
+    path = Path(os.environ.get(_OTHER) or own)
     if not path.exists():
         raise ImportError(
-            f"pretouch's compiled core, {path.name}, is missing beside {__name__}: install pretouch by pip, which "
+            f"pretouch's compiled core, {path.name}, is missing in {path.parent}: install pretouch by pip, which "
             "brings or builds it; in a source tree, run python native/build.py"
         )
     library = ctypes.CDLL(str(path))

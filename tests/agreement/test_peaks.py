@@ -12,11 +12,11 @@ from test_linear_block import KINDS as LINEAR_KINDS
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
 from pretouch.motion.kernels.blocks import rough_logarithm
-from pretouch.motion.kernels.layout import PEAKS
 from pretouch.motion.kernels.linear import solve_linear
 from pretouch.motion.kernels.linear_block import contact_times
 from pretouch.motion.kernels.linear_block_peaks import PEAK_ROWS, largest_demands
 from pretouch.motion.kernels.series_demands import contact_peaks
+from pretouch.motion.layout import PEAKS
 from pretouch.motion.windows import alone, curve_windows
 from pretouch.sensors import SensorModel
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Travels
 
-from .kernels.layout import PEAKS, STATES
 from .lane_path import peaks_in_lanes, solve_in_lanes
+from .layout import PEAKS, STATES
 from .parallel import for_stretches
 from .request import Request
 

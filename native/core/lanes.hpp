@@ -66,7 +66,7 @@ static inline Lanes most(Lanes x, Lanes y) { return x > y ? x : y; }
 static inline double root(double x) { return __builtin_sqrt(x); }
 static inline Lanes root(Lanes x) {
 #if defined(__AVX512F__)
-    return (Lanes)_mm512_sqrt_pd((__m512d)x);
+    return (Lanes)_mm512_maskz_sqrt_pd(0xff, (__m512d)x);  // gcc 12 warns of the plain one
 #elif defined(__AVX2__)
     return (Lanes)_mm256_sqrt_pd((__m256d)x);
 #elif defined(__x86_64__)

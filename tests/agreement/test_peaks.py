@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from test_linear_block import HORIZON, SLOPE, letter, scattered
@@ -11,12 +9,9 @@ from test_linear_block import KINDS as LINEAR_KINDS
 
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
-from pretouch.motion.kernels.blocks import rough_logarithm
-from pretouch.motion.kernels.layout import PEAKS
-from pretouch.motion.kernels.linear import solve_linear
-from pretouch.motion.kernels.linear_block import contact_times
-from pretouch.motion.kernels.linear_block_peaks import PEAK_ROWS, largest_demands
 from pretouch.motion.kernels.series_demands import contact_peaks
+from pretouch.motion.layout import PEAKS
+from pretouch.motion.native_linear import contact_times, largest_demands, solve_linear
 from pretouch.motion.windows import alone, curve_windows
 from pretouch.sensors import SensorModel
 
@@ -27,7 +22,7 @@ def linear_rows(inputs: list[np.ndarray], drift: np.ndarray, pull: np.ndarray) -
     """The demands of the guaranteed path, shape (5, n)."""
     values = np.ascontiguousarray(np.column_stack([*inputs[:8], drift, pull]))
     rows, status = np.empty((len(drift), 15)), np.empty(len(drift), dtype=np.int64)
-    solve_linear(values, SLOPE, np.ascontiguousarray(inputs[8]), (HORIZON, 0.0, np.inf), rows, status)
+    solve_linear(values, SLOPE, np.ascontiguousarray(inputs[8]), (HORIZON, 0.0, np.inf), rows, status=status)
     return rows[:, 7:12].T
 
 
@@ -57,13 +52,12 @@ def test_the_closed_form_finds_the_largest_demands_of_the_guaranteed_path(kind: 
     drift, pull = references(COUNT, 22)
     time, status, found = np.empty(COUNT), np.empty(COUNT, dtype=np.int8), np.empty((5, COUNT))
     contact_times(tuple(inputs), SLOPE, HORIZON, time, status)
-    largest_demands(tuple(inputs), drift, pull, SLOPE, time, status, found, 0)
+    largest_demands(tuple(inputs), (drift, pull), SLOPE, time, status, out=found)
     proved = status == 0
     assert np.isnan(found[:, ~proved]).all()
-    assert PEAK_ROWS == PEAKS
     expected, size = linear_rows(inputs, drift, pull), sizes(inputs, drift, pull, time)
     still = {1: (drift == 0) & (pull == 0), 2: pull == 0}
-    for row, name in enumerate(PEAK_ROWS):
+    for row, name in enumerate(PEAKS):
         settled = proved & still.get(row, np.ones(COUNT, dtype=bool))
         np.testing.assert_array_equal(np.isnan(found[row]), ~settled)
         error = np.abs(found[row] - expected[row])
@@ -77,7 +71,7 @@ def test_all_demands_of_the_letter_are_settled() -> None:
     time, status, found = np.empty(500), np.empty(500, dtype=np.int8), np.empty((5, 500))
     contact_times(tuple(inputs), SLOPE, HORIZON, time, status)
     assert (status == 0).all()
-    largest_demands(tuple(inputs), zero, zero, SLOPE, time, status, found, 0)
+    largest_demands(tuple(inputs), (zero, zero), SLOPE, time, status, out=found)
     expected = linear_rows(inputs, zero, zero)
     for row, name in enumerate(PEAKS):
         # as above: the end of the motion is known to 2e-11, and a demand at most to five times that
@@ -124,10 +118,3 @@ def test_demands_do_not_depend_on_what_the_other_lanes_hold() -> None:
     np.testing.assert_array_equal(solve(order)[0], whole[:, order])
     for i in range(37):
         np.testing.assert_array_equal(solve(np.array([i]))[0][:, 0], whole[:, i])
-
-
-def test_the_logarithm_of_a_block_is_good_to_nine_digits() -> None:
-    """The error of its polynomial in s, |s| <= 0.1716, is 2 s^13 / 13: 2e-11 of 2 s."""
-    rng = np.random.default_rng(2)
-    for x in (0.0, 1e-300, *10 ** rng.uniform(-18, 250, 2000)):
-        assert rough_logarithm(x) == pytest.approx(math.log1p(x), rel=1e-9, abs=0)

@@ -171,7 +171,7 @@ def test_not_even_a_temporary_folder_has_to_exist(found: Callable, monkeypatch: 
     assert found() is None
 
 
-@pytest.mark.parametrize("changed", ["motion/kernels/layout.py", "design/kernels/sampling.py"])
+@pytest.mark.parametrize("changed", ["motion/kernels/endings.py", "design/kernels/sampling.py"])
 def test_other_sources_are_other_machine_code(
     found: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
 ) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact, solve_motion
-from pretouch.motion.kernels.response import respond
+from pretouch.motion.native_linear import respond_many
 from pretouch.sensors import ExponentialFirstOrder
 from properties import examples
 
@@ -103,7 +103,8 @@ def test_the_response_is_exact_to_rounding_for_every_damping(
     """Through critical damping, where L(10) divides by zero, and for K -> 0, where its particular part does."""
     damping = 2 * ratio * np.sqrt(mass * max(stiffness, 1e-2))
     start, force = values[:2], values[2:]
-    got = respond(mass, damping, stiffness, start, force, time)
+    got = np.empty((1, 1, 5))
+    respond_many(np.array([[mass, damping, stiffness, *start, *force]]), np.array([[time]]), got)
     exact = exact_response(mass, damping, stiffness, start, force, time)
     parts = []
     for i in range(4):
@@ -115,7 +116,7 @@ def test_the_response_is_exact_to_rounding_for_every_damping(
     phase = 1 + time * (np.sqrt(stiffness / mass) + damping / mass)
     for index, which in enumerate((0, 1, 4)):
         scale = sum(p[index] for p in parts) + 0.1 * sum(map(abs, values))
-        assert abs(float(exact[index] - mpmath.mpf(got[which]))) <= 8e-16 * phase * scale
+        assert abs(float(exact[index] - mpmath.mpf(got[0, 0, which]))) <= 8e-16 * phase * scale
 
 
 @pytest.mark.equation("L(13)", by="eigenvalues of the companion matrix by NumPy")

@@ -25,7 +25,7 @@ from pretouch.motion import (
     find_contact,
     solve_motion,
 )
-from pretouch.motion.kernels.endings import RESOLUTION
+from pretouch.motion.layout import RESOLUTION
 from pretouch.sensors import CustomSensor, ExponentialFirstOrder, InversePower, MittagLeffler, SensorModel, Table
 
 FAR = {

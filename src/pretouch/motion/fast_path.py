@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Travels
 
-from .kernels.layout import PEAKS, STATES
 from .lane_path import peaks_in_lanes, solve_in_lanes
+from .layout import PEAKS, STATES
+from .native_linear import contact_states, contact_times, largest_demands
 from .parallel import for_stretches
 from .request import Request
 
@@ -58,13 +59,15 @@ class FastPath(Travels):
             states, self.status = solve_in_lanes(request, None, whole=request.size <= _KEPT)
             self.known = _at_surface(states) if len(states) > 1 else states
             return
-        time, self.status = _solve_form(request)
+        states, self.status = _solve_form(request, whole=request.size <= _KEPT)
         if self.status.any():
             which = np.flatnonzero(self.status)
-            states, status = solve_in_lanes(request, which, whole=False)
+            more, status = solve_in_lanes(request, which, whole=len(states) > 1)
             self._by_form, self._which = self.status.copy(), which[status == _CONTACT]
-            self.status[which], time[which] = status, states["time"]
-        self.known = {"time": time}
+            self.status[which] = status
+            for name, values in states.items():
+                values[which] = more[name]
+        self.known = _at_surface(states) if len(states) > 1 else states
 
     def states(self) -> dict[str, FloatArray]:
         """Return all of QUICK, shape (n,) each; without meaning where no contact is proved."""
@@ -121,33 +124,29 @@ def _at_surface(states: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {**states, "distance": np.zeros_like(states["time"])}
 
 
-def _solve_form(request: Request) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Find contacts by the closed form; return times and statuses."""
+def _solve_form(request: Request, *, whole: bool) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
+    """Find contacts by the closed form; return STATES, or only the times, and statuses."""
     slope = request.sensor.constant_log_slope or 0.0
-    from .kernels import linear_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    contact_times: Any = linear_block.contact_times
     time, status = np.empty(request.size), np.empty(request.size, dtype=np.int8)
+    rows = np.empty((len(STATES) - 1, request.size)) if whole else None
 
     def run(start: int, stop: int) -> None:
         c = request.block(start, stop)
-        contact_times((*c[:8], c[10]), slope, request.horizon, time[start:stop], status[start:stop])
+        found = time[start:stop], status[start:stop]
+        contact_times((*c[:8], c[10]), slope, request.horizon, *found, states=rows, first=start)
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
-    return time, status
+    return dict(zip(STATES, (time, *(() if rows is None else rows)), strict=False)), status
 
 
 def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
     """Return STATES at contacts that the closed form has found."""
     slope = request.sensor.constant_log_slope or 0.0
-    from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    contact_states: Any = linear_block_states.contact_states
-    rows = np.empty((5, request.size))
+    rows = np.empty((len(STATES) - 1, request.size))
 
     def run(start: int, stop: int) -> None:
         c = request.block(start, stop)
-        contact_states((*c[:8], c[10]), slope, time[start:stop], status[start:stop], rows, start)
+        contact_states((*c[:8], c[10]), slope, time[start:stop], status[start:stop], rows, first=start)
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
     return dict(zip(STATES, (time, *rows), strict=True))
@@ -156,14 +155,12 @@ def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -
 def _form_peaks(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
     """Return PEAKS until contacts that the closed form has found; nan elsewhere and where they are not settled."""
     slope = request.sensor.constant_log_slope or 0.0
-    from .kernels import linear_block_peaks  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    largest_demands: Any = linear_block_peaks.largest_demands
-    rows = np.empty((5, request.size))
+    rows = np.empty((len(PEAKS), request.size))
 
     def run(start: int, stop: int) -> None:
         c = request.block(start, stop)
-        largest_demands((*c[:8], c[10]), c[8], c[9], slope, time[start:stop], status[start:stop], rows, start)
+        found = time[start:stop], status[start:stop]
+        largest_demands((*c[:8], c[10]), c[8:10], slope, *found, out=rows, first=start)
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
     return dict(zip(PEAKS, rows, strict=True))

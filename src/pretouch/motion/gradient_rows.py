@@ -17,6 +17,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Travels
 from pretouch.sensors.change import SlopeChange
 
+from . import native_linear
 from .contact import ContactStatus
 from .curve import curve_reach
 from .curve_changes import changed_pieces
@@ -126,16 +127,13 @@ class GradientRows(Travels):
         """Fill what has a closed form; return what is left."""
         request, time = self._solution.request, self._solution.raw("time")
         slope = request.sensor.constant_log_slope or 0.0
-        from .kernels import linear_block_states  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-        contact_gradients: Any = linear_block_states.contact_gradients
         mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
         total = damping + slope * gain
         status = np.where(left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), _OPEN)
 
         def run(start: int, stop: int) -> None:
             c, out = request.block(start, stop), np.empty((3, 10, stop - start))
-            contact_gradients((*c[:8], c[10]), slope, time[start:stop], status[start:stop], out)
+            native_linear.contact_gradients((*c[:8], c[10]), slope, time[start:stop], status[start:stop], out)
             rows[:, :, start:stop] = out[::2, kept]
 
         for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)

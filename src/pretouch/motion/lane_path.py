@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .kernels.layout import PEAKS, STATES
+from .layout import PEAKS, STATES
 from .parallel import for_stretches
 from .request import Request
 from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of

@@ -15,7 +15,7 @@ from .closed_form import solve_closed_form
 from .contact import ContactStatus
 from .fast_path import DEMANDS, QUICK, FastPath, is_worth_it
 from .integrator import integrate
-from .kernels.layout import COLUMNS
+from .layout import COLUMNS
 from .parallel import for_stretches
 from .request import Request
 from .uniform_motion import solve_uniform_motion

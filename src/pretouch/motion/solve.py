@@ -16,7 +16,7 @@ from pretouch.sensors import SensorModel
 from .closed_form import trace_closed_form
 from .contact import ContactResult
 from .integrator import trace_integration
-from .kernels.layout import COLUMNS, TRACE_COLUMNS
+from .layout import COLUMNS, TRACE_COLUMNS
 from .request import Request, make_request
 from .scenario import Scenario
 from .solution import Solution

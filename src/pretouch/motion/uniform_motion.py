@@ -11,7 +11,7 @@ from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 
 from .contact import ContactStatus
-from .kernels.layout import COLUMNS
+from .layout import COLUMNS
 
 __all__ = ["second_order_parameters", "solve_uniform_motion", "uniform_motion"]
 

@@ -1,10 +1,10 @@
-"""The quantities that the kernels write, by name and in their order. Shared by the kernels and their Python skin."""
+"""The quantities that the kernels write, by name and in their order. Shared by all that calls them."""
 
 from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["COLUMNS", "PEAKS", "STATES", "TRACE_COLUMNS"]
+__all__ = ["COLUMNS", "PEAKS", "RESOLUTION", "STATES", "TRACE_COLUMNS"]
 
 COLUMNS: Final = (
     "time",
@@ -45,3 +45,6 @@ PEAKS: Final = (
 """The largest demands until then, by kernels of their own."""
 
 TRACE_COLUMNS: Final = ("distance", "displacement", "displacement_velocity", "displacement_acceleration")
+
+RESOLUTION: Final = 1e-12
+"""How close to zero a smallest distance is taken for zero, of the terms that l is the difference of."""

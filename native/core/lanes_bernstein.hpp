@@ -1,0 +1,141 @@
+// Polynomials on [0, 1], side by side: what they may reach, and their peaks.
+//
+// In Bernstein's form: for s in [0, 1]
+//
+//     sum_{k <= 6} a_k s^k = sum_j beta_j B_j(s),   beta_j = sum_{k <= j} a_k C(j, k) / C(6, k),   B_j >= 0, sum B_j = 1,
+//
+// lies between the least and the largest beta, and what follows a_6 s^6 adds to beta_6 at most the sum of its magnitudes,
+// for s^7 <= s^6 = B_6(s). In the form of full degree a polynomial has at least as many changes of sign as it has zeros
+// (Descartes), so that as many zeros of q' as that, found between nine values, are all.
+
+#pragma once
+
+#include "lanes_taylor.hpp"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+constexpr int PARTS = 8;
+constexpr int LOW_DEGREE = 6;
+constexpr double SMALL = 1e-11;  // of the largest: what a peak is allowed to add unseen
+
+template <int N> struct Polynomial {
+    Lanes at[N];  // coefficients
+};
+
+struct Range {
+    Lanes least, most;
+};
+
+constexpr double binomial(int n, int k) { return k == 0 ? 1.0 : binomial(n, k - 1) * (n - k + 1) / k; }
+
+// the first N coefficients in Bernstein's form
+template <int N, int M> __attribute__((always_inline)) inline Polynomial<N> bernstein(const Polynomial<M> &a) {
+    Polynomial<N> found;
+    unrolled<0, N>([&](auto k) __attribute__((always_inline)) {
+        constexpr double factor = 1.0 / binomial(N - 1, decltype(k)::value);
+        found.at[decltype(k)::value] = a.at[decltype(k)::value] * factor;
+    });
+    unrolled<1, N>([&](auto start) __attribute__((always_inline)) {
+        unrolled<0, N - decltype(start)::value>([&](auto down) __attribute__((always_inline)) {
+            constexpr int j = N - 1 - decltype(down)::value;
+            found.at[j] = found.at[j] + found.at[j - 1];
+        });
+    });
+    return found;
+}
+
+template <int N> __attribute__((always_inline)) inline Range ends(const Polynomial<N> &beta, Range range, int count) {
+    for (int j = 0; j < count; j++) range = {least(range.least, beta.at[j]), most(beta.at[j], range.most)};
+    return range;
+}
+
+// the value at 1
+template <int N> __attribute__((always_inline)) inline Lanes total(const Polynomial<N> &a) {
+    Lanes sum = a.at[N - 1];
+    unrolled<1, N>([&](auto k) __attribute__((always_inline)) { sum = sum + a.at[N - 1 - decltype(k)::value]; });
+    return sum;
+}
+
+template <int N> __attribute__((always_inline)) inline Lanes value_at(const Polynomial<N> &a, Lanes s) {
+    Lanes value = a.at[N - 1];
+    unrolled<1, N>([&](auto k) __attribute__((always_inline)) { value = a.at[N - 1 - decltype(k)::value] + value * s; });
+    return value;
+}
+
+template <int N> __attribute__((always_inline)) inline Polynomial<N - 1> slope_of(const Polynomial<N> &a) {
+    Polynomial<N - 1> slope;
+    unrolled<1, N>([&](auto k) __attribute__((always_inline)) {
+        slope.at[decltype(k)::value - 1] = a.at[decltype(k)::value] * double(decltype(k)::value);
+    });
+    return slope;
+}
+
+// bounds on [0, 1]
+template <int N> __attribute__((always_inline)) inline Range range_of(const Polynomial<N> &a) {
+    const Polynomial<LOW_DEGREE + 1> beta = bernstein<LOW_DEGREE + 1>(a);
+    Lanes rest = absolute(a.at[N - 1]);
+    unrolled<LOW_DEGREE + 2, N>([&](auto k) __attribute__((always_inline)) {
+        rest = rest + absolute(a.at[N + LOW_DEGREE - decltype(k)::value]);
+    });
+    return ends(beta, {beta.at[LOW_DEGREE] - rest, beta.at[LOW_DEGREE] + rest}, LOW_DEGREE);
+}
+
+// Where a slope changes its sign: what part of [0, 1] it is, and where the secant puts the zero.
+struct Turn {
+    Lanes left, start;
+};
+
+// Newton's method for a zero of a slope in a part; returns how far the last step went.
+template <int N> inline Lanes find_zero(const Polynomial<N> &slope, const Turn &turn, Lanes &s) {
+    Lanes change = all(0.0);
+    s = turn.start;
+    for (int i = 0; i < 5; i++) {
+        Lanes value = slope.at[N - 1], bend = all(0.0);
+        unrolled<1, N>([&](auto k) __attribute__((always_inline)) {
+            bend = value + bend * s;
+            value = slope.at[N - 1 - decltype(k)::value] + value * s;
+        });
+        const Lanes following = least(most(turn.left, s - value / bend), turn.left + 1.0 / PARTS);
+        change = absolute(following - s);
+        s = following;
+    }
+    return change;
+}
+
+// The largest magnitudes of polynomials at the zeros of their slopes inside [0, 1]; what is not certain is not a number.
+template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> &q) {
+    const Polynomial<N - 1> slope = slope_of(q);
+    const Lanes zero = all(0.0);
+    Turn first = {zero, zero}, last = {zero, zero};
+    Lanes found = zero, here = where(zero < absolute(slope.at[0]), slope.at[0], q.at[2]);  // from rest: the way it bends
+    for (int j = 0; j < PARTS; j++) {
+        const Lanes next = j + 1 < PARTS ? value_at(slope, all((j + 1.0) / PARTS)) : total(slope);
+        const Masks changed = here * next < 0.0, is_first = changed & (found < 0.5);
+        const Turn now = {all(double(j) / PARTS), (here / (here - next) + double(j)) * (1.0 / PARTS)};
+        first = {where(is_first, now.left, first.left), where(is_first, now.start, first.start)};
+        last = {where(changed, now.left, last.left), where(changed, now.start, last.start)};
+        found = found + where(changed, all(1.0), zero);
+        here = next;
+    }
+    const Polynomial<N - 1> beta = bernstein<N - 1>(slope);
+    const Range range = ends(beta, {beta.at[0], beta.at[0]}, N - 1);
+    const Masks flat = least(range.most, -range.least) < most(absolute(total(q)), absolute(q.at[0])) * SMALL;
+    Lanes changes = zero, largest = zero, doubt = zero;
+    for (int j = 0; j + 1 < N - 1; j++) changes = changes + where(beta.at[j] * beta.at[j + 1] < 0.0, all(1.0), zero);
+    const Turn turns[] = {first, last};
+    for (const Turn &turn : turns) {
+        Lanes s;
+        doubt = most(find_zero(slope, turn, s), doubt);
+        largest = most(absolute(value_at(q, s)), largest);
+    }
+    largest = where(zero < found, largest, zero);
+    doubt = where(zero < found, doubt, zero);
+    const Lanes extra = where(flat, zero, changes - found);
+    return where((doubt < 1e-6) & (found < 2.5) & (extra < 0.5), largest, all(NOT_A_NUMBER));
+}
+
+}  // namespace
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,304 @@
+// Encounters side by side, from the first step to the contact; what is not proved is left open.
+//
+// As many encounters at a time as there are lanes take Taylor steps, each with its own time, its own step and its own
+// window of its curve. The windows of all curves lie in one table, and each encounter knows which are its own. An encounter
+// that ends makes room for the next at once: no lane waits for another, and no result depends on what the other lanes hold.
+// Encounters that reach the contact wait in a second set of rows until that is full, to be finished together.
+//
+// What is proved. On each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) bounds dl/ds from above.
+// A step counts only where that bound is negative: then l falls all along, its value at the end decides whether it passed
+// 0, and the first zero is the only one. Where the bound fails the step is shortened; where that does not help, the
+// encounter is left open.
+//
+// What is estimated. The last coefficient of each step, as an error of l and of l', is carried to the contact (undamped, or
+// growing, or strengthened by a damping that fades), and divided by |l'|. Above 1e-10 of the time the encounter is left
+// open.
+
+#pragma once
+
+#include "lanes_demands.hpp"
+#include "lanes_responses.hpp"
+#include "lanes_windows.hpp"
+#include "pretouch.h"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+constexpr double LARGEST_DOUBT = 1e-10;  // of the time; 1e-9 is promised
+constexpr int MOST_CUTS = 4;             // of one step before it is taken for a turn
+constexpr int8_t CONTACT = 0, OPEN = -1;
+
+// What is asked for, and where it is written: rows of n numbers; gradients and peaks where their kind is wanted.
+struct Request {
+    const pretouch_column *inputs, *reference;
+    int64_t n;
+    const pretouch_curves *curves;
+    double horizon, *out, *gradients, *peaks;
+    int8_t *status;
+};
+
+struct Nothing {};
+template <class A, class B> constexpr bool SAME = false;
+template <class A> constexpr bool SAME<A, A> = true;
+
+// A motion and what is followed beside it: Nothing, Responses or Demands.
+template <class Beside> struct Work {
+    Motion motion;
+    Beside beside;
+};
+template <> struct Work<Nothing> {
+    Motion motion;
+};
+
+inline double number(const pretouch_column &column, int64_t i) { return column.at[i * column.stride]; }
+
+inline Masks chosen(uint64_t which) {
+    Masks bit;
+    for (int i = 0; i < WIDTH; i++) bit[i] = 1LL << i;
+    return ((Masks{} + int64_t(which)) & bit) != 0;
+}
+
+template <int DEGREE, class Beside> class Block {
+  public:
+    explicit Block(const Request &request)
+        : ask(request), windows{request.curves->windows, request.curves->width}, demands{request.peaks, request.n} {
+        memset(&work, 0, sizeof work);
+        memset(&queue, 0, sizeof queue);
+        room.count = 0;
+    }
+
+    void run() {
+        for (int64_t i = 0; i < 6 * ask.n; i++) ask.out[i] = NOT_A_NUMBER;
+        memset(ask.status, OPEN, size_t(ask.n));
+        for (fill(); active; fill()) advance();
+        if (waiting) finish();
+        if constexpr (HAS_DEMANDS) {
+            room.settle(demands);
+            for (int64_t i = 0; i < ask.n; i++) {
+                if (ask.status[i] == CONTACT) continue;
+                for (int row = 0; row < PEAKS; row++) ask.peaks[row * ask.n + i] = NOT_A_NUMBER;
+            }
+        }
+    }
+
+  private:
+    static constexpr bool HAS_GRADIENTS = SAME<Beside, Responses>, HAS_DEMANDS = SAME<Beside, Demands>;
+    static constexpr bool IS_LINE = DEGREE == 1;
+    static constexpr uint64_t EVERY = (1ULL << WIDTH) - 1;
+
+    const Request &ask;
+    const Windows windows;
+    const DemandsOut demands;
+    Work<Beside> work, queue;
+    Room room;
+    int64_t owner[WIDTH], owners[WIDTH];              // which encounter is in a lane, and which waits
+    int64_t place[WIDTH], first[WIDTH], last[WIDTH];  // its window, and those of its curve
+    int cuts[WIDTH], waiting = 0;
+    int64_t following = 0, hint = 0;
+    uint64_t active = 0;
+
+    // Let the next encounters take the lanes that are free.
+    void fill() {
+        while (active != EVERY && following < ask.n) {
+            if (begin(following, __builtin_ctzll(~active))) active |= active + 1;
+            following++;
+        }
+    }
+
+    // Let an encounter take a lane; return whether it is one that may reach the sensor within its curve.
+    bool begin(int64_t i, int lane) {
+        const pretouch_column *in = ask.inputs;
+        const double m = number(in[0], i), d = number(in[1], i), k = number(in[2], i), x0 = number(in[3], i);
+        const double u0 = number(in[4], i), p = number(in[5], i), v = number(in[6], i), a = number(in[7], i);
+        const double gain = number(in[8], i), l = p - x0, inverse = 1 / m;
+        const double sizes = absolute(d) + absolute(k) + absolute(a) + absolute(gain) + absolute(p) + absolute(x0);
+        if (!(m > 0 && m < INFINITE && sizes + absolute(v) + absolute(u0) < INFINITE && l > 0)) return false;
+        const int64_t curve = ask.curves->curve_of[i * ask.curves->stride];
+        const int64_t lowest = ask.curves->starts[curve], beyond = ask.curves->starts[curve + 1];
+        if (lowest == beyond || windows[lowest][LOW] != 0.0) return false;
+        const int64_t index = find_window(windows, lowest, beyond, l, hint);
+        if (index < 0) return false;
+        hint = index;
+        Motion &to = work.motion;
+        to.damping[lane] = d * inverse;
+        to.stiffness[lane] = k * inverse;
+        to.gain[lane] = gain * inverse;
+        to.position[lane] = p;
+        to.velocity[lane] = v;
+        to.acceleration[lane] = a;
+        to.state.time[lane] = to.state.integral[lane] = to.state.error[lane] = to.state.strongest[lane] = 0.0;
+        to.state.distance[lane] = l;
+        to.state.speed[lane] = v - u0;
+        to.cap[lane] = NEVER;
+        to.steps[lane] = 0.0;
+        to.scale[lane] = HAS_GRADIENTS || HAS_DEMANDS ? l / SPARE : l;
+        enter_window<DEGREE>(windows[index], index == lowest, to, lane);
+        if constexpr (HAS_GRADIENTS) {
+            const double slope = window_slope(windows[index], windows.width, l);
+            work.beside.start(lane, m, (d + gain * slope) * inverse);
+        }
+        if constexpr (HAS_DEMANDS) {
+            work.beside.start(lane, m, v - u0, x0, number(ask.reference[0], i), number(ask.reference[1], i));
+        }
+        owner[lane] = i;
+        place[lane] = index;
+        first[lane] = lowest;
+        last[lane] = beyond;
+        cuts[lane] = 0;
+        return true;
+    }
+
+    // Take a step.
+    void advance() {
+        Motion &m = work.motion;
+        const State before = m.state;
+        Taken taken = take_step<DEGREE>(m, ask.horizon);
+        for (uint64_t stuck = ~taken.moved & active; stuck; stuck &= stuck - 1) {
+            const int lane = __builtin_ctzll(stuck);
+            if (!(m.bound[lane] < 0)) turn(lane, taken);
+        }
+        uint64_t rough = 0;
+        if constexpr (HAS_GRADIENTS) rough = carry(before, taken);
+        if constexpr (HAS_DEMANDS) {
+            follow_demands<IS_LINE>(m, work.beside, before.time, chosen(taken.moved), owner, room, demands);
+        }
+        for (uint64_t late = taken.late & active; late; late &= late - 1) descend(__builtin_ctzll(late));
+        for (uint64_t stuck = ~taken.moved & active & ~rough; stuck; stuck &= stuck - 1) {
+            const int lane = __builtin_ctzll(stuck);
+            if (!goes_on(lane)) active &= ~(1ULL << lane);
+        }
+    }
+
+    void turn(int lane, Taken &taken) {
+        Motion &m = work.motion;
+        if (!pass_turn(m, lane, most(m.edge[lane], 0.0), windows[place[lane]][TOP], ask.horizon)) return;
+        taken.moved |= 1ULL << lane;
+        if (m.state.distance[lane] < m.leave[lane]) taken.late |= 1ULL << lane;
+    }
+
+    // Carry the responses; return the lanes whose step was not short enough for them: it is taken back.
+    uint64_t carry(const State &before, Taken &taken) {
+        Motion &m = work.motion;
+        uint64_t rough = ~carry_responses<DEGREE>(m, work.beside, before.time, chosen(taken.moved)) & active;
+        for (uint64_t left = rough; left; left &= left - 1) {
+            const int lane = __builtin_ctzll(left);
+            if (m.steps[lane] >= MOST_STEPS) {
+                rough &= ~(1ULL << lane);
+                continue;
+            }
+            if (taken.moved >> lane & 1) {  // the motion is right, the responses are not
+                copy_lane(&m.state, lane, &before, lane, sizeof before);
+                cuts[lane] = 0;
+            }
+            const double part = 0.9 * root(root(root(root(RESPONSE_TOLERANCE / work.beside.excess[lane]))));
+            m.cap[lane] = m.length[lane] * most(part, 0.1);
+        }
+        taken.moved &= ~rough;
+        taken.late &= ~rough;
+        return rough;
+    }
+
+    // Let a lane read the windows below.
+    void descend(int lane) {
+        int64_t index = place[lane];
+        while (index > first[lane] && work.motion.state.distance[lane] <= windows[index][LEAVE]) index--;
+        enter(lane, index);
+    }
+
+    void enter(int lane, int64_t index) {
+        place[lane] = index;
+        enter_window<DEGREE>(windows[index], index == first[lane], work.motion, lane);
+    }
+
+    // Decide about a lane whose step did not count; return whether it takes another.
+    bool goes_on(int lane) {
+        Motion &m = work.motion;
+        const double end = m.end[lane], bound = m.bound[lane], length = m.length[lane], change = m.b[1][lane];
+        if (m.cap[lane] == NEVER) cuts[lane] = 0;  // the last step counted
+        if (!(m.steps[lane] < MOST_STEPS)) return false;
+        if (bound < MOST_NEGATIVE * absolute(change)) {
+            if (end <= 0.0 && place[lane] == first[lane]) {
+                let_wait(lane);
+                return false;
+            }
+            if (!(end <= m.edge[lane])) return false;
+            m.cap[lane] = length * level_part(m, lane, windows[place[lane]][LOW]);
+            return true;
+        }
+        if (!(bound < INFINITE && cuts[lane] < MOST_CUTS)) return false;
+        cuts[lane]++;
+        if (place[lane] + 1 < last[lane] && m.state.distance[lane] > windows[place[lane] + 1][LEAVE]) {
+            enter(lane, place[lane] + 1);  // l may rise: the window above has room
+        } else {
+            const double spare = change / (change - bound);
+            m.cap[lane] = length * (0.8 < spare && spare < 1 ? 0.95 * spare : 0.7);
+        }
+        return true;
+    }
+
+    static void copy_lane(void *to, int to_lane, const void *from, int from_lane, size_t size) {
+        double *target = static_cast<double *>(to) + to_lane;
+        const double *source = static_cast<const double *>(from) + from_lane;
+        for (size_t k = 0; k < size / sizeof(double); k += WIDTH) target[k] = source[k];
+    }
+
+    // Let an encounter wait for its contact to be found.
+    void let_wait(int lane) {
+        const bool whole = HAS_GRADIENTS || HAS_DEMANDS;
+        copy_lane(&queue, waiting, &work, lane, whole ? sizeof work : COPIED * sizeof(Lanes));
+        owners[waiting] = owner[lane];
+        if (++waiting == WIDTH) finish();
+    }
+
+    // Find the contacts of the encounters that wait, and write them.
+    void finish() {
+        Motion &m = queue.motion;
+        const Contacts found = find_in_step(m);
+        const uint64_t there = (1ULL << waiting) - 1;
+        uint64_t smooth = 0;
+        if constexpr (HAS_GRADIENTS || HAS_DEMANDS) cut_steps(m, found.time);
+        if constexpr (HAS_GRADIENTS) {
+            smooth = carry_responses<DEGREE>(m, queue.beside, m.state.time, chosen(there));
+        }
+        if constexpr (HAS_DEMANDS) {
+            follow_demands<IS_LINE>(m, queue.beside, m.state.time, chosen(there), owners, room, demands);
+        }
+        const uint64_t certain = there & bits((found.doubt <= LARGEST_DOUBT) & (found.time <= ask.horizon) &
+                                              (found.speed < 0.0));
+        for (uint64_t left = certain; left; left &= left - 1) {
+            const int lane = __builtin_ctzll(left);
+            write(found, lane);
+            if constexpr (HAS_GRADIENTS) {
+                if (smooth >> lane & 1) differentiate(found, lane);
+            }
+            if constexpr (HAS_DEMANDS) {
+                write_demands<IS_LINE>(m, queue.beside, lane, found.time[lane], owners[lane], demands);
+            }
+        }
+        waiting = 0;
+    }
+
+    void write(const Contacts &found, int lane) {
+        const Motion &m = queue.motion;
+        const double p = m.position[lane], v = m.velocity[lane], a = m.acceleration[lane], time = found.time[lane];
+        double *to = ask.out + owners[lane];
+        to[0] = time;
+        to[ask.n] = p + (v + a / 2 * time) * time;
+        to[2 * ask.n] = v + a * time - found.speed[lane];
+        to[3 * ask.n] = a - found.bend[lane];
+        to[4 * ask.n] = found.speed[lane];
+        to[5 * ask.n] = found.integral[lane];
+        ask.status[owners[lane]] = CONTACT;
+    }
+
+    void differentiate(const Contacts &found, int lane) {
+        const int64_t i = owners[lane], curve = ask.curves->curve_of[i * ask.curves->stride];
+        const double slope = window_slope(windows[ask.curves->starts[curve]], windows.width, 0.0);
+        write_gradient(queue.motion, queue.beside, found, lane, slope, ask.gradients + i, ask.n);
+    }
+};
+
+}  // namespace
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,47 @@
+// Contacts of any curve, many encounters side by side: see lanes_block.hpp.
+
+#include <string.h>
+
+#include "lanes.hpp"
+#include "lanes_block.hpp"
+#include "lanes_series.hpp"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+template <int DEGREE, class Beside> __attribute__((noinline)) void solve(const Request &request) {
+    Block<DEGREE, Beside> block(request);
+    block.run();
+}
+
+// The windows say by their width which degree they have.
+template <class Beside> void solve(const Request &request) {
+    switch (request.curves->width - TERMS - 1) {
+        case 0: return solve<0, Beside>(request);
+        case 1: return solve<1, Beside>(request);
+        case 4: return solve<4, Beside>(request);
+        default: return solve<12, Beside>(request);
+    }
+}
+
+}  // namespace
+
+void series_contacts(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
+                     double *out, int8_t *status) {
+    solve<Nothing>({inputs, nullptr, n, curves, horizon, out, nullptr, nullptr, status});
+}
+
+void series_gradients(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
+                      double *out, double *gradients, int8_t *status) {
+    for (int64_t i = 0; i < 27 * n; i++) gradients[i] = NOT_A_NUMBER;
+    solve<Responses>({inputs, nullptr, n, curves, horizon, out, gradients, nullptr, status});
+}
+
+void series_peaks(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
+                  const pretouch_curves *curves, double horizon, double *out, double *peaks, int8_t *status) {
+    for (int64_t i = 0; i < PEAKS * n; i++) peaks[i] = 0.0;
+    solve<Demands>({inputs, reference, n, curves, horizon, out, nullptr, peaks, status});
+}
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,179 @@
+// Coefficients of products of series, and of ln xi along a motion, one order after the other.
+//
+// With l = c_0 + c_1 t + ... and v_k = (k + 1) c_{k+1}, coefficient k of d(ln xi)/dt is g v_k and a rest that knows older
+// coefficients only. The rest comes from the polynomial sum_j a_j z^j about the present l, with z = l(t) - l(0) =
+// c_1 t + c_2 t^2 + ..., by Paterson's and Stockmeyer's way: z^2, z^3 and z^4 are series once, and
+//
+//     degree 4:   a_1 z + a_2 z^2 + z^2 (a_3 z + a_4 z^2)
+//     degree 12:  a_1 z + ... + a_3 z^3 + z^4 (a_4 + ... + a_7 z^3 + z^4 (a_8 + ... + a_12 z^4))
+//
+// so that 1.5 and 4 convolutions are left, all of them short since z starts at order one. For g = n / (l + l_0), degree 0,
+// one is enough: q (l + l_0) = l', d(ln xi)/dt = n q. A constant slope, degree 1, needs none: the motion is linear.
+
+#pragma once
+
+#include "lanes.hpp"
+#include "lanes_unrolled.hpp"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+constexpr int ORDER = 16;
+constexpr int LARGEST_DEGREE = 12;
+
+// A series whose first coefficient that is not zero is that of order FIRST; those before are not there.
+template <int FIRST> struct Series {
+    Lanes at[ORDER + 1];
+};
+
+// How many products coefficient n of a product of two series has, and the order of the left factor of each of them: the
+// newest factors come last, for they are waited for.
+constexpr int products(int n, int left, int right) { return n - left - right + 1; }
+constexpr int left_factor(int n, int left, int right, int which) {
+    for (int newest = (n + 1) / 2; newest <= n; newest++) {
+        const int older = n - newest;
+        if (older >= left && newest >= right && older != newest && which-- == 0) return older;
+        if (newest >= left && older >= right && which-- == 0) return newest;
+    }
+    return -1;
+}
+
+template <int N, int A, int B>
+__attribute__((always_inline)) inline Lanes convolve(const Series<A> &left, const Series<B> &right) {
+    constexpr int first = left_factor(N, A, B, 0);
+    Lanes total = left.at[first] * right.at[N - first];
+    unrolled<1, products(N, A, B)>([&](auto which) __attribute__((always_inline)) {
+        constexpr int i = left_factor(N, A, B, decltype(which)::value);
+        total = total + left.at[i] * right.at[N - i];
+    });
+    return total;
+}
+
+// the same for a square
+template <int N, int A> __attribute__((always_inline)) inline Lanes square(const Series<A> &z) {
+    constexpr int pairs = (N + 1) / 2 - A, half = N / 2;
+    if constexpr (pairs == 0) {
+        return z.at[half] * z.at[half];
+    } else {
+        constexpr int first = (N - 1) / 2;
+        Lanes total = z.at[first] * z.at[N - first];
+        unrolled<1, pairs>([&](auto which) __attribute__((always_inline)) {
+            constexpr int i = first - decltype(which)::value;
+            total = total + z.at[i] * z.at[N - i];
+        });
+        total = total + total;
+        if constexpr (N % 2 == 0) total = total + z.at[half] * z.at[half];
+        return total;
+    }
+}
+
+// The coefficients of ln xi about a distance, Horner's scheme once for each derivative; a[0] is not needed.
+template <int DEGREE>
+__attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, Lanes (&a)[DEGREE + 1]) {
+    unrolled<1, DEGREE + 1>([&](auto j) __attribute__((always_inline)) {
+        a[decltype(j)::value] = terms[decltype(j)::value];
+    });
+    unrolled<0, DEGREE>([&](auto place) __attribute__((always_inline)) {
+        constexpr int i = decltype(place)::value, last = i > 1 ? i : 1;
+        unrolled<0, DEGREE - last>([&](auto down) __attribute__((always_inline)) {
+            constexpr int j = DEGREE - 1 - decltype(down)::value;
+            a[j] = a[j] + by * a[j + 1];
+        });
+    });
+}
+
+// ln xi along the motion: its slope at the start, and coefficient K of d(ln xi)/dt over `factor` without the part of v_K,
+// which is the slope; for K = 0 there is no more. c: the coefficients of l.
+template <int DEGREE> struct LogCurve {
+    Lanes a[DEGREE + 1], slope, factor;
+    Series<2> z2;
+    Series<3> z3;
+    Series<4> z4;
+    Series<1> inner, outer;
+
+    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance) {
+        shift<DEGREE>(terms, distance - middle, a);
+        slope = a[1];
+        factor = all(1.0);
+    }
+
+    template <int K> __attribute__((always_inline)) Lanes bent(const Series<1> &c, Lanes) {
+        constexpr int n = K + 1;
+        if constexpr (n >= 2) z2.at[n] = square<n>(c);
+        if constexpr (DEGREE == 4) {
+            inner.at[n] = a[3] * c.at[n];
+            if constexpr (n >= 2) inner.at[n] = inner.at[n] + a[4] * z2.at[n];
+            return low<n>() * double(n);
+        } else {
+            powers<n>(c);
+            return high<n>() * double(n);
+        }
+    }
+
+  private:
+    template <int N> __attribute__((always_inline)) Lanes low() const {
+        if constexpr (N < 2) return Lanes{};
+        else if constexpr (N < 3) return a[2] * z2.at[N];
+        else return convolve<N>(z2, inner) + a[2] * z2.at[N];
+    }
+
+    template <int N> __attribute__((always_inline)) Lanes high() const {
+        if constexpr (N < 2) return Lanes{};
+        else if constexpr (N < 3) return a[2] * z2.at[N];
+        else if constexpr (N < 4) return a[3] * z3.at[N] + a[2] * z2.at[N];
+        else if constexpr (N < 5) return a[4] * z4.at[N] + a[3] * z3.at[N] + a[2] * z2.at[N];
+        else return convolve<N>(z4, outer) + a[4] * z4.at[N] + a[3] * z3.at[N] + a[2] * z2.at[N];
+    }
+
+    template <int N> __attribute__((always_inline)) void powers(const Series<1> &c) {
+        const Lanes z = c.at[N];
+        if constexpr (N >= 3) z3.at[N] = convolve<N>(c, z2);
+        if constexpr (N >= 4) z4.at[N] = square<N>(z2);
+        Lanes value = a[9] * z, further;
+        if constexpr (N >= 5) further = convolve<N>(z4, inner) + a[5] * z;
+        else further = a[5] * z;
+        if constexpr (N >= 2) value = value + a[10] * z2.at[N], further = further + a[6] * z2.at[N];
+        if constexpr (N >= 3) value = value + a[11] * z3.at[N], further = further + a[7] * z3.at[N];
+        if constexpr (N >= 4) value = value + a[12] * z4.at[N], further = further + a[8] * z4.at[N];
+        inner.at[N] = value;
+        outer.at[N] = further;
+    }
+};
+
+template <> struct LogCurve<0> {
+    Lanes inverse, slope, factor;
+    Series<0> q;
+
+    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance) {
+        inverse = 1.0 / (distance - middle);
+        factor = terms[0];
+        slope = factor * inverse;
+    }
+
+    template <int K> __attribute__((always_inline)) Lanes bent(const Series<1> &c, Lanes v) {
+        if constexpr (K == 0) {
+            q.at[0] = inverse * v;
+            return Lanes{};
+        } else {
+            const Lanes total = convolve<K>(c, q) * -inverse;
+            q.at[K] = total + inverse * v;
+            return total;
+        }
+    }
+};
+
+template <> struct LogCurve<1> {
+    Lanes slope, factor;
+
+    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes, Lanes) {
+        slope = terms[1];
+        factor = all(1.0);
+    }
+
+    template <int K> __attribute__((always_inline)) Lanes bent(const Series<1> &, Lanes) { return Lanes{}; }
+};
+
+}  // namespace
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,114 @@
+// What is done for one lane at a time: find, enter and read the windows of its curve, and steps on which l need not fall.
+
+#pragma once
+
+#include <math.h>
+
+#include "lanes_step.hpp"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+constexpr int EDGE = 0, LOW = 1, TOP = 2, LEAVE = 3, MIDDLE = 4, TERMS = 5;  // columns of a window
+constexpr double TURN = 24;  // steps that a turn counts as: some forty are enough, a long swing is for the guaranteed path
+
+// Windows of all curves, from l = 0 upward.
+struct Windows {
+    const double *rows;
+    int64_t width;
+
+    const double *operator[](int64_t index) const { return rows + index * width; }
+};
+
+// g inside a window
+inline double window_slope(const double *window, int64_t width, double l) {
+    const double z = l - window[MIDDLE];
+    const int64_t last = width - 1;
+    if (last == TERMS) return window[TERMS] / z;
+    double value = 0.0;
+    for (int64_t j = last - TERMS; j > 0; j--) value = value * z + double(j) * window[TERMS + j];
+    return value;
+}
+
+// The lowest window from first to before last whose top is not below l, -1 where there is none. It is quick where the
+// hint is right, and none of the worse where not.
+inline int64_t find_window(const Windows &windows, int64_t first, int64_t last, double l, int64_t hint) {
+    int64_t low = first, high = last - 1;
+    if (!(l <= windows[high][TOP])) return -1;
+    if (low <= hint && hint <= high && l <= windows[hint][TOP] && (hint == low || l > windows[hint - 1][TOP])) return hint;
+    while (low < high) {
+        const int64_t middle = (low + high) / 2;
+        if (l <= windows[middle][TOP]) high = middle;
+        else low = middle + 1;
+    }
+    return low;
+}
+
+// Let a lane read another window of its curve.
+template <int DEGREE> void enter_window(const double *window, bool is_lowest, Motion &m, int lane) {
+    m.edge[lane] = window[EDGE];
+    m.leave[lane] = is_lowest ? -INFINITE : window[LEAVE];
+    m.middle[lane] = window[MIDDLE];
+    for (int j = 0; j <= DEGREE; j++) m.terms[j][lane] = window[TERMS + j];
+}
+
+// The part of a step at which l passes a level, where Newton's method finds it, else one half.
+inline double level_part(const Motion &m, int lane, double level) {
+    double s = (m.b[0][lane] - level) / (m.b[0][lane] - m.end[lane]);
+    for (int i = 0; i < 8; i++) {
+        double value = m.b[ORDER][lane], slope = 0.0;
+        for (int k = ORDER - 1; k >= 0; k--) {
+            slope = slope * s + value;
+            value = value * s + m.b[k][lane];
+        }
+        const double change = (value - level) / slope;
+        s = least(most(0.0, s - change), 1.0);
+        if (absolute(change) < 1e-9) return s;
+    }
+    return 0.5;
+}
+
+// Move a lane over a step on which l need not fall, where its coefficients prove that l stays between two levels. Returns
+// whether that is proved, the step ends within the horizon, and it is none too many.
+inline bool pass_turn(Motion &m, int lane, double low, double top, double horizon) {
+    if (!(m.steps[lane] < MOST_STEPS)) return false;
+    double below = 0.0, above = 0.0, area = 0.0, speed = 0.0;
+    for (int k = 1; k <= ORDER; k++) {
+        const double b = m.b[k][lane];
+        below += least(0.0, b);
+        above += most(0.0, b);
+        speed += k * b;
+        area += b / (k + 1);
+    }
+    const double time = m.state.time[lane], length = m.length[lane], l = m.b[0][lane], moved = time + length;
+    if (!(l + below > low && l + above < top && moved < horizon && length > 1e-12 * moved)) return false;
+    const double p = m.position[lane], v = m.velocity[lane], a = m.acceleration[lane];
+    const double path = p + (v + a / 2 * time) * time + ((v + a * time) / 2 + a / 6 * length) * length;
+    const double held = m.weakest[lane], tail = absolute(m.b[ORDER][lane]);
+    const double lever = 1 / most(most(held, root(most(m.stiffness[lane], 0.0))), 0.3 / moved) / length;
+    const double error = m.state.error[lane] * exp(least(most(-held * length, 0.0), 50.0));
+    m.state.error[lane] = error + tail + ORDER * tail * lever + ROUNDING * l;
+    m.state.integral[lane] += (path - l - area) * length;
+    m.state.time[lane] = moved;
+    m.state.distance[lane] = l + below + above;
+    m.state.speed[lane] = speed / length;
+    m.cap[lane] = NEVER;
+    m.steps[lane] += TURN;
+    return true;
+}
+
+// Let steps end with the contacts that were found in them.
+inline void cut_steps(Motion &m, Lanes end) {
+    const Lanes s = (end - m.state.time) / m.length;
+    Lanes power = all(1.0);
+    for (int k = 1; k <= ORDER; k++) {
+        power = power * s;
+        m.b[k] = m.b[k] * power;
+    }
+    m.length = m.length * s;
+}
+
+}  // namespace
+
+}  // namespace PRETOUCH_VARIANT

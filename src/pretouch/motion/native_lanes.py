@@ -1,0 +1,145 @@
+"""The kernels that solve many encounters of any curve side by side, and leave open what they do not prove."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import POINTER as POINTER_TO
+from ctypes import Structure, byref
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel
+from pretouch._core.numbers import FloatArray
+
+from .windows import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
+
+__all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_peaks", "contact_times"]
+
+CONTACT: Final = 0
+"""The status of an encounter whose first contact is proved."""
+
+OPEN: Final = -1
+"""The status of all others."""
+
+_STATUS: Final = np.dtype(np.int8)
+_INDEX: Final = np.dtype(np.int64)
+_WIDTHS: Final = frozenset(TERMS + 1 + degree for degree in (0, 1, LOW_DEGREE, HIGH_DEGREE))
+_INPUTS: Final = 9
+
+
+class _CurvesOfCore(Structure):
+    """What the core calls pretouch_curves."""
+
+    _fields_ = (
+        ("windows", POINTER),
+        ("rows", INTEGER),
+        ("width", INTEGER),
+        ("starts", POINTER),
+        ("curve_of", POINTER),
+        ("stride", INTEGER),
+    )
+
+
+_CURVES: Final = POINTER_TO(_CurvesOfCore)
+_contacts: Final = kernel("series_contacts", POINTER, INTEGER, _CURVES, DOUBLE, POINTER, POINTER)
+_gradients: Final = kernel("series_gradients", POINTER, INTEGER, _CURVES, DOUBLE, POINTER, POINTER, POINTER)
+_peaks: Final = kernel("series_peaks", POINTER, POINTER, INTEGER, _CURVES, DOUBLE, POINTER, POINTER, POINTER)
+
+
+def contact_times(
+    inputs: Sequence[FloatArray], curves: Curves, horizon: float, out: FloatArray, status: NDArray[np.int8]
+) -> None:
+    """Find the first contact of encounters, where that can be proved.
+
+    Args:
+        inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
+            [m/s^2] of the obstacle relative to the reference, and D_p [N s]: nine arrays, (n,) or (1,), contiguous.
+        curves: windows of all curves as `curve_windows` gives them, from l = 0 upward; where those of each curve start
+            there, and where the last ends; and which curve is that of each encounter, (n,) or (1,).
+        horizon: the latest contact of interest [s].
+        out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
+        status: filled with CONTACT or OPEN, shape (n,).
+    """
+    n = _size(inputs, _INPUTS, status, (out, (6,)))
+    _contacts(columns(inputs), n, byref(_of_core(curves, n)), horizon, address(out), address(status, _STATUS))
+
+
+def contact_gradients(
+    inputs: Sequence[FloatArray],
+    curves: Curves,
+    horizon: float,
+    out: FloatArray,
+    gradients: FloatArray,
+    status: NDArray[np.int8],
+) -> None:
+    """Find contacts as `contact_times` does, and how they depend on the inputs.
+
+    Args:
+        inputs: see `contact_times`.
+        curves: see `contact_times`.
+        horizon: see `contact_times`.
+        out: see `contact_times`.
+        gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs in the order above,
+            shape (3, 9, n); nan where open.
+        status: see `contact_times`.
+    """
+    n = _size(inputs, _INPUTS, status, (out, (6,)), (gradients, (3, _INPUTS)))
+    found = address(out), address(gradients), address(status, _STATUS)
+    _gradients(columns(inputs), n, byref(_of_core(curves, n)), horizon, *found)
+
+
+def contact_peaks(
+    inputs: Sequence[FloatArray],
+    drift: FloatArray,
+    pull: FloatArray,
+    curves: Curves,
+    horizon: float,
+    out: FloatArray,
+    peaks: FloatArray,
+    status: NDArray[np.int8],
+) -> None:
+    """Find contacts as `contact_times` does, and the largest demands on the robot until then.
+
+    Args:
+        inputs: see `contact_times`.
+        drift: velocity of the reference at the start [m/s], (n,) or (1,).
+        pull: its acceleration [m/s^2], (n,) or (1,).
+        curves: see `contact_times`.
+        horizon: see `contact_times`.
+        out: see `contact_times`.
+        peaks: filled with max |x~|, |x - x(0)|, |x'|, |x''| and |F_p|, shape (5, n); nan where open or not settled.
+        status: see `contact_times`.
+    """
+    n = _size((*inputs, drift, pull), _INPUTS + 2, status, (out, (6,)), (peaks, (5,)))
+    found = address(out), address(peaks), address(status, _STATUS)
+    _peaks(columns(inputs), columns((drift, pull)), n, byref(_of_core(curves, n)), horizon, *found)
+
+
+def _size(
+    inputs: Sequence[FloatArray], count: int, status: NDArray[np.int8], *filled: tuple[FloatArray, tuple[int, ...]]
+) -> int:
+    """Return how many encounters there are, having checked that every array has room for them."""
+    n = len(status)
+    if len(inputs) != count or not all(len(x) in {1, n} and x.ndim == 1 for x in inputs):
+        raise ValueError(f"expected {count} inputs of length 1 or {n}, found lengths {[len(x) for x in inputs]}")
+    for array, shape in filled:
+        if array.shape != (*shape, n):
+            raise ValueError(f"an array that is filled has shape {array.shape}, expected {(*shape, n)}")
+    return n
+
+
+def _of_core(curves: Curves, n: int) -> _CurvesOfCore:
+    """Return the curves of n encounters as the core reads them."""
+    windows, starts, curve_of = curves
+    rows, width = windows.shape
+    shared = len(curve_of) == 1
+    if width not in _WIDTHS or not (shared or len(curve_of) == n):
+        raise ValueError(f"windows of {width} columns, and curves of {len(curve_of)} of {n} encounters")
+    if starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
+        raise ValueError("the windows of a curve are not in the table")
+    if n and not (curve_of.min() >= 0 and curve_of.max() < len(starts) - 1):
+        raise ValueError("an encounter has a curve that is not in the table")
+    at = address(windows), address(starts, _INDEX), address(curve_of, _INDEX)
+    return _CurvesOfCore(at[0], rows, width, at[1], at[2], 0 if shared else 1)

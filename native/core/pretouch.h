@@ -47,6 +47,9 @@ PRETOUCH_API void pretouch_trace_series(const double *values, int64_t n, const d
                                         int64_t p, int64_t q, double horizon, int contact_border, int open_ended,
                                         const double *times, int64_t m, double *trace);
 
+/* The tables of stiff_step.cpp, for tests: points (10), then four matrices (10, 10) of radau_tables.hpp. */
+PRETOUCH_API void pretouch_radau_points(double *tables);
+
 /* Derivatives of time and l' at contact by nine inputs and k parameters of the curve: found, shape (n, 2, 9 + k). */
 PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, const double *gains, const double *pieces,
                                             int64_t p, int64_t q, const double *terms, int64_t k, double horizon,

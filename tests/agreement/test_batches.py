@@ -170,7 +170,7 @@ def test_no_mixture_of_inputs_compiles_a_kernel_again() -> None:
 import numpy as np, pretouch as pt
 from pretouch.uncertainty import make_ensemble
 from pretouch.motion.kernels import (
-    linear, linear_block, linear_block_peaks, linear_block_states, series, series_block, series_demands
+    linear, linear_block, linear_block_peaks, linear_block_states, series_block, series_demands
 )
 many, sensors = np.linspace(1.0, 2.0, 20), (
     pt.ExponentialFirstOrder(scale=0.458, rate=-61.0),
@@ -200,7 +200,7 @@ for own in ("sensor.rate", "sensor.order"):
     end.position, end.largest_excursion
 kernels = (
     linear_block.contact_times, linear_block_states.contact_states, linear_block_peaks.largest_demands,
-    series_block.contact_times, series_demands.contact_peaks, linear.solve_linear, series.solve_series,
+    series_block.contact_times, series_demands.contact_peaks, linear.solve_linear,
 )
 print([len(kernel.signatures) for kernel in kernels])
 """

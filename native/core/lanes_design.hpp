@@ -4,6 +4,9 @@
 
 namespace PRETOUCH_VARIANT {
 
+void find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves, int falling,
+                double horizon, const double *terms, int64_t k, double scale, double strong, double weak, double low,
+                double high, double *out);
 void interpolate(const double *place, int64_t n, double low, double high, const double *coefficients, int64_t m,
                  double *out);
 

@@ -47,6 +47,9 @@ PRETOUCH_API void pretouch_trace_series(const double *values, int64_t n, const d
                                         int64_t p, int64_t q, double horizon, int contact_border, int open_ended,
                                         const double *times, int64_t m, double *trace);
 
+/* The tables of stiff_step.cpp, for tests: points (10), then four matrices (10, 10) of radau_tables.hpp. */
+PRETOUCH_API void pretouch_radau_points(double *tables);
+
 /* Derivatives of time and l' at contact by nine inputs and k parameters of the curve: found, shape (n, 2, 9 + k). */
 PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, const double *gains, const double *pieces,
                                             int64_t p, int64_t q, const double *terms, int64_t k, double horizon,
@@ -92,7 +95,11 @@ PRETOUCH_API void pretouch_series_peaks(const pretouch_column *inputs, const pre
                                         int8_t *status);
 
 /* ---- designs (lanes_design.cpp) ---- */
-/* inputs: as values above, shape (10, n). curves: null for the constant slope. terms: shape (k, 4). out, shape (3, n). */
+/* inputs: as values above, shape (10, n). slope: g at l = 0. curves: null where that is g everywhere. falling: whether g < 0
+ * wherever an encounter may come. terms: rows of factor * |quantity|^exponent, shape (k, 4): quantity (0 time,
+ * 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force), factor in SI, exponent, and 1 where the
+ * term is divided by the obstacle's squared speed, else 0. Gains lie at scale * sinh(u), u from weak to strong, and within
+ * [low, high]. out: the optimal gains, the objective there, and 1 where both are known for certain, else 0; shape (3, n). */
 PRETOUCH_API void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
                                       int falling, double horizon, const double *terms, int64_t k, double scale,
                                       double strong, double weak, double low, double high, double *out);

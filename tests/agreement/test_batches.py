@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import tracemalloc
 
 import numpy as np
@@ -162,46 +159,3 @@ def test_memory_is_that_of_input_and_output(name: str, monkeypatch: pytest.Monke
     blocks = 4 * 48 * 10_000 + 200_000
     assert found.end.time.nbytes + found.status.nbytes == output
     assert peak <= output + gain.nbytes + blocks + n, "a truth value per encounter is made on the way"
-
-
-def test_no_mixture_of_inputs_compiles_a_kernel_again() -> None:
-    """Numba compiles for each type of array, and a read-only one is a type of its own."""
-    code = """
-import numpy as np, pretouch as pt
-from pretouch.uncertainty import make_ensemble
-from pretouch.motion.kernels import series, series_block, series_demands
-many, sensors = np.linspace(1.0, 2.0, 20), (
-    pt.ExponentialFirstOrder(scale=0.458, rate=-61.0),
-    pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
-)
-mixtures = ((1.0, many, -many), (1.0, 1.0, -many), (many, 1.0, -0.5), (many, many, -0.5), (1.0, 1.0, -0.5))
-for mass, speed, gain in mixtures:
-    scenario = pt.Scenario(
-        admittance=pt.Admittance(mass=mass, damping=10.0, stiffness=25.0),
-        obstacle=pt.Obstacle(position=0.0422, velocity=-0.3 * speed),
-    )
-    for sensor in sensors:
-        end = pt.find_contact(scenario, sensor, gain).end
-        end.position, end.largest_excursion
-    under = pt.Scenario(
-        admittance=pt.Admittance(mass=mass, damping=1.0, stiffness=100.0),
-        obstacle=pt.Obstacle(position=0.0422, velocity=-0.3 * speed),
-    )
-    end = pt.find_contact(under, sensors[0], 0.1 * np.asarray(gain)).end
-    end.position, end.largest_excursion
-still = pt.Scenario(
-    admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=pt.Obstacle(position=0.04, velocity=-0.3)
-)
-for own in ("sensor.rate", "sensor.order"):
-    values = {own: np.linspace(-70.0, -60.0, 20) if own == "sensor.rate" else np.linspace(0.8, 0.9, 20)}
-    end = make_ensemble(still, pt.MittagLeffler(scale=1.0, rate=-60.0, order=0.9), values).contacts(-0.5).end
-    end.position, end.largest_excursion
-kernels = (
-    series_block.contact_times, series_demands.contact_peaks, series.solve_series,
-)
-print([len(kernel.signatures) for kernel in kernels])
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    counts = json.loads(done.stdout)
-    assert counts[:2] == [1, 1]
-    assert max(counts[2:]) <= 1, "the guaranteed path is asked for what is left, if anything is"

@@ -13,8 +13,8 @@ import pytest
 
 from pretouch.motion.curve import curve_pieces
 from pretouch.motion.kernels.lanes import LANES
-from pretouch.motion.kernels.series import solve_series
 from pretouch.motion.kernels.series_block import CONTACT, OPEN, contact_gradients, contact_times
+from pretouch.motion.native_series import solve_series
 from pretouch.motion.windows import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, alone, curve_windows
 from pretouch.sensors import ExponentialSecondOrder, InversePower, MittagLeffler, SensorModel, Table
 

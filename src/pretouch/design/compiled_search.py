@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import Any, Final
+from ctypes import byref, c_int
+from typing import Final
 
 import numpy as np
 
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch.motion import Scenario
+from pretouch.motion.native_lanes import of_core
 from pretouch.motion.parallel import for_stretches
 from pretouch.motion.request import checked_method
 from pretouch.motion.windows import Curves, alone, curve_windows, farthest
@@ -27,6 +29,10 @@ _ROWS: Final = ("time", "displacement", "velocity", "acceleration", "relative_ve
 _LEAST_LINEAR: Final = 128  # designs that are worth a thread
 _LEAST_SERIES: Final = 16
 _MOST: Final = 4096
+
+_find_gains: Final = kernel(
+    *("find_gains", POINTER, INTEGER, DOUBLE, POINTER, c_int, DOUBLE, POINTER, INTEGER), *([DOUBLE] * 5), POINTER
+)
 
 
 def search_compiled(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
@@ -58,7 +64,7 @@ def known_terms(problem: Problem) -> list[tuple[float, float, float, float]] | N
         problem: the problem.
 
     Returns:
-        A row per term, as `find_gains` describes it; None where the search does not know the problem.
+        A row per term, as the core's pretouch_find_gains takes it; None where the search does not know the problem.
     """
     if problem.evaluator is not None or problem.constraints or problem.sensor.valid_range[0] > 0:
         return None
@@ -70,31 +76,25 @@ def known_terms(problem: Problem) -> list[tuple[float, float, float, float]] | N
 def _search(
     problem: Problem, linear: bool, horizon: float, terms: FloatArray, size: int
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    find_gains, axis = _kernel(), problem.axis
-    inputs = _inputs(problem.scenario, size)
+    axis, inputs = problem.axis, _inputs(problem.scenario, size)
     reach = farthest(problem.scenario, problem.sensor)
     slope, falling, curve = _curve(problem.sensor, reach, linear)
+    curves = None if curve is None else byref(of_core(curve, 1))
     scale, low, high = axis.scale, axis.low, axis.high
-    strong, weak = math.asinh(low / scale), math.asinh(high / scale)
+    ends = (scale, math.asinh(low / scale), math.asinh(high / scale), low, high)
     out = np.empty((3, size))
-    if size == 1:
-        find_gains(inputs, slope, curve, falling, horizon, terms, scale, strong, weak, low, high, out)
-        return out[0], out[1], out[2] == 1
 
     def run(start: int, stop: int) -> None:
-        part, found = np.ascontiguousarray(inputs[:, start:stop]), np.empty((3, stop - start))
-        find_gains(part, slope, curve, falling, horizon, terms, scale, strong, weak, low, high, found)
-        out[:, start:stop] = found
+        whole = stop - start == size
+        part = inputs if whole else np.ascontiguousarray(inputs[:, start:stop])
+        found = out if whole else np.empty((3, stop - start))
+        wanted = (curves, falling, horizon, address(terms), len(terms))
+        _find_gains(address(part), stop - start, slope, *wanted, *ends, address(found))
+        if not whole:
+            out[:, start:stop] = found
 
     for_stretches(run, size, least=_LEAST_LINEAR if linear else _LEAST_SERIES, most=_MOST)
     return out[0], out[1], out[2] == 1
-
-
-@lru_cache(maxsize=1)
-def _kernel() -> Any:
-    from .kernels.gain_search import find_gains  # noqa: PLC0415 - the compiled core is loaded when a gain is sought
-
-    return find_gains
 
 
 def _terms(objective: Objective, impact: ImpactModel | None) -> list[tuple[float, float, float, float]] | None:

@@ -21,6 +21,7 @@ from . import native_linear
 from .contact import ContactStatus
 from .curve import curve_reach
 from .curve_changes import changed_pieces
+from .native_series import follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF
 from .windows import alone, curve_windows
@@ -166,9 +167,6 @@ class GradientRows(Travels):
 
     def _follow(self, where: IntArray, kept: list[int], slopes: tuple[SlopeChange, ...]) -> FloatArray:
         """Follow some encounters along the guaranteed path; NaN where that does not come to the contact."""
-        from .kernels import series_follow  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-        follow_gradients: Any = series_follow.follow_gradients
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor

@@ -11,6 +11,7 @@ from pretouch._core.numbers import FloatArray, IntArray
 
 from .contact import ContactStatus
 from .curve import curve_pieces, curve_reach
+from .native_series import solve_series, trace_series
 from .request import Request, Which
 
 __all__ = ["integrate", "trace_integration"]
@@ -31,8 +32,6 @@ def integrate(request: Request, which: Which, rows: FloatArray, status: IntArray
         rows: filled with layout.COLUMNS, shape (m, 15).
         status: filled with the numbers of ContactStatus, shape (m,).
     """
-    from .kernels.series import solve_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
     values, gain = request.part(which)
     reach = _first_reach(request)
     pieces, limits = _pieces(request, reach)
@@ -52,8 +51,6 @@ def integrate(request: Request, which: Which, rows: FloatArray, status: IntArray
 
 def trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:
     """Fill trace with layout.TRACE_COLUMNS at ascending times until each run's end, shape (n, times, 4)."""
-    from .kernels.series import trace_series  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
     reach, which = _first_reach(request), np.arange(request.size)
     trace[...] = np.nan
     while True:

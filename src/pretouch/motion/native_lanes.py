@@ -15,7 +15,7 @@ from pretouch._core.numbers import FloatArray
 
 from .windows import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
 
-__all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_peaks", "contact_times"]
+__all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_peaks", "contact_times", "of_core"]
 
 CONTACT: Final = 0
 """The status of an encounter whose first contact is proved."""
@@ -63,7 +63,7 @@ def contact_times(
         status: filled with CONTACT or OPEN, shape (n,).
     """
     n = _size(inputs, _INPUTS, status, (out, (6,)))
-    _contacts(columns(inputs), n, byref(_of_core(curves, n)), horizon, address(out), address(status, _STATUS))
+    _contacts(columns(inputs), n, byref(of_core(curves, n)), horizon, address(out), address(status, _STATUS))
 
 
 def contact_gradients(
@@ -87,7 +87,7 @@ def contact_gradients(
     """
     n = _size(inputs, _INPUTS, status, (out, (6,)), (gradients, (3, _INPUTS)))
     found = address(out), address(gradients), address(status, _STATUS)
-    _gradients(columns(inputs), n, byref(_of_core(curves, n)), horizon, *found)
+    _gradients(columns(inputs), n, byref(of_core(curves, n)), horizon, *found)
 
 
 def contact_peaks(
@@ -114,7 +114,7 @@ def contact_peaks(
     """
     n = _size((*inputs, drift, pull), _INPUTS + 2, status, (out, (6,)), (peaks, (5,)))
     found = address(out), address(peaks), address(status, _STATUS)
-    _peaks(columns(inputs), columns((drift, pull)), n, byref(_of_core(curves, n)), horizon, *found)
+    _peaks(columns(inputs), columns((drift, pull)), n, byref(of_core(curves, n)), horizon, *found)
 
 
 def _size(
@@ -130,8 +130,8 @@ def _size(
     return n
 
 
-def _of_core(curves: Curves, n: int) -> _CurvesOfCore:
-    """Return the curves of n encounters as the core reads them."""
+def of_core(curves: Curves, n: int) -> _CurvesOfCore:
+    """Return the curves of n encounters as the core reads them: what `byref` takes; the arrays must outlive it."""
     windows, starts, curve_of = curves
     rows, width = windows.shape
     shared = len(curve_of) == 1

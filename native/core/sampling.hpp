@@ -1,0 +1,133 @@
+// What samples of a function tell of it: whether they resolve it, and where its minimum is.
+
+#pragma once
+
+#include <math.h>
+#include <stdint.h>
+
+namespace PRETOUCH_VARIANT {
+
+constexpr int LEAST = 11;  // samples that are needed to tell whether they resolve a function: six with even numbers
+constexpr int NODES = 8;
+constexpr double AT[NODES] = {  // cos((i + 1/2) pi / 8)
+    0.98078528040323043,  0.83146961230254524,  0.55557023301960229,  0.19509032201612833,
+    -0.19509032201612825, -0.55557023301960196, -0.83146961230254535, -0.98078528040323043};
+
+namespace sampling {
+
+constexpr double RESOLVED = 1e-3, STEEP = 0.03;
+constexpr double VANISHED = 1e-7;  // of the curvature: an error of 1e-8 in z at most, since coefficients go on to fall
+
+struct Quintic {
+    double weight[5][6];  // of its values at 0 to 5, for that at 0.5 to 4.5
+};
+
+constexpr Quintic quintic() {
+    Quintic made{};
+    for (int i = 0; i < 5; i++)
+        for (int j = 0; j < 6; j++) {
+            made.weight[i][j] = 1.0;
+            for (int k = 0; k < 6; k++)
+                if (k != j) made.weight[i][j] *= (i + 0.5 - k) / (j - k);
+        }
+    return made;
+}
+
+constexpr Quintic MIDDLE = quintic();
+
+static inline double series(const double *c, double z) {
+    double first = 0.0, before = 0.0;
+    for (int k = NODES - 1; k > 0; k--) {
+        const double next = c[k] + 2.0 * z * first - before;
+        before = first;
+        first = next;
+    }
+    return c[0] + z * first - before;
+}
+
+// The Chebyshev coefficients of a derivative.
+static inline void differentiate(const double *c, double *slope) {
+    slope[NODES - 1] = 0.0;
+    for (int k = NODES - 1; k > 0; k--) slope[k - 1] = (k + 1 < NODES ? slope[k + 1] : 0.0) + 2.0 * k * c[k];
+    slope[0] /= 2.0;
+}
+
+}  // namespace sampling
+
+// Whether every odd node is predicted by the quintic through the six even nodes nearest to it. An error counts beside the
+// objective, or beside its rise over the gap: what is steep there hides no minimum.
+static inline bool is_resolved(const double *f, int used) {
+    for (int i = 1; i < used - 1; i += 2) {
+        int first = i - 5 > 0 ? i - 5 : 0;
+        if (first > used - 11) first = used - 11;
+        double guess = 0.0;
+        for (int j = 0; j < 6; j++) guess += sampling::MIDDLE.weight[(i - first) / 2][j] * f[first + 2 * j];
+        const double allowed = sampling::RESOLVED * fabs(f[i]) + sampling::STEEP * fabs(f[i + 1] - f[i - 1]);
+        if (!(fabs(guess - f[i]) <= allowed)) return false;
+    }
+    return true;
+}
+
+// The node of the one minimum, -1 where there are more or where it is at an end.
+static inline int only_minimum(const double *f, int used) {
+    int found = -1;
+    for (int i = 0; i < used; i++) {
+        const bool below_left = i == 0 || f[i] <= f[i - 1], below_right = i == used - 1 || f[i] < f[i + 1];
+        if (!(below_left && below_right)) continue;
+        if (found >= 0) return -1;
+        found = i;
+    }
+    return found <= 0 || found >= used - 1 ? -1 : found;
+}
+
+// Where the quartic through five nodes around the best has its minimum, in steps from node 0.
+static inline double guess_minimum(const double *f, int best, int used) {
+    int c = best > 2 ? best : 2;
+    if (c > used - 3) c = used - 3;
+    const double y0 = f[c - 2], y1 = f[c - 1], y2 = f[c], y3 = f[c + 1], y4 = f[c + 2];
+    const double a1 = (y0 - 8.0 * y1 + 8.0 * y3 - y4) / 12.0;
+    const double a2 = (-y0 + 16.0 * y1 - 30.0 * y2 + 16.0 * y3 - y4) / 24.0;
+    const double a3 = (-y0 + 2.0 * y1 - 2.0 * y3 + y4) / 12.0;
+    const double a4 = (y0 - 4.0 * y1 + 6.0 * y2 - 4.0 * y3 + y4) / 24.0;
+    const double start = best - c;
+    double s = start;
+    for (int k = 0; k < 6; k++)
+        s -= (a1 + s * (2.0 * a2 + s * (3.0 * a3 + s * 4.0 * a4))) / (2.0 * a2 + s * (6.0 * a3 + s * 12.0 * a4));
+    if (!(fabs(s - start) <= 1.0)) s = start;
+    return c + s;
+}
+
+struct Bottom {
+    double z, value;
+    bool fits;  // the last coefficients vanish beside the curvature: no corner, no noise
+};
+
+// The minimum in [-1, 1] of the polynomial through the values at the nodes.
+static inline Bottom bottom_between(const double *values) {
+    double c[NODES] = {}, slope[NODES], bend[NODES];
+    int lowest = 0;
+    for (int j = 0; j < NODES; j++) {
+        double before = AT[j], now = 1.0;  // T_k of the node, from T_-1 = T_1 on
+        for (int k = 0; k < NODES; k++) {
+            c[k] += (k == 0 ? 1.0 : 2.0) / NODES * now * values[j];
+            const double next = 2.0 * AT[j] * now - before;
+            before = now;
+            now = next;
+        }
+        if (values[j] < values[lowest]) lowest = j;
+    }
+    sampling::differentiate(c, slope);
+    sampling::differentiate(slope, bend);
+    double z = AT[lowest], step = 1.0, curvature = 0.0;
+    for (int k = 0; k < 12; k++) {
+        curvature = sampling::series(bend, z);
+        step = sampling::series(slope, z) / curvature;
+        z = fmin(fmax(z - step, -1.0), 1.0);
+        if (fabs(step) < 1e-14) break;
+    }
+    const double last = fabs(c[NODES - 1]) + fabs(c[NODES - 2]);
+    const bool fits = curvature > 0.0 && last <= sampling::VANISHED * fabs(c[2]) && fabs(step) < 1e-10;
+    return {z, sampling::series(c, z), fits};
+}
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,211 @@
+// One long step of a stiff motion: a polynomial that meets L(1) with L(2) at ten points, Radau IIA.
+//
+// Where D + D_p g is large beside M, a motion forgets its start within M / (D + D_p g) and then follows a slow course.
+// The steps of a Taylor series end after some of these times, however smooth the course is. Here l' is a polynomial over
+// the whole step, with l'' from the equation of motion at the points of Radau's quadrature; Newton's method finds it. The
+// method is L-stable: what rounding adds to the fast part is forgotten, too.
+//
+// A step is accepted only when its own coefficients show that it is resolved: the last ones of l'' in Legendre
+// polynomials vanish beside l', or beside what rounding makes of it. So a fast part of a motion, a swing or the start, is
+// never stepped over: its polynomial would not end. The damping must be positive at all points: an unstable motion
+// forgets nothing.
+
+#include "stiff_step.hpp"
+
+#include <stddef.h>
+#include <string.h>
+
+#include "pretouch.h"
+#include "radau_tables.hpp"
+
+namespace pretouch {
+
+namespace {
+
+constexpr double LONG = 8;         // times a Taylor step: what a long one begins with
+constexpr double WORTH = 2;        // times a Taylor step: what is shorter is not worth its ten points
+constexpr double FORGOTTEN = 0.1;  // of a wrong l': what is left of it after a long step, at most
+constexpr double UNRESOLVED = 1e-12;  // of l': the last coefficients of l''; those left out are smaller by tens, and l'
+                                      // by another ten
+constexpr double NOISE = 300;  // what rounding is multiplied by in the last Legendre coefficient: about POINTS^2, twice
+constexpr double ROUNDING = 1.1e-16;
+constexpr int ITERATIONS = 10;
+constexpr double CLOSE = 1e-8;  // of l': Newton's method has converged with one more step
+
+// At the points: h l'', l', l and d ln xi / dt.
+struct AtPoints {
+    double rise[POINTS], v[POINTS], l[POINTS], force[POINTS];
+};
+
+constexpr int COLUMNS = POINTS + 2;  // the right-hand side, and one that makes rows of whole registers
+typedef double System[POINTS][COLUMNS];
+
+void swap_rows(double *one, double *other) {
+    double kept[COLUMNS];
+    memcpy(kept, one, sizeof kept);
+    memcpy(one, other, sizeof kept);
+    memcpy(other, kept, sizeof kept);
+}
+
+// Solve a linear system by elimination; the right-hand side, column POINTS, becomes the solution.
+bool solve(System &system) {
+    for (int k = 0; k < POINTS; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < POINTS; i++) {
+            if (fabs(system[i][k]) > fabs(system[pivot][k])) pivot = i;
+        }
+        if (!(fabs(system[pivot][k]) > 0)) return false;
+        if (pivot != k) swap_rows(system[k], system[pivot]);
+        for (int i = k + 1; i < POINTS; i++) {
+            const double factor = system[i][k] / system[k][k];
+            for (int j = k + 1; j <= POINTS; j++) system[i][j] -= factor * system[k][j];
+        }
+    }
+    for (int k = POINTS - 1; k >= 0; k--) {
+        for (int j = k + 1; j < POINTS; j++) system[k][POINTS] -= system[k][j] * system[j][POINTS];
+        system[k][POINTS] /= system[k][k];
+    }
+    return true;
+}
+
+// How far a step of Newton's method moved l', and what rounding makes of l'; whether there is one.
+struct Moved {
+    bool found;
+    double change, noise;
+};
+
+// Set up the equations of a step of Newton's method; returns what rounding makes of l', negative where D + D_p g is not
+// positive.
+double linearize(const Values &m, double gain, const Piece &piece, const State &state, double h, AtPoints &at,
+                 System &system) {
+    double noise = 0;
+    for (int i = 0; i < POINTS; i++) {
+        const double t = state.time + h * RADAU.nodes[i], z = (at.l[i] - piece.middle) / piece.half;
+        double g = 0, bend = 0;
+        for (int j = TERMS - 1; j >= 0; j--) {
+            bend = bend * z + g;
+            g = g * z + piece.g[j];
+        }
+        bend /= piece.half;
+        const double held = m.damping + gain * g;
+        if (!(held > 0)) return -1;
+        at.force[i] = g * at.v[i];
+        const double own = m.stiffness * obstacle_at(m, t), brought = m.damping * obstacle_speed(m, t);
+        const double drive = own + brought + m.mass * m.a;
+        const double residual = m.mass / h * at.rise[i] + held * at.v[i] + m.stiffness * at.l[i] - drive;
+        const double size = fabs(own) + fabs(brought) + fabs(m.mass * m.a) + fabs(m.stiffness * at.l[i]);
+        noise = larger(noise, ROUNDING * size / (held + m.mass / h));
+        const double spring = (m.stiffness + gain * bend * at.v[i]) * h;
+        for (int j = 0; j < POINTS; j++) system[i][j] = held * RADAU.integrals[i][j] + spring * RADAU.twice[i][j];
+        system[i][i] += m.mass / h;
+        system[i][POINTS] = -residual;
+    }
+    return noise;
+}
+
+Moved iterate(const Values &m, double gain, const Piece &piece, const State &state, double h, AtPoints &at) {
+    System system = {};
+    const double noise = linearize(m, gain, piece, state, h, at, system);
+    if (noise < 0 || !solve(system)) return {false, 0, 0};
+    double change = 0;
+    for (int j = 0; j < POINTS; j++) at.rise[j] += system[j][POINTS];
+    for (int i = 0; i < POINTS; i++) {
+        double total = 0;
+        for (int j = 0; j < POINTS; j++) total += RADAU.integrals[i][j] * at.rise[j];
+        change = larger(change, fabs(state.speed + total - at.v[i]));
+        at.v[i] = state.speed + total;
+    }
+    for (int i = 0; i < POINTS; i++) {
+        double total = 0;
+        for (int j = 0; j < POINTS; j++) total += RADAU.integrals[i][j] * at.v[j];
+        at.l[i] = state.l + h * total;
+    }
+    return {isfinite(change) != 0, change, noise};
+}
+
+// The largest l' at the points and at the start.
+double fastest(const State &state, const AtPoints &at) {
+    double found = fabs(state.speed);
+    for (int i = 0; i < POINTS; i++) {
+        if (!(fabs(at.v[i]) <= found)) found = fabs(at.v[i]);  // and what is no number, where one is none
+    }
+    return found;
+}
+
+// Write the powers of the polynomial through the points, or those of its integral; returns its last parts.
+double to_series(const double *at_points, bool integrated, double factor, double *series) {
+    double parts[POINTS];
+    for (int k = 0; k < POINTS; k++) {
+        parts[k] = 0;
+        for (int j = 0; j < POINTS; j++) parts[k] += RADAU.to_legendre[k][j] * at_points[j];
+    }
+    for (int k = 0; k < POINTS; k++) {
+        double total = 0;
+        for (int n = POINTS - 1; n >= k; n--) total += RADAU.to_powers[k][n] * parts[n];
+        series[integrated ? k + 1 : k] = factor * total / (integrated ? k + 1 : 1);
+    }
+    return fabs(parts[POINTS - 1]) + fabs(parts[POINTS - 2]);
+}
+
+// Try one step of any length. Returns the last coefficients of l'' over what they may be: at most 1 where the step is
+// resolved, infinite where the equation has no solution that can be trusted. doubt: how well l' is known [m/s]: what is
+// wrong with it is forgotten in the step.
+double collocate(const Values &m, double gain, const Piece &piece, const State &state, double h, double doubt,
+                 Expansion &series) {
+    AtPoints at;
+    for (int i = 0; i < POINTS; i++) {
+        at.rise[i] = 0;
+        at.v[i] = state.speed;
+        at.l[i] = state.l + h * state.speed * RADAU.nodes[i];
+    }
+    double noise = 0;
+    bool close = false;
+    for (int i = 0; i < ITERATIONS; i++) {
+        const Moved moved = iterate(m, gain, piece, state, h, at);
+        noise = moved.noise;
+        if (!moved.found) return INFINITY;
+        if (close) break;
+        double most = 0;
+        for (int j = 0; j < POINTS; j++) most = larger(most, fabs(at.v[j]));
+        close = moved.change <= CLOSE * (fabs(state.speed) + most) + noise;
+    }
+    if (!close) return INFINITY;
+    memset(&series, 0, offsetof(Expansion, powers));
+    series.l[0] = state.l;
+    series.v[0] = state.speed;
+    to_series(at.v, true, h, series.l);
+    const double last = to_series(at.rise, true, 1, series.v);
+    to_series(at.force, false, 1, series.force);
+    return last / (UNRESOLVED * fastest(state, at) + NOISE * (noise + doubt) + 1e-300);
+}
+
+}  // namespace
+
+double long_step(const Values &m, double gain, const Piece &piece, const State &state, double taylor, double longest,
+                 Pace &pace, Expansion &series) {
+    if (pace.wait > 0) {
+        pace.wait -= 1;
+        return 0;
+    }
+    double h = smaller(larger(pace.next, LONG * taylor), longest);
+    if (h < WORTH * taylor) return 0;  // a border is near
+    while (h >= WORTH * taylor) {
+        const double missed = collocate(m, gain, piece, state, h, pace.doubt, series);
+        const double factor = missed > 0 ? 0.9 * pow(missed, -0.1) : 4.0;
+        if (missed <= 1) {
+            if (h < longest || pace.next < h) pace.next = h * smaller(factor, 4);
+            pace.patience = PATIENCE;
+            pace.doubt *= FORGOTTEN;
+            return h;
+        }
+        h *= smaller(larger(factor, 0.2), 0.5);
+    }
+    pace.next = 0;
+    pace.wait = pace.patience;
+    pace.patience *= 2;
+    return 0;
+}
+
+}  // namespace pretouch
+
+void pretouch_radau_points(double *tables) { memcpy(tables, &pretouch::RADAU, sizeof pretouch::RADAU); }

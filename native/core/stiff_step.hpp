@@ -1,0 +1,28 @@
+// Long steps of a stiff motion: see stiff_step.cpp.
+
+#pragma once
+
+#include "series.hpp"
+
+namespace pretouch {
+
+constexpr double PATIENCE = 64;  // Taylor steps until long ones are tried
+constexpr double AHEAD = 1.5;    // of the way to a border: how far a long step may come, beyond it too
+
+// Where a step starts.
+struct State {
+    double time, l, speed;
+};
+
+// The length of the next try [s], Taylor steps until then, those to wait after another failure, and how well l' is
+// known [m/s].
+struct Pace {
+    double next, wait, patience, doubt;
+};
+
+// Try a step that is longer than those of Taylor's series, of the length `taylor`, but not longer than `longest` [s], the
+// longest of use. Returns its length, 0 where there is none; fills the series, but for the powers, in its tau.
+double long_step(const Values &m, double gain, const Piece &piece, const State &state, double taylor, double longest,
+                 Pace &pace, Expansion &series);
+
+}  // namespace pretouch

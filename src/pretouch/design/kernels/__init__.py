@@ -1,1 +1,0 @@
-"""Compiled searches for optimal gains: floats and arrays only."""

@@ -26,7 +26,7 @@ _trace: Final = kernel("trace_series", *_ENCOUNTERS, *_LIMITS, POINTER, INTEGER,
 _follow: Final = kernel("follow_gradients", *_ENCOUNTERS, POINTER, INTEGER, DOUBLE, POINTER, POINTER)
 
 
-def solve_series(  # noqa: PLR0917 - as the kernel takes them
+def solve_series(
     values: FloatArray,
     gains: FloatArray,
     pieces: FloatArray,
@@ -50,7 +50,7 @@ def solve_series(  # noqa: PLR0917 - as the kernel takes them
     _solve(*_encounters(values, gains, pieces), *limits, address(rows), address(status, _INTEGER))
 
 
-def trace_series(  # noqa: PLR0917 - as the kernel takes them
+def trace_series(
     values: FloatArray,
     gains: FloatArray,
     pieces: FloatArray,
@@ -73,7 +73,7 @@ def trace_series(  # noqa: PLR0917 - as the kernel takes them
     _trace(*_encounters(values, gains, pieces), *limits, address(times), times.shape[1], address(trace))
 
 
-def follow_gradients(  # noqa: PLR0917 - as the kernel takes them
+def follow_gradients(
     values: FloatArray,
     gains: FloatArray,
     pieces: FloatArray,

@@ -17,12 +17,13 @@ ENCOUNTERS ?= 1000000
 FILES ?= 10000
 SEED ?=
 
-.PHONY: help demo check test fuzz benchmark clean
+.PHONY: help demo check test sanitize fuzz benchmark clean
 
 help:
 	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
 	@echo "make test       everything that CI runs: check, then all tests"
 	@echo "make check      formatting, lint, types, import contract"
+	@echo "make sanitize   the tests of the compiled core with checks of addresses and undefined behavior"
 	@echo "make fuzz       random properties, encounters and files, for hours; what it finds becomes a test"
 	@echo "make benchmark  what benchmarks/ measures, on this machine"
 	@echo "make clean      remove what make made"
@@ -45,6 +46,14 @@ check: $(STAMP)
 
 test: check
 	$(PYTEST) $(TESTS)
+
+# the tests that reach the compiled core, on a library that checks addresses and undefined behavior (needs gcc)
+SANITIZED ?= tests/agreement tests/faults
+sanitize: $(STAMP)
+	$(BIN)/python native/build.py --sanitize
+	ASAN_OPTIONS=detect_leaks=0 PRETOUCH_LIBRARY=$(CURDIR)/build/native/sanitized/libpretouch.so \
+		LD_PRELOAD="$$($${CC:-gcc} -print-file-name=libasan.so) $$($${CC:-gcc} -print-file-name=libubsan.so)" \
+		$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(SANITIZED)
 
 fuzz: $(STAMP)
 	$(PYTEST) -m hypothesis --hypothesis-profile=random $(if $(SEED),--hypothesis-seed=$(SEED)) $(TESTS)

@@ -44,14 +44,14 @@ def controller(gain: float = -0.7, period: float = 1e-3, **changed: Any) -> Cont
 
 
 class Batch:
-    """Rows (reading, fresh, age, force, reference x, v, a) as samples in C, to be run by a controller's compiled step."""
+    """Rows (reading, fresh, age, force, reference x, v, a) as samples in C, for a controller's compiled step."""
 
     def __init__(self, made: Controller, rows: np.ndarray) -> None:
         self.samples, self.out = np.zeros(len(rows), SAMPLE), np.zeros(len(rows), OUTPUT)
         for name, column in zip(COLUMNS, rows.T, strict=True):
             self.samples[name] = column > 0.0 if name == "fresh" else column
         self.parameters, self.state = made.parameters(), made.start()
-        self.step = made.step.address
+        self.step = made.step.located()
 
     def run(self) -> None:
         places = self.samples.ctypes.data, len(self.samples), self.out.ctypes.data
@@ -61,8 +61,8 @@ class Batch:
 def run_rows(made: Controller, rows: np.ndarray) -> np.ndarray:
     """Feed rows to a controller; return the outputs, a row for each."""
     if not isinstance(made.step, CompiledStep):
-        run = made.begin()
-        return np.array([run.step(r[0], r[1] > 0.0, *r[2:]) for r in rows.tolist()], dtype=float)
+        run, samples = made.begin(), [Sample(r[0], r[1] > 0.0, *r[2:]) for r in rows.tolist()]
+        return np.array([run.step(**sample._asdict()) for sample in samples], dtype=float)
     batch = Batch(made, rows)
     batch.run()
     return np.column_stack([batch.out[name] for name in Output._fields])

@@ -42,7 +42,7 @@ def encounter(run: Run, start: Any, period: float) -> Any:
         d_x, d_v = x_d + t * (v_d + t * a_d / 2), v_d + t * a_d
         l = o_x - x  # noqa: E741
         reading = SCALE / (l + OFFSET) ** EXPONENT
-        out = run.step(reading, True, 0.0, 0.0, d_x, d_v, a_d)
+        out = run.step(reading, reference_position=d_x, reference_velocity=d_v, reference_acceleration=a_d)
         end = t + period
         l_next = x_o + end * (v_o + end * a_o / 2) - out.position
         if l_next <= 0.0:

@@ -12,6 +12,7 @@ from .errors import InvalidInputError
 __all__ = ["Structure", "copy_of", "location", "machine_code"]
 
 T = TypeVar("T")
+_FUNCTION: Any = ctypes.CFUNCTYPE(None).__mro__[1]  # the type of every function of ctypes
 _CAPSULE_NAME = ctypes.pythonapi.PyCapsule_GetName
 _CAPSULE_NAME.argtypes, _CAPSULE_NAME.restype = (ctypes.py_object,), ctypes.c_char_p
 _CAPSULE_POINTER = ctypes.pythonapi.PyCapsule_GetPointer
@@ -19,15 +20,20 @@ _CAPSULE_POINTER.argtypes, _CAPSULE_POINTER.restype = (ctypes.py_object, ctypes.
 
 
 class Structure(ctypes.Structure):
-    """A structure of C: fields by name, equal where all bits are, pickled and copied as it is."""
+    """A structure of C: fields by name, equal where all bits are, pickled and copied as it is.
+
+    Its fields can be changed, but not while it is a key of a dictionary.
+    """
 
     _fields_: ClassVar[Any]
-    __hash__ = None  # type: ignore[assignment]  # its fields can be changed
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return NotImplemented
         return bytes(self) == bytes(other)
+
+    def __hash__(self) -> int:
+        return hash((type(self), bytes(self)))
 
     def __repr__(self) -> str:
         said = (f"{name}={getattr(self, name)!r}" for name, *_ in self._fields_)
@@ -37,7 +43,7 @@ class Structure(ctypes.Structure):
 def copy_of(memory: T) -> T:
     """Copy what a function of C reads and writes: a ctypes structure or a NumPy array."""
     if isinstance(memory, ctypes.Structure):
-        return type(memory).from_buffer_copy(memory)  # type: ignore[no-any-return]
+        return type(memory).from_buffer_copy(memory)
     return np.array(memory)  # type: ignore[return-value]
 
 
@@ -80,7 +86,7 @@ def machine_code(function: Any) -> int | None:
     told = getattr(function, "address", function)
     if isinstance(told, int) and not isinstance(told, bool):
         found: int | None = told
-    elif isinstance(function, ctypes._CFuncPtr):  # noqa: SLF001 - the type of every function of ctypes
+    elif isinstance(function, _FUNCTION):
         found = ctypes.cast(function, ctypes.c_void_p).value
     elif isinstance(function, tuple) and type(function).__name__ == "LowLevelCallable":
         found = _of_capsule(function[0])

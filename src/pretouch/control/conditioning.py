@@ -82,7 +82,7 @@ class Conditioning:
             raise InvalidInputError(
                 f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give xi in another unit"
             )
-        length = self.median_window
+        length: object = self.median_window
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
             raise InvalidInputError(
                 f"median_window: found {length!r}, expected a whole number of readings from 1 (no median) "

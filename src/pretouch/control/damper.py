@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite, nonnegative
 
-from .steps import CompiledStep, damper_step
+from .steps import CompiledStep
 from .structures import DamperNumbers, DamperState
 
 __all__ = ["VirtualDamper"]
+
+_STEP = CompiledStep("step_damper")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +51,7 @@ class VirtualDamper:
     @property
     def step(self) -> CompiledStep:
         """The controller's step with this law: `pretouch_step` of native/law/pretouch_law.c."""
-        return damper_step()
+        return _STEP
 
     def numbers(self, period: float) -> DamperNumbers:
         """Return the parameters as plain numbers, for the loop's period [s]."""

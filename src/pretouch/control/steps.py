@@ -6,10 +6,10 @@ import ctypes
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from struct import Struct
 from typing import Any, Final
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import entry
 from pretouch._core.structures import copy_of, location, machine_code
 
@@ -17,7 +17,7 @@ from .blocks import output_of, raw_sample
 from .signals import Output, Sample
 from .structures import RawOutput, RawSample
 
-__all__ = ["CompiledStep", "Run", "as_step", "begin_run", "damper_step"]
+__all__ = ["CompiledStep", "Run", "as_step", "begin_run"]
 
 _prototype: Final = ctypes.PYFUNCTYPE(None)  # keeps the interpreter's lock: letting go of it takes as long as a step
 _pack_sample: Final = Struct("6di").pack_into
@@ -30,12 +30,24 @@ class CompiledStep:
     """A law's step as machine code, with the signature of `pretouch_law_step` in native/law/pretouch_law.h.
 
     Args:
-        address: of the function.
-        owner: what the function belongs to, and lives as long as.
+        function: what is compiled, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
     """
 
-    address: int
-    owner: Any = None
+    function: Any
+
+    def located(self) -> int:
+        """Return the address of the function.
+
+        Returns:
+            The address, that of this process.
+
+        Raises:
+            InvalidInputError: it is a function of Python.
+        """
+        found = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
+        if found is None:
+            raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
+        return found
 
     def __call__(self, parameters: Any, state: Any, sample: Sample) -> tuple[Any, Output]:
         """Run one period; the state that is given stays as it was.
@@ -50,14 +62,8 @@ class CompiledStep:
         """
         after, out = copy_of(state), RawOutput()
         places = (location(memory, name)[0] for memory, name in ((parameters, "parameters"), (after, "state")))
-        _prototype(self.address)(*map(ctypes.c_void_p, places), ctypes.byref(raw_sample(sample)), ctypes.byref(out))
+        _prototype(self.located())(*map(ctypes.c_void_p, places), ctypes.byref(raw_sample(sample)), ctypes.byref(out))
         return after, output_of(out)
-
-
-@cache
-def damper_step() -> CompiledStep:
-    """Return the step with the letter's law, a function of the compiled core."""
-    return CompiledStep(entry("step_damper"))
 
 
 def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
@@ -71,8 +77,7 @@ def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
     """
     if isinstance(step, CompiledStep):
         return step
-    address = machine_code(step)
-    return CompiledStep(address, step) if address else step  # type: ignore[no-any-return]
+    return step if machine_code(step) is None else CompiledStep(step)
 
 
 class Run(ABC):
@@ -94,6 +99,7 @@ class Run(ABC):
         reading: float,
         fresh: bool = True,
         age: float = 0.0,
+        *,
         contact_force: float = 0.0,
         reference_position: float = 0.0,
         reference_velocity: float = 0.0,
@@ -139,7 +145,7 @@ class _CompiledRun(Run):
     def __init__(self, step: CompiledStep, parameters: Any, state: Any) -> None:
         self._memory, self._sample, self._out = copy_of(state), RawSample(), RawOutput()
         self._held = step, parameters
-        self._law = _prototype(step.address)
+        self._law = _prototype(step.located())
         self._places = (
             ctypes.c_void_p(location(parameters, "parameters")[0]),
             ctypes.c_void_p(location(self._memory, "state")[0]),
@@ -156,6 +162,7 @@ class _CompiledRun(Run):
         reading: float,
         fresh: bool = True,
         age: float = 0.0,
+        *,
         contact_force: float = 0.0,
         reference_position: float = 0.0,
         reference_velocity: float = 0.0,
@@ -166,7 +173,8 @@ class _CompiledRun(Run):
             *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
         )
         self._law(*self._places)
-        return _new(Output, _unpack_output(self._out))
+        output: Output = _new(Output, _unpack_output(self._out))
+        return output
 
 
 class _PythonRun(Run):
@@ -181,7 +189,7 @@ class _PythonRun(Run):
     def state(self) -> Any:
         return self._state
 
-    def step(self, reading: float, fresh: bool = True, age: float = 0.0, *rest: float, **named: float) -> Output:
-        sample = Sample(reading, fresh, age, *rest, **named)
-        self._state, output = self._step(self._parameters, self._state, sample)
-        return output  # type: ignore[no-any-return]
+    def step(self, reading: float, fresh: bool = True, age: float = 0.0, **rest: float) -> Output:
+        output: Output
+        self._state, output = self._step(self._parameters, self._state, Sample(reading, fresh, age, **rest))
+        return output

@@ -19,11 +19,10 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import FloatArray, IntArray
-from pretouch._core.structures import Structure, location, machine_code
-from pretouch.control import Output, Sample
+from pretouch._core.structures import Structure, location
+from pretouch.control import CompiledStep, Output, Sample
 from pretouch.control.structures import RawOutput, RawSample
 
-from .law import SampledLaw
 from .layout import CONTACT_COLUMNS, COURSE_COLUMNS, RESULT_COLUMNS, TRACE_COLUMNS
 from .plant import COEFFICIENTS
 
@@ -89,7 +88,7 @@ class Laws:
     """The laws of many encounters, which share one step.
 
     Args:
-        step: compiled, or of Python.
+        step: as `as_step` returns it.
         parameters: of each law.
         states: first states.
         law_of: which parameters each encounter has.
@@ -151,10 +150,12 @@ class Runs:
         self.touches = np.full((count, touches, len(CONTACT_COLUMNS)), np.nan)
         self.trace = np.full((rows, len(TRACE_COLUMNS)), np.nan)
         self.course = np.full((course_rows, len(COURSE_COLUMNS)), np.nan)
-        self._laws, self._compiled = laws, machine_code(laws.step)
+        self._laws = laws
+        self._compiled = laws.step.located() if isinstance(laws.step, CompiledStep) else None
         self._parameters = _together(laws.parameters, "parameters", self._compiled)
         self._states = _together(laws.states, "state", self._compiled)
-        self._curves = (_Curve * len(curves))(*((address(table), len(table), *rest) for table, *rest in curves))
+        tables = [_Curve(address(table), len(table), *rest) for table, *rest in curves]
+        self._curves = (_Curve * len(curves))(*tables)
         self._chain = _Chain(*chain)
         self._room = _power_of_two(self._waiting(clock[0]))
         self._held = scenes, draws, curve_of, curves
@@ -224,7 +225,7 @@ class _Called:
                 for name in Output._fields:
                     setattr(raw, name, getattr(output, name))
                 return
-        except BaseException as error:  # noqa: BLE001 - raised again where the loop was called, an interrupt, too
+        except BaseException as error:  # raised again where the loop was called, an interrupt, too
             self.raised = error
         raw.position = raw.velocity = math.nan  # ends the run
 

@@ -12,6 +12,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, nonnegative, positive
 from pretouch._core.values import Value
+from pretouch.control.steps import as_step
 from pretouch.motion import Scenario
 from pretouch.motion.parallel import for_stretches
 from pretouch.sensors import SensorModel
@@ -195,7 +196,7 @@ def _laws(loop: Loop, scenes: FloatArray, which: IntArray) -> Laws:
     starts = np.column_stack([met[law_of.ravel()], scenes[which][:, (0, 1)] - scenes[which][:, (5, 6)]])
     alike, start_of = np.unique(starts, axis=0, return_inverse=True)
     return Laws(
-        step=loop.laws[0].step,
+        step=as_step(loop.laws[0].step),
         parameters=[loop.laws[int(i)].parameters() for i in met],
         states=[loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in alike],
         law_of=_of_all(law_of, which, len(scenes)),

@@ -23,7 +23,6 @@ Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_,
              mix(loop_.seed, static_cast<uint64_t>(loop_.draws[index])), waiting, room),
       end(loop_.ends[index]), touches(loop_.touches + index * loop_.most_touches), ideal(loop_.plant.mass == 0.0),
       inverse_mass(ideal ? 0.0 : 1.0 / loop_.plant.mass + loop_.contact.inverse_mass),
-      apart{0.0, 0.0, 1.0, 0.0, loop_.contact.inverse_mass},
       body{scene.x, scene.v, 0.0, scene.xo, scene.vo, 0.0}, xv(scene.x), vv(scene.v), resolved(loop_.plant_step) {
     end = {};
     end.status = HORIZON;
@@ -66,7 +65,7 @@ void Encounter::ask_law() {
     if (output.status & DETECTING && isnan(end.detection_time)) end.detection_time = t;
     if (count == 0) end.largest_virtual_force = larger(end.largest_virtual_force, fabs(output.virtual_force));
     if (trace_rows < loop.trace_rows) record_instant(force);
-    target = {loop.period, xv, vv, output.position, output.velocity, output.acceleration};
+    target = {loop.period, output.acceleration, {xv, vv * loop.period, output.position, output.velocity * loop.period}};
     acting = output.virtual_force;
 }
 
@@ -119,8 +118,9 @@ Encounter::Step Encounter::next_step() const {
     return step;
 }
 
+// Before a touch there is no force: a stiff contact must not turn a step around before it is found.
 void Encounter::move_along(Step &step) const {
-    step.moved = advance(body, at, step.h, target, loop.plant, touching ? loop.contact : apart, scene.ao);
+    step.moved = advance(body, at, step.h, target, loop.plant, touching ? &loop.contact : nullptr, scene.ao);
 }
 
 // Ends a step where the bodies touch; an ideal plant is there at once.
@@ -140,8 +140,7 @@ void Encounter::shorten(Step &step) {
     } else {
         step.moved = body;
     }
-    step.gap = {step.gap.start, step.gap.start_slope, step.moved.xo - step.moved.x,
-                (step.moved.vo - step.moved.v) * step.h};
+    step.gap = distance_along(body, step.moved, step.h);
     step.touch.least = step.gap.end;
 }
 

@@ -39,7 +39,6 @@ private:
 
     const bool ideal;                // the plant is the virtual object
     const double inverse_mass;       // 1 / the reduced mass of both bodies
-    const pretouch_contact apart;    // no force: a stiff contact must not turn a step around before it is found
     double t = 0.0, at = 0.0;        // start of the period, and time since then
     Body body;
     double xv, vv;                   // of the virtual object at the start of the period

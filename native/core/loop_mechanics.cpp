@@ -15,24 +15,36 @@ double zero_between(const Cubic &gap, double low, double high) {
     return high;
 }
 
-Body slopes(const Body &b, double at, const Target &target, const pretouch_plant &plant,
-            const pretouch_contact &contact, double push) {
-    const double period = target.period, v0 = target.v0, v1 = target.v1;
-    const double s = at / period, rise = target.x1 - target.x0;
-    const double x_v = Cubic{target.x0, v0 * period, target.x1, v1 * period}.at(s);
-    const double v_v =
-        v0 + s * (6.0 * rise / period - 4.0 * v0 - 2.0 * v1 + s * (3.0 * (v0 + v1) - 6.0 * rise / period));
-    const double command = plant.stiffness * (x_v - b.x) + plant.reference_damping * v_v - plant.own_damping * b.v +
-                           plant.feedforward_mass * target.a;
-    const bool lags = plant.servo_rate > 0.0;
-    const double drive = lags ? b.servo : command, change = lags ? plant.servo_rate * (command - b.servo) : 0.0;
-    const double force = contact_force(contact, b.x - b.xo, b.v - b.vo);
-    const double friction =
-        plant.coulomb_friction > 0.0 ? plant.coulomb_friction * tanh(b.v / plant.friction_speed) : 0.0;
-    return {b.v, (drive - friction - force) / plant.mass, change, b.vo, push + force * contact.inverse_mass, force};
-}
+// The robot in one step: what it is to follow at an instant, and how fast everything changes then.
+struct Robot {
+    const pretouch_plant &plant;
+    const pretouch_contact *contact;
+    double inverse_mass, push, feedforward;
 
-Body along(const Body &b, const Body &k, double h) {
+    // The virtual object's position, and the part of the command that only it makes.
+    struct Wanted {
+        double position, command;
+    };
+
+    Wanted wanted(const Target &target, double at) const {
+        return {target.position(at), plant.reference_damping * target.velocity(at) + feedforward};
+    }
+
+    Body slopes(const Body &b, const Wanted &w) const {
+        const double command = plant.stiffness * (w.position - b.x) - plant.own_damping * b.v + w.command;
+        const bool lags = plant.servo_rate > 0.0;
+        double drive = lags ? b.servo : command;
+        if (plant.coulomb_friction > 0.0) drive -= plant.coulomb_friction * tanh(b.v / plant.friction_speed);
+        Body k = {b.v, drive * inverse_mass, lags ? plant.servo_rate * (command - b.servo) : 0.0, b.vo, push, 0.0};
+        if (!contact) return k;
+        k.impulse = contact_force(*contact, b.x - b.xo, b.v - b.vo);
+        k.v -= k.impulse * inverse_mass;
+        k.vo += k.impulse * contact->inverse_mass;
+        return k;
+    }
+};
+
+inline Body along(const Body &b, const Body &k, double h) {
     return {b.x + h * k.x,   b.v + h * k.v,   b.servo + h * k.servo,
             b.xo + h * k.xo, b.vo + h * k.vo, b.impulse + h * k.impulse};
 }
@@ -84,14 +96,16 @@ double elastic_duration(const pretouch_contact &c, double inverse_mass, double s
 }
 
 Body advance(const Body &b, double at, double h, const Target &target, const pretouch_plant &plant,
-             const pretouch_contact &contact, double push) {
-    const double half = 0.5 * h;
-    const Body k1 = slopes(b, at, target, plant, contact, push);
-    const Body k2 = slopes(along(b, k1, half), at + half, target, plant, contact, push);
-    const Body k3 = slopes(along(b, k2, half), at + half, target, plant, contact, push);
-    const Body k4 = slopes(along(b, k3, h), at + h, target, plant, contact, push);
-    const auto mean = [h](double start, double a, double b2, double c, double d) {
-        return start + h / 6.0 * (a + 2.0 * (b2 + c) + d);
+             const pretouch_contact *contact, double push) {
+    const double half = 0.5 * h, sixth = h / 6.0;
+    const Robot robot = {plant, contact, 1.0 / plant.mass, push, plant.feedforward_mass * target.acceleration};
+    const Robot::Wanted middle = robot.wanted(target, at + half);
+    const Body k1 = robot.slopes(b, robot.wanted(target, at));
+    const Body k2 = robot.slopes(along(b, k1, half), middle);
+    const Body k3 = robot.slopes(along(b, k2, half), middle);
+    const Body k4 = robot.slopes(along(b, k3, h), robot.wanted(target, at + h));
+    const auto mean = [sixth](double start, double a, double m1, double m2, double z) {
+        return start + sixth * (a + 2.0 * (m1 + m2) + z);
     };
     return {mean(b.x, k1.x, k2.x, k3.x, k4.x),
             mean(b.v, k1.v, k2.v, k3.v, k4.v),

@@ -15,11 +15,6 @@ struct Body {
     double x, v, servo, xo, vo, impulse;
 };
 
-// The virtual object over a period of the controller: a cubic through both ends, and its mean acceleration.
-struct Target {
-    double period, x0, v0, x1, v1, a;
-};
-
 // The cubic through both ends of a step, by its slopes over the whole step.
 struct Cubic {
     double start, start_slope, end, end_slope;
@@ -28,6 +23,15 @@ struct Cubic {
     double third() const { return start_slope + end_slope - 2.0 * (end - start); }
     double at(double s) const { return start + s * (start_slope + s * (second() + s * third())); }
     double slope(double s) const { return start_slope + s * (2.0 * second() + s * 3.0 * third()); }
+};
+
+// The virtual object over a period of the controller: a cubic through both ends, and its mean acceleration.
+struct Target {
+    double period, acceleration;
+    Cubic course;
+
+    double position(double at) const { return course.at(at / period); }
+    double velocity(double at) const { return course.slope(at / period) / period; }
 };
 
 // The force between the bodies [N], never below 0: they do not stick. At the touch itself damping acts.
@@ -70,8 +74,8 @@ double contact_step(const pretouch_contact &contact, double inverse_mass, double
 double elastic_duration(const pretouch_contact &contact, double inverse_mass, double speed);
 
 // Plant and obstacle h [s] later within a period of the controller, from the time `at` in it, by the classical Runge-Kutta
-// method of order 4; push: acceleration of the obstacle.
+// method of order 4; contact: null where the bodies are apart; push: acceleration of the obstacle.
 Body advance(const Body &body, double at, double h, const Target &target, const pretouch_plant &plant,
-             const pretouch_contact &contact, double push);
+             const pretouch_contact *contact, double push);
 
 }  // namespace pretouch

@@ -89,7 +89,7 @@ def machine_code(function: Any) -> int | None:
     elif isinstance(function, _FUNCTION):
         found = ctypes.cast(function, ctypes.c_void_p).value
     elif isinstance(function, tuple) and type(function).__name__ == "LowLevelCallable":
-        found = _of_capsule(function[0])
+        found = _of_capsule(tuple.__getitem__(function, 0))  # it hides its parts
     elif type(function).__name__ == "PyCapsule":
         found = _of_capsule(function)
     elif callable(function):

@@ -99,11 +99,11 @@ def test_a_step_in_python_is_the_controllers_bit_for_bit(robot: Any) -> None:
         np.testing.assert_array_equal(found, expected)
 
 
-class Odd(Exception):
+class OddError(Exception):
     """What no loop knows."""
 
 
-@pytest.mark.parametrize("raised", [Odd, KeyboardInterrupt])
+@pytest.mark.parametrize("raised", [OddError, KeyboardInterrupt])
 @pytest.mark.parametrize("count", [1, 400])
 def test_what_a_step_in_python_raises_comes_out(raised: type[BaseException], count: int) -> None:
     """On this thread and on others."""
@@ -123,7 +123,7 @@ def test_what_a_step_in_python_raises_comes_out(raised: type[BaseException], cou
 
 
 def test_an_answer_without_all_numbers_is_said() -> None:
-    own = PlainLaw(lambda parameters, state, sample: (state, sample), parameters_as=plain)
+    own = PlainLaw(lambda *given: given[1:], parameters_as=plain)  # state and sample
     with pytest.raises(AttributeError, match="position"):
         results(own)
 

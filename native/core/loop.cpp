@@ -9,6 +9,7 @@ namespace {
 // How a run ended: the numbers of ContactStatus.
 constexpr double CONTACT = 0.0, HORIZON = 2.0, UNRESOLVED = 4.0;
 constexpr int32_t DETECTING = PRETOUCH_DETECTING;
+constexpr double FINEST = 1e-8;  // of a period: the shortest step
 
 Cubic distance_along(const Body &from, const Body &to, double h) {
     return {from.xo - from.x, (from.vo - from.v) * h, to.xo - to.x, (to.vo - to.v) * h};
@@ -93,8 +94,7 @@ void Encounter::follow_period() {
         if (count == 0) note_largest();
         if (step.hit) {
             begin_contact();
-            if (ideal) break;
-            strike();
+            if (ideal || !strike()) break;
         } else if (touching) {
             follow_contact();
         }
@@ -184,8 +184,8 @@ void Encounter::begin_contact() {
 }
 
 // The first instant of a contact: onto the surface, from some 1e-11 m beside it, where a damper acts already, with a force
-// that no later one need reach.
-void Encounter::strike() {
+// that no later one need reach. Says whether the contact can be followed: a loop that runs away may strike too hard.
+bool Encounter::strike() {
     body.x = body.xo;
     touch_peak = contact_force(loop.contact, 0.0, body.v - body.vo);
     const double speed = fabs(closing());
@@ -194,6 +194,9 @@ void Encounter::strike() {
     if (now() <= impact_end) end.impact_force = larger(end.impact_force, touch_peak);
     resolved = smaller(loop.plant_step, contact_step(loop.contact, inverse_mass, speed));
     record_moment(0.0, touch_peak);
+    if (resolved > FINEST * loop.period) return true;
+    body.x = NAN;
+    return false;
 }
 
 void Encounter::follow_contact() {

@@ -69,7 +69,7 @@ private:
     void sense(const Step &step);
     void note_largest();
     void begin_contact();
-    void strike();
+    bool strike();
     void follow_contact();
     void record_moment(double distance, double force);
     void finish();

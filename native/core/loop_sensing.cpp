@@ -27,7 +27,7 @@ double rounded(double value, double step) { return step > 0.0 ? step * floor(val
 // ln xi from its values and slopes at equal distances; beyond the ends that of the end.
 double log_output(const pretouch_curve &curve, double distance) {
     const double place = (distance - curve.low) / curve.step;
-    if (place <= 0.0) return curve.table[0];
+    if (!(place > 0.0)) return curve.table[0];  // also for NaN
     if (place >= static_cast<double>(curve.rows - 1)) return curve.table[2 * (curve.rows - 1)];
     const int64_t i = static_cast<int64_t>(place) < curve.rows - 2 ? static_cast<int64_t>(place) : curve.rows - 2;
     const double *row = curve.table + 2 * i;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import math
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -19,7 +20,7 @@ from control_samples import LETTER_FILTERS, controller
 from loop_samples import BareLaw
 from plain_law import plain, start, step
 from pretouch._core.native import entry
-from pretouch.control import CompiledStep, Controller, Sample
+from pretouch.control import CompiledStep, Controller, Output, Sample
 from pretouch.control.steps import as_step
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -120,6 +121,20 @@ def test_what_a_step_in_python_raises_comes_out(raised: type[BaseException], cou
     with pytest.raises(raised, match="too near"):
         results(own, replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.full(count, -0.3))))
     assert 0 < calls < 500 * count
+
+
+@pytest.mark.parametrize("far", [1e160, 1e300, math.inf, math.nan])
+@pytest.mark.parametrize("contact", [pt.HuntCrossley(stiffness=2e6, dissipation=1.0), ROBOT["contact"], None])
+def test_a_law_that_answers_beyond_all_bounds_ends_its_run(far: float, contact: Any) -> None:
+    """Also where the robot strikes so hard that no step could follow the contact."""
+
+    def wild(parameters: Any, state: Any, sample: Sample) -> Any:
+        return state, Output(far, far, far, 0.0, 0.0, 0)
+
+    own = PlainLaw(wild, parameters_as=plain)
+    run = pt.simulate(SCENARIO, SENSOR, own, chain=CHAIN, plant=ROBOT["plant"], contact=contact, horizon=0.02)
+    assert np.isin(run.status, [pt.ContactStatus.UNRESOLVED, pt.ContactStatus.CONTACT]).all()
+    assert contact is None or (run.end_time <= 0.02).all()
 
 
 def test_an_answer_without_all_numbers_is_said() -> None:

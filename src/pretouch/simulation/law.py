@@ -13,7 +13,7 @@ class SampledLaw(Protocol):
 
     Attributes:
         period: time between two steps [s].
-        step: a function of Python, `state, output = step(parameters, state, sample)`, which is called back and slow; or a
+        step: a function of Python, `state, output = step(parameters, state, sample)`, called back and slow; or a
             compiled one, `void (*)(const void *parameters, void *state, const pretouch_sample *, pretouch_output *)` of
             native/law/pretouch_law.h: a scipy.LowLevelCallable, a function of ctypes, a capsule of Cython, what
             numba.cfunc returns, or an address. It may be called on several threads at once, each with its own state.

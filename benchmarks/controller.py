@@ -1,4 +1,4 @@
-"""How long one step of the controller takes, compiled and in plain Python, with and without the letter's filters."""
+"""How long one step of the controller takes, from C and from Python, with and without the letter's filters."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from control_samples import LETTER_FILTERS, LIMITS, controller, rows_of, run_plain, run_rows
-from pretouch._core.machine_code import compiled
+from control_samples import LETTER_FILTERS, LIMITS, Batch, controller, rows_of
+from pretouch.control import Sample
 
 STEPS = 1_000_000
 ROUNDS = 7
+CALLS = 50_000
 CASES = {
     "no filters, no limits": {},
     "median 10, Butterworth 5": LETTER_FILTERS,
@@ -38,21 +39,25 @@ def main() -> None:
     """Print the best and the median of several rounds over a noisy approach, which no branch predictor foresees."""
     noise = np.random.default_rng(1).normal(size=STEPS)
     rows = rows_of(0.1 + 0.09 * np.sin(np.arange(STEPS) * 1e-3) + 1e-3 * noise)
-    out = np.empty((STEPS, 6))
-    print(f"\n{'one step of the controller':36s} compiled, best   median   plain Python")
+    print(f"\n{'one step of the controller':36s} from C, best   median   a run in Python   controller.step")
     for name, changed in CASES.items():
         made = controller(period=1e-4, **changed)
-        run = compiled(run_rows, step=made.step)
-        run(made.parameters(), made.start(), rows[:10], out)
+        batch = Batch(made, rows)
         times = []
         for _ in range(ROUNDS):
             start = time.perf_counter()
-            run(made.parameters(), made.start(), rows, out)
+            batch.run()
             times.append((time.perf_counter() - start) / STEPS * 1e9)
-        start = time.perf_counter()
-        run_plain(made, rows[:20_000])
-        plain = (time.perf_counter() - start) / 20_000 * 1e6
-        print(f"{name:36s} {min(times):11.0f} ns {np.median(times):6.0f} ns {plain:11.1f} us")
+        readings = rows[:CALLS, 0].tolist()
+        step, begun = made.begin().step, time.perf_counter()
+        for reading in readings:
+            step(reading)
+        held = (time.perf_counter() - begun) / CALLS * 1e6
+        parameters, state, pure, begun = made.parameters(), made.start(), made.step, time.perf_counter()
+        for reading in readings:
+            state, _ = pure(parameters, state, Sample(reading))
+        whole = (time.perf_counter() - begun) / CALLS * 1e6
+        print(f"{name:36s} {min(times):9.0f} ns {np.median(times):6.0f} ns {held:14.2f} us {whole:14.2f} us")
 
 
 if __name__ == "__main__":

@@ -1,17 +1,34 @@
-"""Controllers for the tests, and loops over many samples that can be compiled together with the step."""
+"""Controllers for the tests, run over many samples: by the law in C, and by its reference in plain Python."""
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any
 
 import numpy as np
 
-from pretouch.control import Conditioning, Controller, Limits, Sample, VirtualAdmittance, VirtualDamper
+import plain_law
+from pretouch._core.native import INTEGER, POINTER, kernel
+from pretouch.control import (
+    CompiledStep,
+    Conditioning,
+    Controller,
+    Limits,
+    Output,
+    Sample,
+    VirtualAdmittance,
+    VirtualDamper,
+)
+from pretouch.control.structures import RawOutput, RawSample
 
 MASS, DAMPING, STIFFNESS = 1.0, 10.0, 25.0
 ADMITTANCE = VirtualAdmittance(mass=MASS, damping=DAMPING, stiffness=STIFFNESS)
 LETTER_FILTERS = {"median_window": 10, "low_pass_order": 5, "cutoff": 500.0}
 LIMITS = Limits(force=20.0, speed=0.5, acceleration=30.0, excursion=0.1)
+
+COLUMNS = ("reading", "fresh", "age", "contact_force", *(f"reference_{s}" for s in Output._fields[:3]))
+SAMPLE, OUTPUT = np.dtype(RawSample), np.dtype(RawOutput)
+_run_law = kernel("run_law", *[POINTER] * 4, INTEGER, POINTER)
 
 
 def controller(gain: float = -0.7, period: float = 1e-3, **changed: Any) -> Controller:
@@ -26,26 +43,37 @@ def controller(gain: float = -0.7, period: float = 1e-3, **changed: Any) -> Cont
     )
 
 
-def step(parameters: Any, state: Any, sample: Any) -> Any:
-    """Take the place of a controller's step; `compiled` binds the real one."""
-    raise NotImplementedError
+class Batch:
+    """Rows (reading, fresh, age, force, reference x, v, a) as samples in C, for a controller's compiled step."""
+
+    def __init__(self, made: Controller, rows: np.ndarray) -> None:
+        self.samples, self.out = np.zeros(len(rows), SAMPLE), np.zeros(len(rows), OUTPUT)
+        for name, column in zip(COLUMNS, rows.T, strict=True):
+            self.samples[name] = column > 0.0 if name == "fresh" else column
+        self.parameters, self.state = made.parameters(), made.start()
+        self.step = made.step.located()
+
+    def run(self) -> None:
+        places = self.samples.ctypes.data, len(self.samples), self.out.ctypes.data
+        _run_law(self.step, ctypes.byref(self.parameters), ctypes.byref(self.state), *places)
 
 
-def run_rows(parameters: Any, state: Any, rows: Any, out: Any) -> Any:
-    """Feed rows (reading, fresh, age, force, reference x, v, a); keep the output."""
-    for i in range(rows.shape[0]):
-        r = rows[i]
-        state, output = step(parameters, state, Sample(r[0], r[1] > 0.0, r[2], r[3], r[4], r[5], r[6]))
-        out[i, 0], out[i, 1], out[i, 2] = output.position, output.velocity, output.acceleration
-        out[i, 3], out[i, 4], out[i, 5] = output.virtual_force, output.log_level, output.status
-    return state
+def run_rows(made: Controller, rows: np.ndarray) -> np.ndarray:
+    """Feed rows to a controller; return the outputs, a row for each."""
+    if not isinstance(made.step, CompiledStep):
+        run, samples = made.begin(), [Sample(r[0], r[1] > 0.0, *r[2:]) for r in rows.tolist()]
+        return np.array([run.step(**sample._asdict()) for sample in samples], dtype=float)
+    batch = Batch(made, rows)
+    batch.run()
+    return np.column_stack([batch.out[name] for name in Output._fields])
 
 
 def run_plain(made: Controller, rows: np.ndarray) -> np.ndarray:
-    """Do the same in plain Python."""
-    parameters, state, out = made.parameters(), made.start(), np.empty((len(rows), 6))
+    """Do the same by the plain law."""
+    parameters = plain_law.plain(made.parameters())
+    state, out = plain_law.start(parameters), np.empty((len(rows), 6))
     for i, r in enumerate(rows.tolist()):
-        state, output = made.step(parameters, state, Sample(r[0], r[1] > 0.0, *r[2:]))
+        state, output = plain_law.step(parameters, state, Sample(r[0], r[1] > 0.0, *r[2:]))
         out[i] = output
     return out
 

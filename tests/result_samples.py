@@ -12,7 +12,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch import control, simulation, uncertainty
-from pretouch.control.log_slope import observe, start_sensing
+from pretouch.control.blocks import observe, start_sensing
 from pretouch.design import find_physical_bound
 from pretouch.sweep import Axis, Progress
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict

@@ -7,11 +7,7 @@
 
 #include <stdint.h>
 
-#if defined(_WIN32)
-#define PRETOUCH_API __declspec(dllexport)
-#else
-#define PRETOUCH_API __attribute__((visibility("default")))
-#endif
+#include "../law/pretouch_law.h" /* PRETOUCH_API, and the sampled law */
 
 #ifdef __cplusplus
 extern "C" {
@@ -106,6 +102,109 @@ PRETOUCH_API void pretouch_find_gains(const double *inputs, int64_t n, double sl
 /* Two Chebyshev series at n places in [low, high]: coefficients of both, shape (2, m); out, shape (2, n). */
 PRETOUCH_API void pretouch_interpolate(const double *place, int64_t n, double low, double high,
                                        const double *coefficients, int64_t m, double *out);
+
+/* ---- the sampled loop (loop*.cpp) ---- */
+/* m x'' = f - friction(x') - F_contact; f follows k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A mass
+ * of 0 stands for the ideal plant, a servo rate of 0 for no lag. */
+typedef struct {
+    double mass, stiffness, reference_damping, own_damping, feedforward_mass, servo_rate, coulomb_friction;
+    double friction_speed;
+} pretouch_plant;
+
+/* k d^n + c d', c times d^n where damping grows with depth (other than 0); 1 / mass of the obstacle, 0: driven. */
+typedef struct {
+    double stiffness, damping, exponent, grows, inverse_mass;
+} pretouch_contact;
+
+/* See SensorChain in simulation/chain.py, where `offset` is that and the crosstalk; truth values are 0 or not. */
+typedef struct {
+    double rate, phase, exposure, delay, jitter, noise, relative_noise, offset, drift, lowest, highest, resolution;
+    double dropout, reports_distance, distance_noise, distance_resolution, random_phase, misfit, misfit_length;
+} pretouch_chain;
+
+/* ln xi and its slope times the step at equal distances, shape (rows, 2), from `low` on; nothing is seen beyond `high`. */
+typedef struct {
+    const double *table;
+    int64_t rows;
+    double low, step, high;
+} pretouch_curve;
+
+/* A law's step; its parameters and first states, each so many octets long, a multiple of 8; whose is which. */
+typedef struct {
+    pretouch_law_step *step;
+    const char *parameters;
+    const char *states;
+    int64_t parameters_size, state_size;
+    const int64_t *law_of, *start_of;
+} pretouch_laws;
+
+/* Position and velocity of the plant; position, velocity, acceleration of obstacle and reference. */
+typedef struct {
+    double x, v, xo, vo, ao, xd, vd, ad;
+} pretouch_scene;
+
+/* A reading on its way: the number, when it can be had, when it was measured. */
+typedef struct {
+    double value, ready, taken;
+} pretouch_reading;
+
+/* Filled by RESULT_COLUMNS, CONTACT_COLUMNS, TRACE_COLUMNS and COURSE_COLUMNS of simulation/layout.py. */
+typedef struct {
+    double status, time, position, velocity, displacement, relative_velocity, closest_distance, largest_excursion;
+    double largest_travel, largest_speed, largest_virtual_force, peak_force, impulse, rebound_velocity, contacts;
+    double detection_time, flags, end_time, impact_force, distance, acceleration, virtual_force, largest_acceleration;
+} pretouch_end;
+typedef struct {
+    double time, relative_velocity, peak_force, impulse, rebound_velocity, duration;
+} pretouch_touch;
+typedef struct {
+    double time, distance, position, velocity, obstacle_position, virtual_position, virtual_velocity, virtual_force;
+    double contact_force, reading, log_level, flags;
+} pretouch_instant;
+typedef struct {
+    double time, distance, relative_velocity, contact_force;
+} pretouch_moment;
+
+/* All encounters of a loop. trace and course, as far as they have rows, are those of the last encounter that is run. */
+typedef struct {
+    pretouch_laws laws;
+    pretouch_plant plant;
+    pretouch_contact contact;
+    pretouch_chain chain;
+    const pretouch_curve *curves;
+    const int64_t *curve_of;
+    double period, plant_step, horizon, follow; /* of the controller, of the plant, to wait for contact, to follow it */
+    uint64_t seed;
+    const pretouch_scene *scenes;
+    const int64_t *draws; /* which run's noise each meets */
+    pretouch_end *ends;
+    pretouch_touch *touches; /* so many a run */
+    int64_t most_touches;
+    pretouch_instant *trace;
+    int64_t trace_rows;
+    pretouch_moment *course;
+    int64_t course_rows;
+} pretouch_loop;
+
+/* Runs those encounters that `which` names. state: room for one state of the law; waiting: for a power of two of readings,
+ * more than can be on their way at once. */
+PRETOUCH_API void pretouch_run_encounters(const pretouch_loop *loop, const int64_t *which, int64_t n, void *state,
+                                          pretouch_reading *waiting, int64_t room);
+
+/* Steps a law over n samples in a row. */
+PRETOUCH_API void pretouch_run_law(pretouch_law_step *step, const void *parameters, void *state,
+                                   const pretouch_sample *samples, int64_t n, pretouch_output *out);
+
+/* A step that resolves a contact that starts with a relative speed, and how long it would last without loss and drive [s].
+ * inverse_mass: 1 / the reduced mass of both bodies. */
+PRETOUCH_API double pretouch_contact_step(const pretouch_contact *contact, double inverse_mass, double speed);
+PRETOUCH_API double pretouch_elastic_duration(const pretouch_contact *contact, double inverse_mass, double speed);
+/* The cubic through both ends of a step, by slopes over the whole step: its value and, into `slope`, its slope at s. */
+PRETOUCH_API double pretouch_cubic(double start, double start_slope, double end, double end_slope, double s,
+                                   double *slope);
+/* The part of a step at which that cubic first touches zero, 2 where it does not; into `least` the least it comes to. */
+PRETOUCH_API double pretouch_first_touch(double start, double start_slope, double end, double end_slope, double doubt,
+                                         double *least);
 
 #ifdef __cplusplus
 }

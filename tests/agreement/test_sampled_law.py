@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_samples import ADMITTANCE, LETTER_FILTERS, controller, step
-from pretouch._core.machine_code import compiled
-from pretouch.control import Sample
+from control_samples import ADMITTANCE, LETTER_FILTERS, controller
+from pretouch.control import Run
 from pretouch.motion import Admittance as MotionAdmittance
 from pretouch.motion import Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import InversePower
@@ -34,7 +33,7 @@ ENCOUNTERS = {
 }
 
 
-def encounter(parameters: Any, state: Any, start: Any, period: float) -> Any:
+def encounter(run: Run, start: Any, period: float) -> Any:
     """Run an ideal sensor and an ideal plant to the first contact; return its time, position and relative velocity."""
     x, v, x_o, v_o, a_o, x_d, v_d, a_d = start
     for k in range(100_000_000):
@@ -43,7 +42,7 @@ def encounter(parameters: Any, state: Any, start: Any, period: float) -> Any:
         d_x, d_v = x_d + t * (v_d + t * a_d / 2), v_d + t * a_d
         l = o_x - x  # noqa: E741
         reading = SCALE / (l + OFFSET) ** EXPONENT
-        state, out = step(parameters, state, Sample(reading, True, 0.0, 0.0, d_x, d_v, a_d))
+        out = run.step(reading, reference_position=d_x, reference_velocity=d_v, reference_acceleration=a_d)
         end = t + period
         l_next = x_o + end * (v_o + end * a_o / 2) - out.position
         if l_next <= 0.0:
@@ -59,8 +58,8 @@ def _sampled(scenario: Scenario, gain: float, period: float, **filters: Any) -> 
     made = controller(gain, period, floor=1e-4, admittance=ADMITTANCE, **filters)
     o, p, r = scenario.obstacle, scenario.plant, scenario.reference
     start = (p.position, p.velocity, o.position, o.velocity, o.acceleration, r.position, r.velocity, r.acceleration)
-    state = made.start(position=p.position - r.position, velocity=p.velocity - r.velocity)
-    return np.array(compiled(encounter, step=made.step)(made.parameters(), state, start, period))
+    run = made.begin(position=p.position - r.position, velocity=p.velocity - r.velocity)
+    return np.array(encounter(run, start, period))
 
 
 def _continuous(scenario: Scenario, gain: float) -> np.ndarray:

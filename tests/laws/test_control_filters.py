@@ -1,4 +1,7 @@
-"""Running median, low-pass and admittance do what their textbooks and SciPy say, whatever goes in."""
+"""Running median, low-pass and admittance do what their textbooks and SciPy say, whatever goes in.
+
+They are those of the plain law, which the law in C equals bit for bit (tests/faults/test_control_samples.py).
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,13 @@ from scipy.linalg import expm
 from scipy.ndimage import median_filter
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
+from plain_law.filters import advance_low_pass, advance_median, fill_low_pass, fill_median
+from plain_law.motion import advance_admittance
 from pretouch._core.errors import InvalidInputError
 from pretouch.control import VirtualAdmittance
-from pretouch.control.admittance import advance_admittance, discretize
-from pretouch.control.butterworth import advance_low_pass, design_low_pass, fill_low_pass
-from pretouch.control.median import LONGEST_WINDOW, advance_median, fill_median
+from pretouch.control.admittance import discretize
+from pretouch.control.butterworth import design_low_pass
+from pretouch.control.conditioning import LONGEST_WINDOW
 from properties import examples
 
 readings = st.lists(st.one_of(st.floats(-1e6, 1e6), st.sampled_from([0.0, 1.0, 2.0])), min_size=1, max_size=60)
@@ -27,7 +32,7 @@ def test_the_median_is_that_of_the_last_readings(length: int, first: float, valu
     state, history = fill_median(length, first), [first] * LONGEST_WINDOW
     for value in values:
         history.append(value)
-        state, found = advance_median(length, state, value)
+        state, found = advance_median(state, value)
         assert found == np.median(history[-length:])
 
 
@@ -36,7 +41,7 @@ def test_the_median_is_the_filter_of_scipy_with_its_window_behind(length: int) -
     values = np.random.default_rng(length).normal(size=400)
     state, found = fill_median(length, values[0]), []
     for value in values.tolist():
-        state, middle = advance_median(length, state, value)
+        state, middle = advance_median(state, value)
         found.append(middle)
     expected = median_filter(values, size=length, mode="nearest", origin=length // 2)
     assert found == expected.tolist()

@@ -1,4 +1,7 @@
-"""Speed, acceleration and excursion are held together, whatever is wanted, and nothing winds up behind them."""
+"""Speed, acceleration and excursion are held together, whatever is wanted, and nothing winds up behind them.
+
+The limits are those of the plain law, which the law in C equals bit for bit (tests/faults/test_control_samples.py).
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from control_samples import controller
+from plain_law.motion import limit_motion
 from pretouch._core.errors import InvalidInputError
 from pretouch.control import Limits, Sample
-from pretouch.control.limits import NO_LIMIT, MotionLimits, limit_motion, stopping_distance
+from pretouch.control.limits import NO_LIMIT, stopping_distance
+from pretouch.control.structures import MotionLimits
 from properties import examples
 
 limits = st.builds(

@@ -10,7 +10,7 @@ import pytest
 
 import pretouch as pt
 from loop_samples import BareLaw
-from pretouch.simulation.kernels.mechanics import elastic_duration
+from pretouch.simulation.native_loop import elastic_duration
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .errors import InvalidInputError
 
-__all__ = ["DOUBLE", "INTEGER", "POINTER", "VARIANTS", "address", "columns", "kernel", "variant"]
+__all__ = ["DOUBLE", "INTEGER", "POINTER", "VARIANTS", "address", "columns", "entry", "kernel", "variant"]
 
 POINTER: Final = ctypes.c_void_p
 INTEGER: Final = ctypes.c_int64
@@ -84,6 +84,18 @@ def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]
         return found(*values)
 
     return call
+
+
+def entry(name: str) -> int:
+    """Return the address of a function of the library, for what calls it from there.
+
+    Args:
+        name: what it is called there, without `pretouch_`.
+
+    Returns:
+        The address.
+    """
+    return ctypes.cast(_library()[f"pretouch_{name}"], POINTER).value or 0
 
 
 def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:

@@ -8,15 +8,18 @@ from .conditioning import Conditioning
 from .controller import Controller
 from .damper import VirtualDamper
 from .limits import Limits
-from .log_slope import Observation
 from .signals import Output, Sample, Status
+from .steps import CompiledStep, Run
+from .structures import Observation
 
 __all__ = [
+    "CompiledStep",
     "Conditioning",
     "Controller",
     "Limits",
     "Observation",
     "Output",
+    "Run",
     "Sample",
     "Status",
     "VirtualAdmittance",

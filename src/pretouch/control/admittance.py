@@ -4,26 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import nonnegative, positive
 
-__all__ = ["AdmittanceNumbers", "VirtualAdmittance", "advance_admittance", "discretize"]
+from .structures import AdmittanceNumbers
+
+__all__ = ["VirtualAdmittance", "discretize"]
 
 _SERIES_RADIUS = 1.5
 _TERMS = 26  # 1.5^26 / 28! is far below rounding
-
-
-class AdmittanceNumbers(NamedTuple):
-    """The exact step from (x~, x~') under the force F: transition matrix and input vector."""
-
-    position_from_position: float
-    position_from_velocity: float
-    velocity_from_position: float
-    velocity_from_velocity: float
-    position_from_force: float
-    velocity_from_force: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,17 +69,6 @@ def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumber
         velocity_from_velocity=1.0 + p * g0 - q * g1,
         position_from_force=t * t / m * g1,
         velocity_from_force=t / m * g0,
-    )
-
-
-def advance_admittance(
-    numbers: AdmittanceNumbers, position: float, velocity: float, force: float
-) -> tuple[float, float]:
-    """Return x~ and x~' of L(1) one period later, the force F [N] being constant over it."""
-    n = numbers
-    return (
-        n.position_from_position * position + n.position_from_velocity * velocity + n.position_from_force * force,
-        n.velocity_from_position * position + n.velocity_from_velocity * velocity + n.velocity_from_force * force,
     )
 
 

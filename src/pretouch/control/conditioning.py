@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite, nonnegative, positive
 
 from .butterworth import design_low_pass
-from .log_slope import SensingNumbers
-from .median import median_length
+from .structures import Section, SensingNumbers
 
-__all__ = ["Conditioning"]
+__all__ = ["LONGEST_WINDOW", "Conditioning"]
+
+LONGEST_WINDOW = 16
+"""Readings of the longest running median."""
 
 _ANY_READING = 1e12
+_ANY_FLOOR = 1e-24  # ln(xi / floor) has a number for every reading, also in single precision
 _ANY_RATE = 1e15
 _TIMEOUT_PERIODS = 10
 _FADE_PERIODS = 2
@@ -76,7 +78,16 @@ class Conditioning:
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
             raise InvalidInputError(f"offset, floor: found {self.offset:g}, {self.floor:g}, expected less than 1e12")
-        median_length(self.median_window)
+        if not self.floor >= _ANY_FLOOR:
+            raise InvalidInputError(
+                f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give xi in another unit"
+            )
+        length: object = self.median_window
+        if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
+            raise InvalidInputError(
+                f"median_window: found {length!r}, expected a whole number of readings from 1 (no median) "
+                f"to {LONGEST_WINDOW}"
+            )
 
     def numbers(self, period: float) -> SensingNumbers:
         """Return the parameters as plain numbers.
@@ -85,7 +96,7 @@ class Conditioning:
             period: T of the loop [s].
 
         Returns:
-            The numbers that `observe` takes, with the filter designed for the sensor's rate.
+            The numbers that `pretouch_observe` takes, with the filter designed for the sensor's rate.
 
         Raises:
             InvalidInputError: the sensor is faster than the loop, the timeout shorter than its period, or the low-pass
@@ -102,17 +113,18 @@ class Conditioning:
             raise InvalidInputError(
                 f"timeout: found {timeout:g} s, shorter than the time between two readings, {sensor_period:g} s"
             )
+        low_pass = design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period)
         return SensingNumbers(
             period=period,
             sensor_period=sensor_period,
             offset=self.offset,
             floor=self.floor,
-            log_floor=math.log(self.floor),
             saturation=_ANY_READING if self.saturation is None else self.saturation,
             timeout=timeout,
             largest_rate=_ANY_RATE if self.largest_rate is None else self.largest_rate,
             median_length=self.median_window,
-            sections=design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period),
+            sections=len(low_pass),
+            low_pass=(Section * 4)(*low_pass),
         )
 
     def fade_step(self, period: float) -> float:

@@ -2,46 +2,57 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from functools import cache
+from typing import Any, NamedTuple, Protocol
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite, nonnegative, positive
+from pretouch._core.structures import Structure
 
 from .admittance import VirtualAdmittance, discretize
+from .blocks import start_drive, start_sensing
 from .conditioning import Conditioning
-from .drive import DriveNumbers, start_drive
-from .limits import NO_LIMIT, Limits, MotionLimits, stopping_distance
-from .log_slope import start_sensing
-from .state import ControllerNumbers, ControllerState
+from .limits import NO_LIMIT, Limits, stopping_distance
+from .steps import Run, as_step, begin_run
+from .structures import ControllerNumbers, ControllerState, DriveNumbers, MotionLimits
 
-__all__ = ["Controller", "Law"]
+__all__ = ["Controller", "Law", "Parts"]
 
 
 class Law(Protocol):
     """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
 
-    A new law is a dataclass with these four, and one function: `step(parameters, state, sample)`, made of `observe`,
-    of what the law itself does, and of `drive`.
+    A new law is a dataclass with these four, and one function, made of `observe`, of what the law itself does, and of
+    `drive`: in Python `state, output = step(parameters, state, sample)`, or compiled, see `SampledLaw`.
     """
 
     @property
-    def step(self) -> Callable[..., Any]:
-        """The whole step of the controller with this law: a plain function of numbers and tuples."""
+    def step(self) -> Any:
+        """The whole step of the controller with this law, of Python or compiled."""
         ...
 
     def numbers(self, period: float) -> Any:
-        """Return the law's parameters as a tuple of numbers, for the loop's period [s]."""
+        """Return the law's parameters for the loop's period [s]; a ctypes structure where the step is compiled."""
         ...
 
     def start(self) -> Any:
-        """Return the law's state before the first reading, a tuple of numbers."""
+        """Return the law's state before the first reading; a ctypes structure where the step is compiled."""
         ...
 
     def with_gain(self, gain: float) -> Law:
         """Return the same law with another gain [N s]."""
         ...
+
+
+class Parts(NamedTuple):
+    """Parameters or state of a controller whose law is a function of Python: those of sensing, drive and law."""
+
+    sensing: Any
+    drive: Any
+    law: Any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,17 +70,16 @@ class Controller:
         contact_threshold: contact force [N] from which a contact is reported. Nothing is switched at it.
 
     Examples:
-        >>> from pretouch.control import Sample, VirtualDamper
+        >>> from pretouch.control import VirtualDamper
         >>> controller = Controller(
         ...     period=1e-3,
         ...     conditioning=Conditioning(floor=0.01),
         ...     law=VirtualDamper(gain=-0.7),
         ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
         ... )
-        >>> parameters, state = controller.parameters(), controller.start()
-        >>> state, _ = controller.step(parameters, state, Sample(reading=0.100))
-        >>> state, output = controller.step(parameters, state, Sample(reading=0.101))
-        >>> round(output.virtual_force, 3)  # -0.7 N s x ln(0.101 / 0.100) in 1 ms
+        >>> run = controller.begin()
+        >>> _ = run.step(reading=0.100)
+        >>> round(run.step(reading=0.101).virtual_force, 3)  # -0.7 N s x ln(0.101 / 0.100) in 1 ms
         -6.965
     """
 
@@ -96,14 +106,26 @@ class Controller:
 
     @property
     def step(self) -> Callable[..., Any]:
-        """The plain function to be called once per period: parameters, state, sample in, next state and output out."""
-        return self.law.step
+        """The step as a function: parameters, state, sample in, next state and output out. `begin` is for robots."""
+        return as_step(self.law.step)
 
-    def parameters(self) -> ControllerNumbers:
+    def begin(self, position: float = 0.0, velocity: float = 0.0) -> Run:
+        """Begin a run, as a robot's loop needs it: it holds parameters and state, and steps in about a microsecond.
+
+        Args:
+            position: the plant's position relative to its reference [m].
+            velocity: its velocity relative to the reference [m/s].
+
+        Returns:
+            The run; its `step` is called once per period.
+        """
+        return begin_run(self.step, self.parameters(), self.start(position, velocity))
+
+    def parameters(self) -> Any:
         """Return all numbers that the step needs.
 
         Returns:
-            Nested tuples of numbers, the same types for every controller with the same kind of law.
+            Those of sensing, drive and law; with the letter's law, `pretouch_parameters` of native/law/pretouch_law.h.
         """
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
@@ -115,9 +137,9 @@ class Controller:
             admittance=discretize(self.admittance, self.period),
             limits=self._motion_limits(),
         )
-        return ControllerNumbers(sensing, self.law.numbers(self.period), drive)
+        return _joined(ControllerNumbers, sensing, drive, self.law.numbers(self.period))
 
-    def start(self, position: float = 0.0, velocity: float = 0.0) -> ControllerState:
+    def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
         """Return the state before the first step.
 
         Args:
@@ -142,9 +164,8 @@ class Controller:
                 f"start: found {x:g} m and {v:g} m/s relative to the reference, from where the limits "
                 f"({self.limits}) can not be held; start nearer to the reference or slower, or widen them"
             )
-        return ControllerState(
-            start_sensing(self.conditioning.numbers(self.period)), self.law.start(), start_drive(x, v)
-        )
+        sensing = start_sensing(self.conditioning.numbers(self.period))
+        return _joined(ControllerState, sensing, start_drive(x, v), self.law.start())
 
     def with_gain(self, gain: float) -> Controller:
         """Return the same controller with another gain.
@@ -160,6 +181,20 @@ class Controller:
     def _motion_limits(self) -> MotionLimits:
         limits = self.limits
         return MotionLimits(self.period, _limit(limits.speed), _limit(limits.acceleration), _limit(limits.excursion))
+
+
+def _joined(known: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
+    """Put parts together: in one piece of memory where a compiled step reads them, with the law's own part behind."""
+    if not isinstance(law, ctypes.Structure):
+        return Parts(sensing, drive, law)
+    kind = known if isinstance(law, dict(known._fields_)["law"]) else _with_law(known, type(law))
+    return kind(sensing, drive, law)
+
+
+@cache
+def _with_law(known: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
+    fields = [(name, law if name == "law" else kind) for name, kind in known._fields_]
+    return type(known.__name__, (Structure,), {"_fields_": fields})
 
 
 def _limit(value: float | None) -> float:

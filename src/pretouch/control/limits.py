@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import positive
 
-__all__ = ["NO_LIMIT", "Limits", "MotionLimits", "limit_motion", "stopping_distance"]
+from .structures import MotionLimits
+
+__all__ = ["NO_LIMIT", "Limits", "stopping_distance"]
 
 NO_LIMIT = 1e9
 """In the place of a limit that is not given, in SI units: finite, so that what is within limits is finite."""
@@ -54,15 +55,6 @@ class Limits:
                 object.__setattr__(self, name, checked)
 
 
-class MotionLimits(NamedTuple):
-    """Period, largest speed, acceleration and excursion as numbers, `NO_LIMIT` where there is none."""
-
-    period: float
-    speed: float
-    acceleration: float
-    excursion: float
-
-
 def stopping_distance(limits: MotionLimits, speed: float) -> float:
     """Return the way to rest [m] from a speed >= 0, in whole periods of constant acceleration within the limit.
 
@@ -73,45 +65,3 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
     whole = math.floor(speed / step)
     rest = speed - whole * step
     return n.period * (step / 2 * whole * whole + rest * (whole + 0.5))
-
-
-def limit_motion(
-    limits: MotionLimits, position: float, velocity: float, wanted_position: float, wanted_velocity: float
-) -> tuple[float, float, bool]:
-    """Keep what the admittance wants if it is within limits; otherwise go as far as they allow.
-
-    Args:
-        limits: period and limits.
-        position: x~ at the start of the period [m], from which the plant can be stopped in time.
-        velocity: x~' there [m/s].
-        wanted_position: x~ at its end, by the admittance.
-        wanted_velocity: x~' at its end, by the admittance.
-
-    Returns:
-        x~ and x~' at the end, from which the plant can be stopped again, and whether a limit acted.
-    """
-    n = limits
-    step = n.acceleration * n.period
-    low, high = max(-n.speed, velocity - step), min(n.speed, velocity + step)
-    moved, drifted = wanted_position - position, velocity * n.period
-    # a stiff admittance can leave the limits and be back within a period: then the position tells
-    steady = abs(moved) <= n.speed * n.period and abs(moved - drifted) <= step * n.period / 2
-    if steady and low <= wanted_velocity <= high:
-        way = stopping_distance(n, abs(wanted_velocity))
-        ahead = wanted_position if wanted_velocity >= 0 else -wanted_position
-        if abs(wanted_position) <= n.excursion and ahead + way <= n.excursion:
-            return wanted_position, wanted_velocity, False
-    high = min(high, _fastest(n, n.excursion - position - drifted / 2))
-    low = max(low, -_fastest(n, n.excursion + position + drifted / 2))
-    allowed = max(min(wanted_velocity, high), low)
-    reached = position + drifted / 2 + n.period * allowed / 2
-    return max(min(reached, n.excursion), -n.excursion), allowed, True
-
-
-def _fastest(limits: MotionLimits, room: float) -> float:
-    """Return the largest speed v with T v / 2 + (way to rest from v) <= room."""
-    n = limits
-    step = n.acceleration * n.period
-    left = max(room, 0.0)
-    whole = math.floor((math.sqrt(1.0 + 8.0 * left / (step * n.period)) - 1.0) / 2)
-    return step * whole + (left - step * n.period / 2 * whole * (whole + 1)) / (n.period * (whole + 1))

@@ -147,20 +147,17 @@ class SensorChain:
         """The time from the middle of an exposure until its reading can be had [s]."""
         return self.exposure / 2 + self.delay
 
-    def numbers(self, farthest: float) -> tuple[Any, ...]:
-        """Return the chain as the compiled loop takes it.
-
-        Args:
-            farthest: the distance up to which the curve says anything [m].
+    def numbers(self) -> tuple[float, ...]:
+        """Return the chain as the loop takes it: the fields of pretouch_chain in native/core/pretouch.h.
 
         Returns:
-            Floats and two truth values.
+            Numbers; truth values are 0 or 1.
         """
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
-            *(bool(self.reports_distance), self.distance_noise, self.distance_resolution, farthest),
-            *(bool(self.random_phase), self.misfit, self.misfit_length),
+            *(float(bool(self.reports_distance)), self.distance_noise, self.distance_resolution),
+            *(float(bool(self.random_phase)), self.misfit, self.misfit_length),
         )
 
 

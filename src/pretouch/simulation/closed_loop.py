@@ -18,8 +18,8 @@ from pretouch.sensors import SensorModel
 
 from .chain import SensorChain
 from .contact import ContactModel
-from .kernels.layout import RESULT_COLUMNS
 from .law import TunableLaw
+from .layout import RESULT_COLUMNS
 from .plant import IdealPlant, PlantModel
 from .result import SimulationResult
 from .running import FOLLOW, HORIZON, Loop, check_loop, result_of, run_loop, runs_of, whole

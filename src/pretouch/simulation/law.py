@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
 __all__ = ["SampledLaw", "TunableLaw"]
@@ -14,7 +13,10 @@ class SampledLaw(Protocol):
 
     Attributes:
         period: time between two steps [s].
-        step: a plain function `state, output = step(parameters, state, sample)` that Numba can compile.
+        step: a function of Python, `state, output = step(parameters, state, sample)`, called back and slow; or a
+            compiled one, `void (*)(const void *parameters, void *state, const pretouch_sample *, pretouch_output *)` of
+            native/law/pretouch_law.h: a scipy.LowLevelCallable, a function of ctypes, a capsule of Cython, what
+            numba.cfunc returns, or an address. It may be called on several threads at once, each with its own state.
     """
 
     @property
@@ -22,14 +24,17 @@ class SampledLaw(Protocol):
         """The time between two steps [s]."""
 
     @property
-    def step(self) -> Callable[[Any, Any, Any], Any]:
-        """The step of the law."""
+    def step(self) -> Any:
+        """The step of the law, of Python or compiled."""
 
     def parameters(self) -> Any:
-        """Return the numbers of the law."""
+        """Return the numbers of the law; for a compiled step a NumPy array or a ctypes structure."""
 
     def start(self, *, position: float, velocity: float) -> Any:
-        """Return the state of the law for a plant at rest or in motion relative to its reference [m, m/s]."""
+        """Return the state of the law for a plant at rest or in motion relative to its reference [m, m/s].
+
+        For a compiled step that is a NumPy array or a ctypes structure, too, which each run gets a copy of.
+        """
 
 
 @runtime_checkable

@@ -20,6 +20,7 @@ import numpy as np
 from pretouch._core.extras import require
 from pretouch._core.numbers import FloatArray
 from pretouch.control import Sample
+from pretouch.control.steps import as_step
 from pretouch.motion import Scenario
 
 from .contact import SpringDamper
@@ -124,7 +125,7 @@ def run_slides(slides: Slides) -> tuple[FloatArray, bool]:
     plant, obstacle, reference = e.scenario.plant, e.scenario.obstacle, e.scenario.reference
     data.qpos[:] = plant.position, obstacle.position
     data.qvel[:] = plant.velocity, obstacle.velocity
-    parameters = law.parameters()
+    step_law, parameters = as_step(law.step), law.parameters()
     state = law.start(position=plant.position - reference.position, velocity=plant.velocity - reference.velocity)
     virtual, servo = (plant.position, plant.velocity), 0.0
     step, force, first = e.step, 0.0, math.inf
@@ -132,7 +133,7 @@ def run_slides(slides: Slides) -> tuple[FloatArray, bool]:
     for j in range(math.ceil(e.horizon / law.period - 1e-9)):
         t = j * law.period
         x, x_o = data.qpos.tolist()
-        state, output = law.step(
+        state, output = step_law(
             parameters,
             state,
             Sample(

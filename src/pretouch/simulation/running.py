@@ -1,4 +1,4 @@
-"""The compiled loop on many encounters: what they are made of, their groups, and what is recorded of them."""
+"""The loop on many encounters: what they are made of, and what is recorded of them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, nonnegative, positive
 from pretouch._core.values import Value
+from pretouch.control.steps import as_step
 from pretouch.motion import Scenario
 from pretouch.motion.parallel import for_stretches
 from pretouch.sensors import SensorModel
@@ -19,8 +20,9 @@ from pretouch.sensors import SensorModel
 from .chain import SensorChain
 from .contact import ContactModel
 from .curve_table import curve_table
-from .kernels.layout import CONTACT_COLUMNS, COURSE_COLUMNS, FIRST_CONTACT, RESULT_COLUMNS, TRACE_COLUMNS
 from .law import SampledLaw
+from .layout import CONTACT_COLUMNS, FIRST_CONTACT, RESULT_COLUMNS, TRACE_COLUMNS
+from .native_loop import Laws, Runs
 from .plant import IdealPlant, PlantModel
 from .result import LoopTrace, SimulationResult
 from .size import TOUCHES, refuse_endless_runs, refuse_too_many_runs, rows_until
@@ -139,38 +141,25 @@ def run_loop(
         Columns by RESULT_COLUMNS and contacts by CONTACT_COLUMNS of these encounters, the trace by TRACE_COLUMNS, and
         the course of the contacts by COURSE_COLUMNS.
     """
-    from pretouch._core.machine_code import compiled  # noqa: PLC0415 - loads Numba
-
-    from .kernels.loop import encounters  # noqa: PLC0415
-
-    # a copy, whatever the numbers of the runs are a view of: a kernel is compiled for each kind of array
-    scenes, draws = _scenes(loop), loop.noise_of.flatten()
-    law, chain = loop.laws[0], loop.chain
-    contact = loop.contact.numbers() if loop.contact else _NO_CONTACT
-    clock = (law.period, _plant_step(loop.plant, law.period), loop.horizon, loop.follow)
-    out = np.zeros((len(scenes), len(RESULT_COLUMNS)))
-    marks = np.full((len(scenes), touches, len(CONTACT_COLUMNS)), np.nan)
-    trace = np.full((rows, len(TRACE_COLUMNS)), np.nan)
-    course = np.full((course_rows, len(COURSE_COLUMNS)), np.nan)
-    run, plant = compiled(encounters, step=law.step), loop.plant.coefficients()
-    groups, order, ends = _groups(loop, scenes, which)
-    curves, numbers = _curves(loop, which), [chain.numbers(sensor.valid_range[1]) for sensor in loop.sensors]
-
-    def stretch(start: int, end: int) -> None:
-        place = start
-        for i in range(int(np.searchsorted(ends, start, side="right")), len(ends)):
-            some = order[place : min(int(ends[i]), end)]
-            parameters, initial, sensor = groups[i]
-            run(
-                *(parameters, initial, scenes, plant, contact, numbers[sensor], curves[sensor], clock),
-                *(np.uint64(loop.seed), some, draws, out, marks, trace, course),
-            )
-            place += len(some)
-            if place >= end:
-                break
-
-    for_stretches(stretch, len(order), least=_LEAST_STRETCH, most=_MOST_STRETCH)
-    return out[which], marks[which], trace, course
+    scenes, law, contact = _scenes(loop), loop.laws[0], loop.contact
+    met, curve_of = np.unique(loop.sensor_of.ravel()[which], return_inverse=True)
+    runs = Runs(
+        laws=_laws(loop, scenes, which),
+        plant=loop.plant.coefficients(),
+        contact=contact.numbers() if contact else _NO_CONTACT,
+        chain=loop.chain.numbers(),
+        curves=_curves(loop, met),
+        curve_of=_of_all(curve_of, which, len(scenes)),
+        clock=(law.period, _plant_step(loop.plant, law.period), loop.horizon, loop.follow),
+        seed=loop.seed,
+        scenes=scenes,
+        draws=loop.noise_of.flatten(),
+        touches=touches,
+        rows=rows,
+        course_rows=course_rows,
+    )
+    for_stretches(lambda start, end: runs.run(which[start:end]), len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
+    return runs.ends[which], runs.touches[which], runs.trace, runs.course
 
 
 def _scenes(loop: Loop) -> FloatArray:
@@ -182,34 +171,37 @@ def _scenes(loop: Loop) -> FloatArray:
     return np.stack([np.broadcast_to(c, loop.shape).ravel() for c in columns], axis=-1).astype(np.float64)
 
 
-def _curves(loop: Loop, which: IntArray) -> dict[int, tuple[FloatArray, float, float, float]]:
+def _of_all(index: IntArray, which: IntArray, count: int) -> IntArray:
+    """Spread the indices of some encounters over all."""
+    every = np.zeros(count, dtype=np.int64)
+    every[which] = index.ravel()
+    return every
+
+
+def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, float]]:
     """Return the table of each curve that some encounters meet, as far as their distances may come to."""
-    met, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
-    curves = {}
-    for index in np.unique(met[which]):
+    sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
+    curves = []
+    for index in met:
         sensor = loop.sensors[index]
         low, high = sensor.valid_range
-        farthest = float(distance.max() if len(loop.sensors) == 1 else distance[met == index].max())
-        curves[int(index)] = (*curve_table(sensor, _BEYOND * farthest + low), high)
+        farthest = float(distance.max() if len(loop.sensors) == 1 else distance[sensor_of == index].max())
+        curves.append((*curve_table(sensor, _BEYOND * farthest + low), high))
     return curves
 
 
-def _groups(loop: Loop, scenes: FloatArray, which: IntArray) -> tuple[list[tuple[Any, Any, int]], IntArray, IntArray]:
-    """Gather encounters of one law and one sensor that start alike.
-
-    Returns:
-        Parameters, first state and sensor of each group, the encounters of all groups in a row, and where each ends.
-    """
-    law_of = loop.law_of.ravel()[which]
-    starts = np.column_stack([law_of, scenes[which][:, (0, 1)] - scenes[which][:, (5, 6)]])
+def _laws(loop: Loop, scenes: FloatArray, which: IntArray) -> Laws:
+    """Gather the parameters of the laws of some encounters, and the states that they start in."""
+    met, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
+    starts = np.column_stack([met[law_of.ravel()], scenes[which][:, (0, 1)] - scenes[which][:, (5, 6)]])
     alike, start_of = np.unique(starts, axis=0, return_inverse=True)
-    pairs = np.column_stack([start_of.ravel(), loop.sensor_of.ravel()[which]])
-    unique, place = np.unique(pairs, axis=0, return_inverse=True)
-    order = which[np.argsort(place.ravel(), kind="stable")]
-    ends = np.cumsum(np.bincount(place.ravel(), minlength=len(unique)))
-    parameters = {int(i): loop.laws[int(i)].parameters() for i in np.unique(law_of)}
-    first = [(parameters[int(i)], loop.laws[int(i)].start(position=float(x), velocity=float(v))) for i, x, v in alike]
-    return [(*first[start], int(sensor)) for start, sensor in unique], order, ends
+    return Laws(
+        step=as_step(loop.laws[0].step),
+        parameters=[loop.laws[int(i)].parameters() for i in met],
+        states=[loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in alike],
+        law_of=_of_all(law_of, which, len(scenes)),
+        start_of=_of_all(start_of, which, len(scenes)),
+    )
 
 
 def _plant_step(plant: PlantModel, period: float) -> float:

@@ -10,8 +10,8 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 
-from .kernels.layout import CONTACT_COLUMNS, RESULT_COLUMNS
-from .kernels.mechanics import contact_step
+from .layout import CONTACT_COLUMNS, RESULT_COLUMNS
+from .native_loop import contact_step
 
 if TYPE_CHECKING:
     from .running import Loop

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from pretouch._core.numbers import FloatArray
-from pretouch.control import Controller, Sample
+from pretouch.control import Controller
 from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, GainLimit, LoopTiming, gain_limit, lowest_rate, timing_of
@@ -41,11 +41,10 @@ def acts_as_damper(loop: ClosedLoop) -> bool:
     level = math.sqrt(c.floor * highest)
     every = max(round(told_period(law) / law.period), 1)
     steps = math.ceil(max(_WAIT / law.period, _READINGS * every) / every) * every
-    parameters, state, impulse = law.parameters(), law.start(), 0.0
+    run, impulse = law.begin(), 0.0
     for k in range(2 * steps):
         reading = c.offset + level * (1.0 if k < steps else math.exp(_PROBE))
-        state, output = law.step(parameters, state, Sample(reading=reading, fresh=k % every == 0))
-        impulse += law.period * output.virtual_force
+        impulse += law.period * run.step(reading, fresh=k % every == 0).virtual_force
     return abs(impulse / (-1e-3 * _PROBE) - 1) < _ALIKE
 
 

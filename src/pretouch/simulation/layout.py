@@ -1,4 +1,4 @@
-"""What the columns of the compiled loop's arrays mean."""
+"""What the columns of the arrays of the loop in C++ mean."""
 
 from __future__ import annotations
 

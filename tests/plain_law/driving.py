@@ -1,32 +1,21 @@
-"""From the law's impulse to the motion: delivery, force limit, contact force, admittance, limits of the motion.
-
-An impulse is delivered as a constant force over one sensor period. Where the next reading is late, the force goes on
-and fades; what was given ahead is taken off the impulse that the reading brings, so the sum stays exact.
-"""
+"""From the law's impulse to the motion: delivery, force limit, contact force, admittance, limits of the motion."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from .admittance import AdmittanceNumbers, advance_admittance
-from .limits import NO_LIMIT, MotionLimits, limit_motion
-from .log_slope import Observation
-from .signals import Output, Sample, Status
+from pretouch.control import Output, Sample, Status
+from pretouch.control.limits import NO_LIMIT
 
-__all__ = ["Delivery", "DriveNumbers", "DriveState", "Motion", "Push", "deliver", "drive", "start_drive"]
+from .damping import Push
+from .motion import advance_admittance, limit_motion
+from .sensing import Observation
 
 FORCE_LIMITED, MOTION_LIMITED = int(Status.FORCE_LIMITED), int(Status.MOTION_LIMITED)
 IN_CONTACT, INPUT_FAULT = int(Status.IN_CONTACT), int(Status.INPUT_FAULT)
 _LARGEST_REFERENCE = 1e6  # beyond it, in SI units, a number is a fault and no reference of a robot
 _ROUNDING = 1e-9
-
-
-class Push(NamedTuple):
-    """What a law gives: an impulse for a new reading [N s], delivered over one sensor period, and a force now [N]."""
-
-    impulse: float
-    force: float
 
 
 class Motion(NamedTuple):
@@ -45,18 +34,6 @@ class Delivery(NamedTuple):
     fading: float
 
 
-class DriveNumbers(NamedTuple):
-    """What `drive` needs to know: see `Controller`."""
-
-    hold: float
-    fade_step: float
-    largest_force: float
-    contact_gain: float
-    contact_threshold: float
-    admittance: AdmittanceNumbers
-    limits: MotionLimits
-
-
 class DriveState(NamedTuple):
     """What `drive` remembers: the impulse on its way, the motion, the last reference position."""
 
@@ -70,9 +47,7 @@ def start_drive(position: float, velocity: float) -> DriveState:
     return DriveState(Delivery(0.0, 0.0, 0.0, 0.0), Motion(position, velocity), 0.0)
 
 
-def drive(
-    numbers: DriveNumbers, state: DriveState, seen: Observation, push: Push, sample: Sample
-) -> tuple[DriveState, Output]:
+def drive(numbers: Any, state: DriveState, seen: Observation, push: Push, sample: Sample) -> tuple[DriveState, Output]:
     """Move the virtual object over one period.
 
     Args:
@@ -121,7 +96,7 @@ def drive(
     return DriveState(delivery, Motion(position, velocity), x), output
 
 
-def deliver(numbers: DriveNumbers, delivery: Delivery, seen: Observation, impulse: float) -> tuple[Delivery, float]:
+def deliver(numbers: Any, delivery: Delivery, seen: Observation, impulse: float) -> tuple[Delivery, float]:
     """Turn impulses into the force of this period.
 
     What the force limit does not let through is dropped: it would act when it is no longer called for.

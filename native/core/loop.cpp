@@ -1,0 +1,242 @@
+// One encounter of the sampled loop.
+
+#include "loop.hpp"
+
+namespace pretouch {
+
+namespace {
+
+// How a run ended: the numbers of ContactStatus.
+constexpr double CONTACT = 0.0, HORIZON = 2.0, UNRESOLVED = 4.0;
+constexpr int32_t DETECTING = PRETOUCH_DETECTING;
+constexpr double FINEST = 1e-8;  // of a period: the shortest step
+
+Cubic distance_along(const Body &from, const Body &to, double h) {
+    return {from.xo - from.x, (from.vo - from.v) * h, to.xo - to.x, (to.vo - to.v) * h};
+}
+
+}  // namespace
+
+Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_, pretouch_reading *waiting,
+                     int64_t room)
+    : loop(loop_), scene(loop_.scenes[index]), law(law_),
+      sensor(loop_.chain, loop_.curves[loop_.curve_of[index]],
+             mix(loop_.seed, static_cast<uint64_t>(loop_.draws[index])), waiting, room),
+      end(loop_.ends[index]), touches(loop_.touches + index * loop_.most_touches), ideal(loop_.plant.mass == 0.0),
+      inverse_mass(ideal ? 0.0 : 1.0 / loop_.plant.mass + loop_.contact.inverse_mass),
+      body{scene.x, scene.v, 0.0, scene.xo, scene.vo, 0.0}, xv(scene.x), vv(scene.v), resolved(loop_.plant_step) {
+    end = {};
+    end.status = HORIZON;
+    end.rebound_velocity = end.detection_time = NAN;
+    end.closest_distance = scene.xo - scene.x;
+    end.largest_excursion = fabs(scene.x - scene.xd);
+    end.largest_speed = fabs(scene.v);
+}
+
+void Encounter::run() {
+    if (sensor.next() <= INSTANT && loop.chain.exposure <= 0.0) sensor.look_at_start(scene.xo - scene.x);
+    const int64_t steps = static_cast<int64_t>(ceil(loop.horizon / loop.period - 1e-9));
+    for (int64_t j = 0; j < steps; j++) {
+        t = static_cast<double>(j) * loop.period;
+        ask_law();
+        const Body before = body;
+        follow_period();
+        end.end_time = now();
+        xv = output.position;
+        vv = output.velocity;
+        if (!(isfinite(body.x) && isfinite(body.v))) {
+            end.status = UNRESOLVED;
+            body = before;
+            break;
+        }
+        if (count && (ideal || end.end_time - first >= loop.follow)) break;
+    }
+    finish();
+}
+
+// Hands over what the sensor has, and lets the law say what the virtual object does over the period.
+void Encounter::ask_law() {
+    const int32_t fresh = sensor.deliver(t);
+    const double force = force_now();
+    const pretouch_sample sample = {sensor.reading,  larger(t - sensor.measured, 0.0), -force,
+                                    reference_at(t), scene.vd + scene.ad * t,          scene.ad,
+                                    fresh};
+    law.step(law.parameters, law.state, &sample, &output);
+    flags |= output.status;
+    if (output.status & DETECTING && isnan(end.detection_time)) end.detection_time = t;
+    if (count == 0) end.largest_virtual_force = larger(end.largest_virtual_force, fabs(output.virtual_force));
+    if (trace_rows < loop.trace_rows) record_instant(force);
+    target = {loop.period, output.acceleration, {xv, vv * loop.period, output.position, output.velocity * loop.period}};
+    acting = output.virtual_force;
+}
+
+void Encounter::record_instant(double force) {
+    loop.trace[trace_rows++] = {t,      distance(),           body.x, body.v,         body.xo,          xv,
+                                vv,     output.virtual_force, force,  sensor.reading, output.log_level,
+                                static_cast<double>(output.status)};
+}
+
+void Encounter::follow_period() {
+    at = 0.0;
+    while (at < loop.period - INSTANT) {
+        Step step = next_step();
+        if (count == 0) {  // the mean over a step: of the motion as it is, whatever the law reports
+            rate = (step.moved.v - body.v) / step.h;
+            end.largest_acceleration = larger(end.largest_acceleration, fabs(rate));
+        }
+        if (step.hit) shorten(step);
+        if (!(step.hit && ideal)) {
+            sense(step);
+            body = step.moved;
+            at += step.h;
+            end.closest_distance = smaller(end.closest_distance, step.touch.least);
+        }
+        if (count == 0) note_largest();
+        if (step.hit) {
+            begin_contact();
+            if (ideal || !strike()) break;
+        } else if (touching) {
+            follow_contact();
+        }
+    }
+}
+
+Encounter::Step Encounter::next_step() const {
+    Step step{loop.period - at, {}, {}, {2.0, 0.0}, false};
+    if (ideal) {
+        const double later = t + loop.period;
+        step.moved = {output.position, output.velocity, 0.0, scene.xo + later * (scene.vo + 0.5 * scene.ao * later),
+                      scene.vo + scene.ao * later, 0.0};
+    } else {
+        step.h = smaller(step.h, touching ? resolved : loop.plant_step);
+        move_along(step);
+    }
+    step.gap = distance_along(body, step.moved, step.h);
+    step.touch.least = step.gap.end;
+    if (!touching) step.touch = first_touch(step.gap, resolution(scene, step.moved.x, t + at + step.h));
+    step.hit = step.touch.part <= 1.0;
+    return step;
+}
+
+// Before a touch there is no force: a stiff contact must not turn a step around before it is found.
+void Encounter::move_along(Step &step) const {
+    step.moved = advance(body, at, step.h, target, loop.plant, touching ? &loop.contact : nullptr, scene.ao);
+}
+
+// Ends a step where the bodies touch; an ideal plant is there at once.
+void Encounter::shorten(Step &step) {
+    const double part = step.touch.part, h = step.h;
+    const Body &to = step.moved;
+    if (ideal) {
+        const Cubic x = {body.x, body.v * h, to.x, to.v * h}, xo = {body.xo, body.vo * h, to.xo, to.vo * h};
+        body = {x.at(part), x.slope(part) / h, 0.0, xo.at(part), xo.slope(part) / h, 0.0};
+        at += part * h;
+        end.closest_distance = 0.0;
+        return;
+    }
+    step.h *= part;
+    if (step.h > 0.0) {
+        move_along(step);
+    } else {
+        step.moved = body;
+    }
+    step.gap = distance_along(body, step.moved, step.h);
+    step.touch.least = step.gap.end;
+}
+
+// Lets the sensor look at all instants of a step that it looks at.
+void Encounter::sense(const Step &step) {
+    while (sensor.next() <= t + at + step.h + INSTANT) {
+        const double part =
+            step.h > 0.0 ? smaller(larger((sensor.next() - t - at) / step.h, 0.0), 1.0) : 1.0;
+        sensor.look(step.gap.at(part));
+    }
+}
+
+// The largest values until the first contact.
+void Encounter::note_largest() {
+    end.largest_excursion = larger(end.largest_excursion, fabs(body.x - reference_at(now())));
+    end.largest_travel = larger(end.largest_travel, fabs(body.x - scene.x));
+    end.largest_speed = larger(end.largest_speed, fabs(body.v));
+}
+
+void Encounter::begin_contact() {
+    count++;
+    touching = true;
+    touch_time = now();
+    touch_impulse = body.impulse;
+    touch_peak = 0.0;
+    if (count == 1) {
+        first = now();
+        end.status = CONTACT;
+        end.time = now();
+        end.position = body.x;
+        end.velocity = body.v;
+        end.displacement = body.x - reference_at(now());
+        end.relative_velocity = closing();
+        end.acceleration = rate;
+        end.virtual_force = acting;
+    }
+    if (count <= loop.most_touches) {
+        touches[count - 1].time = now();
+        touches[count - 1].relative_velocity = closing();
+    }
+}
+
+// The first instant of a contact: onto the surface, from some 1e-11 m beside it, where a damper acts already, with a force
+// that no later one need reach. Says whether the contact can be followed: a loop that runs away may strike too hard.
+bool Encounter::strike() {
+    body.x = body.xo;
+    touch_peak = contact_force(loop.contact, 0.0, body.v - body.vo);
+    const double speed = fabs(closing());
+    end.peak_force = larger(end.peak_force, touch_peak);
+    if (count == 1) impact_end = now() + elastic_duration(loop.contact, inverse_mass, speed);
+    if (now() <= impact_end) end.impact_force = larger(end.impact_force, touch_peak);
+    resolved = smaller(loop.plant_step, contact_step(loop.contact, inverse_mass, speed));
+    record_moment(0.0, touch_peak);
+    if (resolved > FINEST * loop.period) return true;
+    body.x = NAN;
+    return false;
+}
+
+void Encounter::follow_contact() {
+    const double force = force_now();
+    const bool parted = distance() > 0.0 && body.vo > body.v;
+    touch_peak = larger(touch_peak, force);
+    end.peak_force = larger(end.peak_force, force);
+    if (now() <= impact_end) end.impact_force = larger(end.impact_force, force);  // what comes later is a push
+    record_moment(distance(), force);
+    if (count <= loop.most_touches) {
+        pretouch_touch &touch = touches[count - 1];
+        touch.peak_force = touch_peak;
+        touch.impulse = body.impulse - touch_impulse;
+        touch.duration = now() - touch_time;
+        touch.rebound_velocity = parted ? closing() : NAN;
+    }
+    if (!parted) return;
+    touching = false;
+    if (count == 1) end.rebound_velocity = closing();
+}
+
+void Encounter::record_moment(double gap, double force) {
+    if (course_rows < loop.course_rows) loop.course[course_rows++] = {now(), gap, closing(), force};
+}
+
+void Encounter::finish() {
+    end.impulse = body.impulse;
+    end.contacts = static_cast<double>(count);
+    end.flags = static_cast<double>(flags);
+    if (count) return;
+    // the state in which it ended; a motion beyond all numbers is left where it was known last
+    const double ended = end.status == HORIZON ? end.end_time : larger(end.end_time - loop.period, 0.0);
+    end.time = ended;
+    end.position = body.x;
+    end.velocity = body.v;
+    end.distance = distance();
+    end.displacement = body.x - scene.xd - ended * (scene.vd + 0.5 * scene.ad * ended);
+    end.relative_velocity = closing();
+    end.acceleration = rate;
+    end.virtual_force = acting;
+}
+
+}  // namespace pretouch

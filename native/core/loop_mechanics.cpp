@@ -1,0 +1,118 @@
+// Contact forces, and one step of plant and obstacle, for the sampled loop.
+
+#include "loop_mechanics.hpp"
+
+namespace pretouch {
+
+namespace {
+
+// Where the cubic, which falls from low to high, comes to zero: by bisection.
+double zero_between(const Cubic &gap, double low, double high) {
+    for (int i = 0; i < 60; i++) {
+        const double middle = 0.5 * (low + high);
+        (gap.at(middle) > 0.0 ? low : high) = middle;
+    }
+    return high;
+}
+
+// The robot in one step: what it is to follow at an instant, and how fast everything changes then.
+struct Robot {
+    const pretouch_plant &plant;
+    const pretouch_contact *contact;
+    double inverse_mass, push, feedforward;
+
+    // The virtual object's position, and the part of the command that only it makes.
+    struct Wanted {
+        double position, command;
+    };
+
+    Wanted wanted(const Target &target, double at) const {
+        return {target.position(at), plant.reference_damping * target.velocity(at) + feedforward};
+    }
+
+    Body slopes(const Body &b, const Wanted &w) const {
+        const double command = plant.stiffness * (w.position - b.x) - plant.own_damping * b.v + w.command;
+        const bool lags = plant.servo_rate > 0.0;
+        double drive = lags ? b.servo : command;
+        if (plant.coulomb_friction > 0.0) drive -= plant.coulomb_friction * tanh(b.v / plant.friction_speed);
+        Body k = {b.v, drive * inverse_mass, lags ? plant.servo_rate * (command - b.servo) : 0.0, b.vo, push, 0.0};
+        if (!contact) return k;
+        k.impulse = contact_force(*contact, b.x - b.xo, b.v - b.vo);
+        k.v -= k.impulse * inverse_mass;
+        k.vo += k.impulse * contact->inverse_mass;
+        return k;
+    }
+};
+
+inline Body along(const Body &b, const Body &k, double h) {
+    return {b.x + h * k.x,   b.v + h * k.v,   b.servo + h * k.servo,
+            b.xo + h * k.xo, b.vo + h * k.vo, b.impulse + h * k.impulse};
+}
+
+}  // namespace
+
+Touch find_touch(const Cubic &gap, double doubt) {
+    const double slope = gap.start_slope, second = gap.second(), third = gap.third();
+    const double root = second * second - 3.0 * third * slope;
+    double near = 1.0, far = 1.0;
+    if (root > 0.0) {
+        const double q = -second - copysign(sqrt(root), second);
+        const double one = fabs(slope) < fabs(q) ? slope / q : 1.0;
+        const double other = fabs(q) < fabs(3.0 * third) ? q / (3.0 * third) : 1.0;
+        const double a = one > 0.0 ? one : 1.0, b = other > 0.0 ? other : 1.0;
+        near = smaller(a, b);
+        far = larger(a, b);
+    }
+    const double ends[] = {near, far, 1.0};
+    double left = 0.0, before = gap.start, lowest = smaller(gap.start, gap.end);
+    for (const double right : ends) {
+        const double value = gap.at(right);
+        lowest = smaller(lowest, value);
+        if (value < before && value <= doubt) {
+            const bool grazes = right < 1.0 && value >= -doubt;
+            return {grazes ? right : zero_between(gap, left, right), lowest};
+        }
+        left = right;
+        before = value;
+    }
+    return {2.0, lowest};
+}
+
+double contact_step(const pretouch_contact &c, double inverse_mass, double speed) {
+    const double reduced = 1.0 / inverse_mass, n = c.exponent;
+    const double depth = pow((n + 1.0) * 0.5 * reduced * speed * speed / c.stiffness, 1.0 / (n + 1.0));
+    if (depth <= 0.0) return 1e-3;
+    const double omega = sqrt(n * c.stiffness * pow(depth, n - 1.0) * inverse_mass);
+    const double loss = c.damping * (c.grows != 0.0 ? pow(depth, n) : 1.0) * inverse_mass;
+    return 0.02 / larger(omega, loss);
+}
+
+double elastic_duration(const pretouch_contact &c, double inverse_mass, double speed) {
+    const double n = c.exponent, part = 1.0 / (n + 1.0);
+    const double scale = pow(0.5 * (n + 1.0) / (c.stiffness * inverse_mass), part);  // depth / speed, at the speed 1
+    // to the deepest point and back: the integral of (1 - s^(n + 1))^(-1/2) from 0 to 1, which is pi / 2 for n = 1
+    const double course = sqrt(3.14159265358979323846) * tgamma(1.0 + part) / tgamma(0.5 + part);
+    return 2.0 * course * scale * pow(larger(speed, 1e-9), (1.0 - n) * part);
+}
+
+Body advance(const Body &b, double at, double h, const Target &target, const pretouch_plant &plant,
+             const pretouch_contact *contact, double push) {
+    const double half = 0.5 * h, sixth = h / 6.0;
+    const Robot robot = {plant, contact, 1.0 / plant.mass, push, plant.feedforward_mass * target.acceleration};
+    const Robot::Wanted middle = robot.wanted(target, at + half);
+    const Body k1 = robot.slopes(b, robot.wanted(target, at));
+    const Body k2 = robot.slopes(along(b, k1, half), middle);
+    const Body k3 = robot.slopes(along(b, k2, half), middle);
+    const Body k4 = robot.slopes(along(b, k3, h), robot.wanted(target, at + h));
+    const auto mean = [sixth](double start, double a, double m1, double m2, double z) {
+        return start + sixth * (a + 2.0 * (m1 + m2) + z);
+    };
+    return {mean(b.x, k1.x, k2.x, k3.x, k4.x),
+            mean(b.v, k1.v, k2.v, k3.v, k4.v),
+            mean(b.servo, k1.servo, k2.servo, k3.servo, k4.servo),
+            mean(b.xo, k1.xo, k2.xo, k3.xo, k4.xo),
+            mean(b.vo, k1.vo, k2.vo, k3.vo, k4.vo),
+            mean(b.impulse, k1.impulse, k2.impulse, k3.impulse, k4.impulse)};
+}
+
+}  // namespace pretouch

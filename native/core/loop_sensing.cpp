@@ -1,0 +1,135 @@
+// The sensor chain of the sampled loop.
+
+#include "loop_sensing.hpp"
+
+namespace pretouch {
+
+namespace {
+
+constexpr double PI = 3.14159265358979323846;
+constexpr uint64_t MISFIT = 1ull << 63;   // the draw of a run that its misfit comes from, beyond those of all readings
+constexpr double INNER = 0.1127016653792583;  // first node of Gauss's rule with three on [0, 1]
+
+// Draws of a reading: two each for the numbers of the normal distribution, and the phase of the run, by the first one.
+enum Draw : uint64_t { NOISE = 0, JITTER = 2, DROPOUT = 4, DISTANCE = 5, PHASE = 7, DRAWS = 8 };
+
+double uniform_of(uint64_t key, uint64_t index) {  // in (0, 1)
+    return (static_cast<double>(mix(key, index) >> 11) + 0.5) * 1.1102230246251565e-16;
+}
+
+double normal_of(uint64_t key, uint64_t index) {  // from the draws of an index and the next (Box, Muller)
+    const double radius = sqrt(-2.0 * log(uniform_of(key, index)));
+    return radius * cos(2.0 * PI * uniform_of(key, index + 1));
+}
+
+double rounded(double value, double step) { return step > 0.0 ? step * floor(value / step + 0.5) : value; }
+
+// ln xi from its values and slopes at equal distances; beyond the ends that of the end.
+double log_output(const pretouch_curve &curve, double distance) {
+    const double place = (distance - curve.low) / curve.step;
+    if (!(place > 0.0)) return curve.table[0];  // also for NaN
+    if (place >= static_cast<double>(curve.rows - 1)) return curve.table[2 * (curve.rows - 1)];
+    const int64_t i = static_cast<int64_t>(place) < curve.rows - 2 ? static_cast<int64_t>(place) : curve.rows - 2;
+    const double *row = curve.table + 2 * i;
+    return Cubic{row[0], row[1], row[2], row[3]}.at(place - static_cast<double>(i));
+}
+
+}  // namespace
+
+Sensor::Sensor(const pretouch_chain &chain_, const pretouch_curve &curve_, uint64_t key_, pretouch_reading *waiting_,
+               int64_t room)
+    : chain(chain_), curve(curve_), key(key_), waiting(waiting_), mask(static_cast<uint64_t>(room) - 1),
+      nodes(chain_.exposure > 0.0 ? 3 : 1) {
+    if (chain.misfit > 0.0) draw_misfit();
+    start = start_of(0);
+    instant = start + chain.exposure * INNER;
+}
+
+double Sensor::uniform(uint64_t index) const { return uniform_of(key, index); }
+double Sensor::normal(uint64_t index) const { return normal_of(key, index); }
+
+// Wave numbers of the normal distribution and phases of the uniform one make a random function with the covariance
+// misfit^2 exp(-d^2 / (2 misfit_length^2)) (A. Rahimi, B. Recht, NIPS 2007).
+void Sensor::draw_misfit() {
+    const uint64_t own = mix(key, MISFIT);
+    for (uint64_t j = 0; j < WAVES; j++)
+        waves[j] = {chain.misfit * sqrt(2.0 / WAVES), normal_of(own, 3 * j) / chain.misfit_length,
+                    2.0 * PI * uniform_of(own, 3 * j + 2)};
+}
+
+// By how much the ln xi of this run exceeds that of the curve.
+double Sensor::misfit_at(double distance) const {
+    if (!(chain.misfit > 0.0)) return 0.0;
+    double sum = 0.0;
+    for (const Wave &w : waves) sum += w.amplitude * cos(w.number * distance + w.phase);
+    return sum;
+}
+
+// When an exposure starts [s].
+double Sensor::start_of(uint64_t exposure) const {
+    const double phase = chain.random_phase != 0.0 ? uniform(PHASE) / chain.rate : chain.phase;
+    const double shift = chain.jitter > 0.0 ? chain.jitter * normal(DRAWS * exposure + JITTER) : 0.0;
+    return larger(phase + static_cast<double>(exposure) / chain.rate + shift, 0.0);
+}
+
+double Sensor::output(double distance) const {
+    if (distance > curve.high) return 0.0;
+    return exp(log_output(curve, distance) + misfit_at(larger(distance, curve.low)));
+}
+
+// What an exposure averages: the output xi, or the distance of a part that reports one.
+double Sensor::exposed_to(double distance) const {
+    return chain.reports_distance != 0.0 ? distance : output(distance);
+}
+
+// The reading of an exposure from its mean; NaN where it drops out.
+double Sensor::raw_reading(double mean, double time) const {
+    const uint64_t draw = DRAWS * k;
+    if (chain.dropout > 0.0 && uniform(draw + DROPOUT) < chain.dropout) return NAN;
+    if (chain.reports_distance != 0.0) {
+        const double distance = mean + chain.distance_noise * normal(draw + DISTANCE);
+        mean = output(rounded(distance, chain.distance_resolution));
+    }
+    double value = mean + chain.offset + chain.drift * time;
+    if (chain.noise > 0.0 || chain.relative_noise > 0.0) {
+        const double deviation =
+            sqrt(chain.noise * chain.noise + chain.relative_noise * chain.relative_noise * mean * mean);
+        value += deviation * normal(draw + NOISE);
+    }
+    return rounded(smaller(larger(value, chain.lowest), chain.highest), chain.resolution);
+}
+
+void Sensor::look_at_start(double distance) {
+    waiting[0] = {raw_reading(exposed_to(distance), 0.0), chain.delay, 0.0};
+    tail = k = 1;
+    start = larger(start_of(1), 0.0);
+    instant = start;
+}
+
+void Sensor::look(double distance) {
+    const double weight = nodes == 1 ? 1.0 : node == 1 ? 8.0 / 18.0 : 5.0 / 18.0;
+    total += weight * exposed_to(distance);
+    if (++node == nodes) {
+        waiting[tail++ & mask] = {raw_reading(total, instant), start + chain.exposure + chain.delay,
+                                  start + 0.5 * chain.exposure};
+        node = 0;
+        total = 0.0;
+        start = larger(start_of(++k), start + chain.exposure);
+    }
+    const double part = node == 0 ? INNER : node == 1 ? 0.5 : 1.0 - INNER;
+    instant = larger(nodes == 3 ? start + chain.exposure * part : start, instant);
+}
+
+bool Sensor::deliver(double t) {
+    bool fresh = false;
+    for (; head < tail && waiting[head & mask].ready <= t + INSTANT; head++) {
+        const pretouch_reading &next = waiting[head & mask];
+        if (isnan(next.value)) continue;
+        reading = next.value;
+        measured = next.taken;
+        fresh = true;
+    }
+    return fresh;
+}
+
+}  // namespace pretouch

@@ -1,0 +1,307 @@
+#include "pretouch_law.h"
+
+#include <math.h>
+#include <stddef.h>
+
+#ifdef PRETOUCH_FLOAT
+#define LOG logf
+#define SQRT sqrtf
+#define FABS fabsf
+#define FLOOR floorf
+#define R(x) x##f
+#define SAME_INSTANT 1e-4f
+#define ROUNDING 1e-5f
+#else
+#define LOG log
+#define SQRT sqrt
+#define FABS fabs
+#define FLOOR floor
+#define R(x) x
+#define SAME_INSTANT 1e-6 /* of a period: two readings closer than that are one */
+#define ROUNDING 1e-9     /* of an impulse: what is left of it is nothing */
+#endif
+
+typedef pretouch_real real;
+
+static const real ANY_CHANGE = R(1500.0); /* of ln xi: more than any two numbers can differ */
+static const real ANY_FORCE = R(1e9);     /* N, beyond which a contact force is a fault */
+static const real ANY_REFERENCE = R(1e6); /* SI, beyond which a number is a fault and no reference of a robot */
+
+/* The first of two numbers unless the second is larger, smaller: for NaN and for zeros of both signs, too. */
+static inline real larger(real a, real b) { return b > a ? b : a; }
+static inline real smaller(real a, real b) { return b < a ? b : a; }
+static inline real within(real value, real limit) { return larger(smaller(value, limit), -limit); }
+
+/* ---- running median: what is far off in one reading or a few never reaches the low-pass ---- */
+
+static void fill_median(int32_t length, real value, pretouch_median_state *s) {
+    for (int32_t i = 0; i < PRETOUCH_MEDIAN; i++) s->arrived[i] = value;
+    for (int32_t i = 0; i <= PRETOUCH_MEDIAN; i++) s->ordered[i] = i < length ? value : INFINITY;
+    s->oldest = 0;
+}
+
+/* Takes in a reading; returns the median of the last `length`: of an even number the mean of the middle two. From the
+ * oldest reading on, each place takes the value of the next; then each keeps its value, takes that of the place before, or
+ * the new one. All places are passed, whatever the reading is, so that a step takes the same time with every one. */
+static real advance_median(int32_t length, pretouch_median_state *s, real value) {
+    const real oldest = s->arrived[s->oldest];
+    real before = -INFINITY;
+    if (length == 1) return value;
+    for (int32_t i = 0; i < length; i++) {
+        const real here = s->ordered[i + (s->ordered[i] >= oldest)];
+        s->ordered[i] = smaller(larger(value, before), here);
+        before = here;
+    }
+    s->arrived[s->oldest] = value;
+    s->oldest = s->oldest + 1 < length ? s->oldest + 1 : 0;
+    return (s->ordered[(length - 1) / 2] + s->ordered[length / 2]) / 2;
+}
+
+/* ---- Butterworth low-pass: second-order sections in transposed direct form II ---- */
+
+/* Starts as if the input had always been `value`, without a transient. */
+static void fill_low_pass(const pretouch_sensing_numbers *p, real value, pretouch_sensing_state *s) {
+    for (int32_t i = 0; i < p->sections; i++) {
+        const pretouch_section *n = &p->low_pass[i];
+        const real out = (n->b0 + n->b1 + n->b2) / (1 + n->a1 + n->a2) * value;
+        s->low_pass[i][0] = out - n->b0 * value;
+        s->low_pass[i][1] = n->b2 * value - n->a2 * out;
+        value = out;
+    }
+}
+
+static real advance_low_pass(const pretouch_sensing_numbers *p, pretouch_sensing_state *s, real value) {
+    for (int32_t i = 0; i < p->sections; i++) {
+        const pretouch_section *n = &p->low_pass[i];
+        real *z = s->low_pass[i];
+        const real out = n->b0 * value + z[0];
+        z[0] = n->b1 * value - n->a1 * out + z[1];
+        z[1] = n->b2 * value - n->a2 * out;
+        value = out;
+    }
+    return value;
+}
+
+/* ---- from a reading to the change of ln xi ---- */
+
+void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_state *s) {
+    for (int32_t i = 0; i < PRETOUCH_SECTIONS; i++) s->low_pass[i][0] = s->low_pass[i][1] = 0;
+    s->quiet = s->measured = s->log_level = 0;
+    s->level = s->filtered = p->floor;
+    fill_median(p->median_length, p->floor, &s->median);
+    fill_low_pass(p, p->floor, s);
+    s->running = 0;
+}
+
+/* Why a reading that came cannot be used, 0 if it can or if none came; measured: time since the last one was [s]. */
+static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensing_state *s,
+                        const pretouch_sample *sample, real level, real measured) {
+    const real elapsed = measured - sample->age;
+    const int in_time = 0 <= sample->age && sample->age <= p->timeout; /* not for NaN */
+    const int in_order = elapsed > SAME_INSTANT * p->period || !s->running;
+    const real believable = p->largest_rate * elapsed;
+    if (!sample->fresh) return 0;
+    if (!(isfinite(sample->reading) && in_time && in_order)) return PRETOUCH_INVALID;
+    if (sample->reading >= p->saturation) return PRETOUCH_SATURATED;
+    if (s->running && believable < ANY_CHANGE && FABS(LOG(level / s->level)) > believable) return PRETOUCH_IMPLAUSIBLE;
+    return 0;
+}
+
+/* A reading that can be used: through the filters, and the logarithm of what became of it. */
+static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s, real age, real level,
+                    pretouch_observation *seen) {
+    const int32_t restarted = !s->running;
+    const real before = s->filtered;
+    real filtered = level;
+    if (restarted) {
+        fill_median(p->median_length, level, &s->median);
+        fill_low_pass(p, level, s);
+    } else {
+        filtered = advance_low_pass(p, s, advance_median(p->median_length, &s->median, level));
+    }
+    s->running = 1;
+    s->quiet = 0;
+    s->measured = age;
+    s->level = level;
+    s->filtered = larger(filtered, p->floor); /* the low-pass may undershoot */
+    s->log_level = LOG(s->filtered / p->floor);
+    seen->change = restarted ? 0 : LOG(s->filtered / before);
+    seen->log_level = s->log_level;
+    seen->usable = 1;
+    seen->restarted = restarted;
+    seen->detecting = s->log_level > 0;
+    seen->stale = seen->lost = 0;
+    seen->status = seen->detecting ? PRETOUCH_DETECTING : 0;
+}
+
+void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state *s, const pretouch_sample *sample,
+                      pretouch_observation *seen) {
+    const real quiet = s->quiet + p->period, measured = s->measured + p->period;
+    const real above = sample->reading - p->offset;
+    const real level = p->floor < above && above < INFINITY ? above : p->floor; /* the floor also for NaN */
+    const int32_t fault = fault_of(p, s, sample, level, measured);
+    if (sample->fresh && fault == 0) {
+        take_in(p, s, sample->age, level, seen);
+        return;
+    }
+    seen->lost = quiet > p->timeout * (1 + SAME_INSTANT);
+    seen->stale = quiet > p->sensor_period * (1 - SAME_INSTANT);
+    if (seen->lost) {
+        s->running = 0;
+        s->log_level = 0;
+    }
+    s->quiet = smaller(quiet, 2 * p->timeout); /* from there on, longer is no news */
+    s->measured = smaller(measured, 3 * p->timeout);
+    seen->change = 0;
+    seen->log_level = s->log_level;
+    seen->usable = seen->restarted = 0;
+    seen->detecting = s->log_level > 0;
+    seen->status = (seen->detecting ? PRETOUCH_DETECTING : 0) + (seen->stale ? PRETOUCH_STALE : 0) +
+                   (seen->lost ? PRETOUCH_LOST : 0) + fault;
+}
+
+/* ---- L(2): the impulse is D_p times the change of ln xi, exact at any sample time ---- */
+
+void pretouch_damp(const pretouch_damper_numbers *p, pretouch_damper_state *s, const pretouch_observation *seen,
+                   pretouch_push *push) {
+    const real ramp = seen->detecting ? smaller(s->ramp + p->ramp_step, 1) : larger(s->ramp - p->ramp_step, 0);
+    const real share = seen->detecting ? ramp : s->ramp; /* the change to the floor still belongs to the object */
+    const real before = seen->restarted ? seen->log_level : s->mark;
+    /* for approaches alone, a mark follows ln xi upwards at once and downwards at a distance: only its rises count */
+    const real mark =
+        seen->usable ? smaller(larger(before, seen->log_level), seen->log_level + p->release) : before;
+    const real change = p->approach_only ? larger(mark - before, 0) : seen->change;
+    s->ramp = ramp;
+    s->mark = mark;
+    push->impulse = p->gain * share * change;
+    push->force = 0;
+}
+
+/* ---- delivery: an impulse as a constant force over one sensor period ---- */
+
+/* The force of this period [N]. Where the next reading is late, the force goes on and fades; what was given ahead is
+ * taken off the impulse that the reading brings, so that the sum stays exact, but makes no force of its own. What the
+ * force limit does not let through is dropped: it would act when it is no longer called for. */
+static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const pretouch_observation *seen,
+                    real impulse) {
+    const real period = p->limits.period;
+    if (seen->usable) {
+        const real owed = impulse + s->rest, due = owed - s->ahead;
+        const int covers = (owed > 0 && 0 < due) || (owed < 0 && 0 > due);
+        s->steady = covers ? within(due / p->hold, p->largest_force) : 0;
+        s->rest = s->steady * p->hold;
+        s->ahead = covers ? 0 : -due;
+        s->fading = 1;
+    }
+    if (s->rest != 0) {
+        const real given = s->steady * period, rest = s->rest;
+        const int last = FABS(rest) <= FABS(given) * (1 + ROUNDING);
+        s->rest = last ? 0 : rest - given;
+        return last ? rest / period : s->steady;
+    }
+    s->rest = 0;
+    if (!seen->stale) return 0;
+    s->fading = larger(s->fading - p->fade_step, 0);
+    const real force = s->steady * s->fading;
+    s->ahead = seen->lost ? 0 : s->ahead + force * period;
+    return force;
+}
+
+/* ---- L(1), and limits that can be held together, whatever force acts ---- */
+
+static pretouch_motion advance_admittance(const pretouch_admittance_numbers *p, pretouch_motion m, real force) {
+    return (pretouch_motion){
+        p->position_from_position * m.position + p->position_from_velocity * m.velocity + p->position_from_force * force,
+        p->velocity_from_position * m.position + p->velocity_from_velocity * m.velocity + p->velocity_from_force * force,
+    };
+}
+
+/* The way to rest [m] from a speed >= 0: full periods of the largest deceleration, and one of what is left. */
+static real stopping_distance(const pretouch_motion_limits *p, real speed) {
+    const real step = p->acceleration * p->period, whole = FLOOR(speed / step), rest = speed - whole * step;
+    return p->period * (step / 2 * whole * whole + rest * (whole + R(0.5)));
+}
+
+/* The largest speed v with T v/2 + (way to rest from v) <= room. */
+static real fastest(const pretouch_motion_limits *p, real room) {
+    const real step = p->acceleration * p->period, left = larger(room, 0);
+    const real whole = FLOOR((SQRT(1 + 8 * left / (step * p->period)) - 1) / 2);
+    return step * whole + (left - step * p->period / 2 * whole * (whole + 1)) / (p->period * (whole + 1));
+}
+
+/* Keeps what the admittance wants if it is within limits, otherwise goes as far as they allow; says whether one acted.
+ * The admittance goes on from there: nothing winds up behind a limit. */
+static int limit_motion(const pretouch_motion_limits *p, pretouch_motion now, pretouch_motion *wanted) {
+    const real step = p->acceleration * p->period, drifted = now.velocity * p->period;
+    const real moved = wanted->position - now.position;
+    real low = larger(-p->speed, now.velocity - step), high = smaller(p->speed, now.velocity + step);
+    /* a stiff admittance can leave the limits and be back within a period: then the position tells */
+    const int steady = FABS(moved) <= p->speed * p->period && FABS(moved - drifted) <= step * p->period / 2;
+    if (steady && low <= wanted->velocity && wanted->velocity <= high) {
+        const real way = stopping_distance(p, FABS(wanted->velocity));
+        const real ahead = wanted->velocity >= 0 ? wanted->position : -wanted->position;
+        if (FABS(wanted->position) <= p->excursion && ahead + way <= p->excursion) return 0;
+    }
+    high = smaller(high, fastest(p, p->excursion - now.position - drifted / 2));
+    low = larger(low, -fastest(p, p->excursion + now.position + drifted / 2));
+    wanted->velocity = larger(smaller(wanted->velocity, high), low);
+    wanted->position = within(now.position + drifted / 2 + p->period * wanted->velocity / 2, p->excursion);
+    return 1;
+}
+
+/* ---- from the impulse to the motion ---- */
+
+void pretouch_start_drive(real position, real velocity, pretouch_drive_state *s) {
+    s->delivery = (pretouch_delivery){0, 0, 0, 0};
+    s->motion = (pretouch_motion){position, velocity};
+    s->reference = 0;
+}
+
+static inline int is_fault(real value, real largest) { return !(isfinite(value) && FABS(value) <= largest); }
+
+void pretouch_drive(const pretouch_drive_numbers *p, pretouch_drive_state *s, const pretouch_observation *seen,
+                    const pretouch_push *push, const pretouch_sample *sample, pretouch_output *out) {
+    const real period = p->limits.period, before = s->motion.velocity;
+    const real virtual_force = within(deliver(p, &s->delivery, seen, push->impulse) + push->force, p->largest_force);
+    const int no_force = is_fault(sample->contact_force, ANY_FORCE);
+    const real contact_force = no_force ? 0 : sample->contact_force;
+    pretouch_motion next = advance_admittance(&p->admittance, s->motion, virtual_force + p->contact_gain * contact_force);
+    const int limited = limit_motion(&p->limits, s->motion, &next);
+    const int no_reference = is_fault(sample->reference_position, ANY_REFERENCE) ||
+                             is_fault(sample->reference_velocity, ANY_REFERENCE) ||
+                             is_fault(sample->reference_acceleration, ANY_REFERENCE);
+    const real x = no_reference ? s->reference : sample->reference_position;
+    const real v = no_reference ? 0 : sample->reference_velocity;
+    const real a = no_reference ? 0 : sample->reference_acceleration;
+    out->position = x + period * (v + period / 2 * a) + next.position;
+    out->velocity = v + period * a + next.velocity;
+    out->acceleration = a + (next.velocity - before) / period;
+    out->virtual_force = virtual_force;
+    out->log_level = seen->log_level;
+    out->status = seen->status + (FABS(virtual_force) >= p->largest_force ? PRETOUCH_FORCE_LIMITED : 0) +
+                  (FABS(contact_force) >= p->contact_threshold ? PRETOUCH_IN_CONTACT : 0) +
+                  (limited ? PRETOUCH_MOTION_LIMITED : 0) + (no_force || no_reference ? PRETOUCH_INPUT_FAULT : 0);
+    s->motion = next;
+    s->reference = x;
+}
+
+/* ---- the controller ---- */
+
+void pretouch_start(const pretouch_parameters *p, real position, real velocity, pretouch_state *s) {
+    pretouch_start_sensing(&p->sensing, &s->sensing);
+    pretouch_start_drive(position, velocity, &s->drive);
+    s->law = (pretouch_damper_state){0, 0};
+}
+
+void pretouch_step(const pretouch_parameters *p, pretouch_state *s, const pretouch_sample *sample,
+                   pretouch_output *out) {
+    pretouch_observation seen;
+    pretouch_push push;
+    pretouch_observe(&p->sensing, &s->sensing, sample, &seen);
+    pretouch_damp(&p->law, &s->law, &seen, &push);
+    pretouch_drive(&p->drive, &s->drive, &seen, &push, sample, out);
+}
+
+void pretouch_step_damper(const void *parameters, void *state, const pretouch_sample *sample, pretouch_output *out) {
+    pretouch_step(parameters, state, sample, out);
+}

@@ -1,0 +1,46 @@
+"""The law of native/law/pretouch_law.c in plain Python, written as mathematics and apart from it: its reference.
+
+A step is pure: parameters, state and sample in, next state and output out. Parameters are those of `Controller`, as
+nested tuples; states are tuples of plain numbers. The same sums in the same order: both forms are equal bit for bit.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+from pretouch.control import Output, Sample
+
+from .damping import DamperState, damp
+from .driving import DriveState, drive, start_drive
+from .sensing import SensingState, observe, start_sensing
+
+__all__ = ["State", "plain", "start", "step"]
+
+
+class State(NamedTuple):
+    sensing: SensingState
+    law: DamperState
+    drive: DriveState
+
+
+def plain(numbers: Any) -> Any:
+    """Numbers of a structure of C by name, as Python has them."""
+    if isinstance(numbers, ctypes.Array):
+        return tuple(plain(n) for n in numbers)
+    if not isinstance(numbers, ctypes.Structure):
+        return numbers
+    return SimpleNamespace(**{name: plain(getattr(numbers, name)) for name, _ in numbers._fields_})
+
+
+def start(parameters: Any, position: float = 0.0, velocity: float = 0.0) -> State:
+    return State(start_sensing(parameters.sensing), DamperState(0.0, 0.0), start_drive(position, velocity))
+
+
+def step(parameters: Any, state: State, sample: Sample) -> tuple[State, Output]:
+    """Run one period of the controller of the letter's Fig. 1: L(2), then L(1)."""
+    sensing, seen = observe(parameters.sensing, state.sensing, sample)
+    law, push = damp(parameters.law, state.law, seen)
+    driven, output = drive(parameters.drive, state.drive, seen, push, sample)
+    return State(sensing, law, driven), output

@@ -1,0 +1,106 @@
+"""From a reading to the change of ln xi: validity, offset and floor, median, low-pass, logarithm."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from pretouch.control import Sample, Status
+
+from .filters import Pair, Readings, advance_low_pass, advance_median, fill_low_pass, fill_median
+
+DETECTING, STALE, LOST = int(Status.DETECTING), int(Status.STALE), int(Status.LOST)
+SATURATED, INVALID, IMPLAUSIBLE = int(Status.SATURATED), int(Status.INVALID), int(Status.IMPLAUSIBLE)
+SAME_INSTANT = 1e-6  # of a period: two readings closer than that are one
+ANY_CHANGE = 1500.0  # of ln xi: more than any two numbers can differ
+
+
+class SensingState(NamedTuple):
+    """Age of the last usable reading, its level before and after the filters, filters."""
+
+    running: bool
+    quiet: float
+    measured: float
+    level: float
+    filtered: float
+    log_level: float
+    median: Readings
+    low_pass: tuple[Pair, ...]
+
+
+class Observation(NamedTuple):
+    change: float
+    log_level: float
+    usable: bool
+    restarted: bool
+    detecting: bool
+    stale: bool
+    lost: bool
+    status: int
+
+
+def _sections(n: Any) -> Any:
+    return n.low_pass[: n.sections]
+
+
+def start_sensing(n: Any) -> SensingState:
+    """Nothing is detected before the first reading."""
+    return SensingState(
+        running=False,
+        quiet=0.0,
+        measured=0.0,
+        level=n.floor,
+        filtered=n.floor,
+        log_level=0.0,
+        median=fill_median(n.median_length, n.floor),
+        low_pass=fill_low_pass(_sections(n), n.floor),
+    )
+
+
+def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
+    """Take in a sample: whether its reading can be used, and by how much ln xi has changed."""
+    quiet, measured = s.quiet + n.period, s.measured + n.period
+    level = sample.reading - n.offset
+    if not n.floor < level < math.inf:  # also for NaN
+        level = n.floor
+    fault = _fault(n, s, sample, level, measured)
+    if sample.fresh and fault == 0:
+        restarted = not s.running
+        if restarted:
+            median, low_pass = fill_median(n.median_length, level), fill_low_pass(_sections(n), level)
+            filtered = level
+        else:
+            median, middle = advance_median(s.median, level)
+            low_pass, filtered = advance_low_pass(_sections(n), s.low_pass, middle)
+        filtered = max(filtered, n.floor)  # the low-pass may undershoot
+        log_level = math.log(filtered / n.floor)
+        change = 0.0 if restarted else math.log(filtered / s.filtered)
+        detecting = log_level > 0.0
+        used = SensingState(True, 0.0, sample.age, level, filtered, log_level, median, low_pass)
+        status = DETECTING if detecting else 0
+        return used, Observation(change, log_level, True, restarted, detecting, False, False, status)
+    lost = quiet > n.timeout * (1 + SAME_INSTANT)
+    stale = quiet > n.sensor_period * (1 - SAME_INSTANT)
+    log_level = 0.0 if lost else s.log_level
+    detecting = log_level > 0.0
+    status = (DETECTING if detecting else 0) + (STALE if stale else 0) + (LOST if lost else 0) + fault
+    quiet, measured = min(quiet, 2 * n.timeout), min(measured, 3 * n.timeout)  # from there on, longer is no news
+    waiting = s._replace(running=s.running and not lost, quiet=quiet, measured=measured, log_level=log_level)
+    return waiting, Observation(0.0, log_level, False, False, detecting, stale, lost, status)
+
+
+def _fault(n: Any, s: SensingState, sample: Sample, level: float, measured: float) -> int:
+    """Return why a reading that came cannot be used, 0 if it can or if none came."""
+    if not sample.fresh:
+        return 0
+    elapsed = measured - sample.age
+    in_time = 0.0 <= sample.age <= n.timeout  # not for NaN
+    in_order = elapsed > SAME_INSTANT * n.period or not s.running
+    if not (math.isfinite(sample.reading) and in_time and in_order):
+        return INVALID
+    if sample.reading >= n.saturation:
+        return SATURATED
+    believable = n.largest_rate * elapsed
+    if s.running and believable < ANY_CHANGE and abs(math.log(level / s.level)) > believable:
+        return IMPLAUSIBLE
+    return 0

@@ -19,6 +19,11 @@ void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double s
     CHOSEN(linear_contacts)(inputs, n, slope, horizon, time, status, states, m, first);
 }
 
+void pretouch_linear_approaches(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
+                                int8_t *status, double *approach) {
+    CHOSEN(linear_approaches)(inputs, n, slope, horizon, time, status, approach);
+}
+
 void pretouch_linear_states(const pretouch_column *inputs, int64_t n, double slope, const double *time,
                             const int8_t *status, double *states, int64_t m, int64_t first) {
     CHOSEN(linear_states)(inputs, n, slope, time, status, states, m, first);

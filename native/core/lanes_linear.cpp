@@ -158,10 +158,35 @@ inline void store_status(int8_t *status, Masks found, int64_t count) {
     for (int k = 0; k < WIDTH && k < count; k++) status[k] = found[k] ? 0 : -1;
 }
 
-}  // namespace
+// Finds the contacts of encounters from where the first step ended; `falls` then says which are found.
+inline void contact(Encounters &q, double horizon) {
+    const auto [end, close, value] = proved_step(q, q.time);
+    Masks found = close & (end > 0.0) & (end <= horizon) & q.falls;
+    q.time = end;
+    if (bits(q.falls & ~found) != 0) {
+        const Found more = refine(q, end, q.falls & ~found, horizon);
+        q.time = where(found, end, more.time);
+        found |= more.found;
+    }
+    q.falls = found;
+}
 
-void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
-                     int8_t *status, double *states, int64_t m, int64_t first) {
+// l' at the end.
+inline Lanes approach_at_end(const Encounters &q) {
+    const auto [e1, m1] = exponential(-q.rates.mu1 * q.time);
+    const Lanes decay = e1 * exponential(-q.rates.width * q.time).rest, h = decay * q.rates.by_width;
+    return q.v - (q.force * h + q.u0 * ((e1 - decay) - q.rates.mu1 * h));
+}
+
+// What a contact has beside its time; null where that is not asked for.
+struct Wanted {
+    double *approach;  // l'
+    double *states;    // rows of m numbers
+    int64_t m;
+};
+
+__attribute__((noinline)) void contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
+                                        double *time, int8_t *status, Wanted wanted) {
     Columns<LINEAR_INPUTS> columns(inputs);
     Encounters batch[PASS];
     for (int64_t start = 0; start < n; start += PASS * WIDTH) {
@@ -173,26 +198,35 @@ void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, dou
         for (int k = 0; k < many; k++) batch[k].time = first_step(batch[k]);
         for (int k = 0; k < many; k++) {
             Encounters &q = batch[k];
-            const auto [end, close, value] = proved_step(q, q.time);
-            Masks found = close & (end > 0.0) & (end <= horizon) & q.falls;
-            q.time = end;
-            if (bits(q.falls & ~found) != 0) {
-                const Found more = refine(q, end, q.falls & ~found, horizon);
-                q.time = where(found, end, more.time);
-                found |= more.found;
-            }
-            q.falls = found;
             const int64_t i = start + k * WIDTH;
-            store(time + i, where(found, q.time, all(NOT_A_NUMBER)), n - i);
-            store_status(status + i, found, n - i);
+            contact(q, horizon);
+            store(time + i, where(q.falls, q.time, all(NOT_A_NUMBER)), n - i);
+            store_status(status + i, q.falls, n - i);
         }
-        if (states == nullptr) continue;
-        for (int k = 0; k < many; k++) {
+        for (int k = 0; k < many && wanted.approach != nullptr; k++) {
+            const int64_t i = start + k * WIDTH;
+            const Lanes found = where(batch[k].falls, approach_at_end(batch[k]), all(NOT_A_NUMBER));
+            store(wanted.approach + i, found, n - i);
+        }
+        for (int k = 0; k < many && wanted.states != nullptr; k++) {
             const Encounters &q = batch[k];
             const int64_t i = start + k * WIDTH;
-            store_states(states + first + i, m, states_at(q.time, q.rates, q.force, q.x0, q.u0, q.v), q.falls, n - i);
+            const States found = states_at(q.time, q.rates, q.force, q.x0, q.u0, q.v);
+            store_states(wanted.states + i, wanted.m, found, q.falls, n - i);
         }
     }
+}
+
+}  // namespace
+
+void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
+                     int8_t *status, double *states, int64_t m, int64_t first) {
+    contacts(inputs, n, slope, horizon, time, status, {nullptr, states == nullptr ? nullptr : states + first, m});
+}
+
+void linear_approaches(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
+                       int8_t *status, double *approach) {
+    contacts(inputs, n, slope, horizon, time, status, {approach, nullptr, 0});
 }
 
 }  // namespace PRETOUCH_VARIANT

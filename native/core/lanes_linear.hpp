@@ -6,6 +6,8 @@ namespace PRETOUCH_VARIANT {
 
 void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
                      int8_t *status, double *states, int64_t m, int64_t first);
+void linear_approaches(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
+                       int8_t *status, double *approach);
 void linear_states(const pretouch_column *inputs, int64_t n, double slope, const double *time, const int8_t *status,
                    double *states, int64_t m, int64_t first);
 void linear_gradients(const pretouch_column *inputs, int64_t n, double slope, const double *time, const int8_t *status,

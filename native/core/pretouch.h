@@ -56,6 +56,9 @@ PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, con
  * `first` on with x~, x~', x~'', l' and the integral of x~; no numbers where open. status: 0 or -1, open. */
 PRETOUCH_API void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
                                            double *time, int8_t *status, double *states, int64_t m, int64_t first);
+/* The same with nothing but l' of the state. */
+PRETOUCH_API void pretouch_linear_approaches(const pretouch_column *inputs, int64_t n, double slope, double horizon,
+                                             double *time, int8_t *status, double *approach);
 PRETOUCH_API void pretouch_linear_states(const pretouch_column *inputs, int64_t n, double slope, const double *time,
                                          const int8_t *status, double *states, int64_t m, int64_t first);
 /* out: derivatives of time, x~ and l' by the nine inputs and the slope, shape (3, 10, n). */

@@ -6,7 +6,14 @@ from mpmath import mp, mpf
 
 from pretouch._core.native import INTEGER, POINTER, address, kernel
 from pretouch.motion import ContactStatus
-from pretouch.motion.native_linear import OPEN, contact_gradients, contact_states, contact_times, solve_linear
+from pretouch.motion.native_linear import (
+    OPEN,
+    contact_approaches,
+    contact_gradients,
+    contact_states,
+    contact_times,
+    solve_linear,
+)
 
 CONTACT = ContactStatus.CONTACT
 SLOPE, HORIZON = -61.0, 60.0
@@ -290,10 +297,14 @@ def everything(inputs, n):
     """Times, statuses and all that is found beside them, one column per encounter."""
     time, status = np.empty(n), np.empty(n, np.int8)
     states, again, gradients = np.empty((5, n)), np.empty((5, n)), np.empty((3, 10, n))
+    times, approach, statuses = np.empty(n), np.empty(n), np.empty(n, np.int8)
     contact_times(inputs, SLOPE, HORIZON, time, status, states=states)
+    contact_approaches(inputs, SLOPE, HORIZON, (times, approach), statuses)
+    np.testing.assert_array_equal(times, time)
+    np.testing.assert_array_equal(statuses, status)
     contact_states(inputs, SLOPE, time, status, again)
     contact_gradients(inputs, SLOPE, time, status, gradients)
-    return np.vstack([time, status, states, again, gradients.reshape(30, n)])
+    return np.vstack([time, status, approach, states, again, gradients.reshape(30, n)])
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 7, 8, 9, BATCH - 1, BATCH, BATCH + 1, 2 * BATCH + 9])
@@ -309,9 +320,10 @@ def test_states_of_the_same_pass_are_those_at_the_times_found(kind):
     inputs = scattered(500, 12, kind)
     time, status = solve(inputs)
     wider, alone = np.full((5, 507), 7.0), np.empty((5, 500))
-    again, same = np.empty(500), np.empty(500, np.int8)
+    again, approach, same = np.empty(500), np.empty(500), np.empty(500, np.int8)
     contact_times(inputs, SLOPE, HORIZON, again, same, states=wider, first=4)
     contact_states(inputs, SLOPE, time, status, alone)
+    contact_approaches(inputs, SLOPE, HORIZON, (np.empty(500), approach), np.empty(500, np.int8))
     np.testing.assert_array_equal(again, time)
     np.testing.assert_array_equal(same, status)
     assert (wider[:, [0, 3, 504, 506]] == 7).all()
@@ -323,6 +335,7 @@ def test_states_of_the_same_pass_are_those_at_the_times_found(kind):
     sizes = np.stack([x0 + p + speed * time, speed, speed * rate, speed, (x0 + p + speed * time) * time])
     # rates that are made by another division differ by some ten roundings
     assert (np.abs(together - alone) <= 1e-13 * sizes)[:, status == CONTACT].all()
+    assert (np.abs(approach - alone[3]) <= 1e-13 * speed)[status == CONTACT].all()
 
 
 def test_one_value_for_all_equals_the_same_value_for_each():

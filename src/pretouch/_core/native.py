@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
+from struct import pack
 from typing import Any, Final
 
 import numpy as np
@@ -33,8 +34,8 @@ _SWITCH: Final = "PRETOUCH_VARIANT"
 _OTHER: Final = "PRETOUCH_LIBRARY"  # a library in the place of the own one, such as one that checks itself
 _SUFFIXES: Final = {"win32": ".dll", "darwin": ".dylib"}
 _FLOAT: Final = np.dtype(np.float64)
-_start: Final = ctypes.addressof
-_view: Final = ctypes.c_char.from_buffer
+_word: Final = ctypes.c_size_t.from_address
+_HEAD: Final = object.__basicsize__ if sys.implementation.name == "cpython" else None
 
 
 @lru_cache(maxsize=1)
@@ -113,15 +114,28 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
     """
     if array.dtype != dtype or not array.flags.c_contiguous:
         raise TypeError(f"a kernel takes contiguous arrays of {dtype}, not {array.dtype} with strides {array.strides}")
-    try:
-        return _start(_view(array))  # type: ignore[arg-type]  # five times as fast as array.ctypes
-    except (TypeError, ValueError):  # read-only, or empty
+    if _HEAD is None:
         return int(array.__array_interface__["data"][0])
+    return _word(id(array) + _HEAD).value  # first in NumPy's object, by its ABI: ten times as fast as to ask for it
 
 
-def columns(arrays: Sequence[NDArray[np.float64]]) -> ctypes.Array[ctypes.c_int64]:
-    """Return addresses and strides of several arrays, (n,) or (1,), as the kernels' pretouch_column."""
-    found = (INTEGER * (2 * len(arrays)))()
-    for i, array in enumerate(arrays):
-        found[2 * i], found[2 * i + 1] = address(array), int(array.size != 1)
-    return found
+def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:
+    """Return addresses and strides of several arrays as the kernels' pretouch_column.
+
+    Args:
+        arrays: of one number for all encounters, or of one for each.
+        count: how many encounters there are, if that is to be checked.
+
+    Returns:
+        What is handed to a kernel while the arrays live.
+
+    Raises:
+        TypeError: an array has another size, type or order.
+    """
+    found: list[int] = []
+    for array in arrays:
+        size = array.size
+        if size != 1 and count is not None and size != count:
+            raise TypeError(f"a kernel takes 1 or {count} numbers, not {size}")
+        found += (address(array), size != 1)
+    return pack(f"{len(found)}q", *found)

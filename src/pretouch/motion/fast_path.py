@@ -12,7 +12,7 @@ from pretouch._core.values import Travels
 
 from .lane_path import peaks_in_lanes, solve_in_lanes
 from .layout import PEAKS, STATES
-from .native_linear import contact_states, contact_times, largest_demands
+from .native_linear import contact_approaches, contact_states, contact_times, largest_demands
 from .parallel import for_stretches
 from .request import Request
 
@@ -49,25 +49,28 @@ class FastPath(Travels):
         known: their times, and what else of QUICK came with them, shape (n,) each; without meaning where not proved.
     """
 
-    __slots__ = ("_by_form", "_which", "known", "request", "status")
+    __slots__ = ("_by_form", "_in_lanes", "_which", "known", "request", "status")
 
     def __init__(self, request: Request) -> None:
         self.request = request
         self._by_form: NDArray[np.int8] | None = None
         self._which: IntArray = np.arange(0)
+        self._in_lanes: dict[str, FloatArray] = {}
+        is_small = request.size <= _KEPT
         if request.method != "closed-form":
-            states, self.status = solve_in_lanes(request, None, whole=request.size <= _KEPT)
-            self.known = _at_surface(states) if len(states) > 1 else states
+            states, self.status = solve_in_lanes(request, None, whole=is_small)
+            self.known = _at_surface(states) if is_small else states
             return
-        states, self.status = _solve_form(request, whole=request.size <= _KEPT)
+        self.known, self.status = _solve_form(request, approach=is_small)
         if self.status.any():
             which = np.flatnonzero(self.status)
-            more, status = solve_in_lanes(request, which, whole=len(states) > 1)
+            states, status = solve_in_lanes(request, which, whole=is_small)
             self._by_form, self._which = self.status.copy(), which[status == _CONTACT]
             self.status[which] = status
-            for name, values in states.items():
-                values[which] = more[name]
-        self.known = _at_surface(states) if len(states) > 1 else states
+            for name, values in self.known.items():
+                values[which] = states[name]
+            if is_small:
+                self._in_lanes = {name: values[status == _CONTACT] for name, values in states.items()}
 
     def states(self) -> dict[str, FloatArray]:
         """Return all of QUICK, shape (n,) each; without meaning where no contact is proved."""
@@ -76,8 +79,7 @@ class FastPath(Travels):
             return _at_surface(solve_in_lanes(request, None)[0])
         states = _form_states(request, self.known["time"], self._form_status)
         if len(self._which):
-            more, _ = solve_in_lanes(request, self._which)
-            for name, values in more.items():
+            for name, values in (self._in_lanes or solve_in_lanes(request, self._which)[0]).items():
                 states[name] = states[name].copy() if name == "time" else states[name]
                 states[name][self._which] = values
         return _at_surface(states)
@@ -96,7 +98,7 @@ class FastPath(Travels):
         if request.method != "closed-form":
             return peaks_in_lanes(request, None)
         peaks = _form_peaks(request, self.known["time"], self._form_status)
-        open_ones = np.isnan(list(peaks.values())).any(axis=0) & (self.status == _CONTACT)
+        open_ones = np.isnan(sum(peaks.values())) & (self.status == _CONTACT)  # none of them is negative
         if open_ones.any():
             which = np.flatnonzero(open_ones)
             for peak, values in peaks_in_lanes(request, which).items():
@@ -124,19 +126,22 @@ def _at_surface(states: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {**states, "distance": np.zeros_like(states["time"])}
 
 
-def _solve_form(request: Request, *, whole: bool) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find contacts by the closed form; return STATES, or only the times, and statuses."""
+def _solve_form(request: Request, *, approach: bool) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
+    """Find contacts by the closed form; return their times, with l' if that is wanted, and statuses."""
     slope = request.sensor.constant_log_slope or 0.0
     time, status = np.empty(request.size), np.empty(request.size, dtype=np.int8)
-    rows = np.empty((len(STATES) - 1, request.size)) if whole else None
+    speed = np.empty(request.size) if approach else None
 
     def run(start: int, stop: int) -> None:
-        c = request.block(start, stop)
-        found = time[start:stop], status[start:stop]
-        contact_times((*c[:8], c[10]), slope, request.horizon, *found, states=rows, first=start)
+        c, part = request.block(start, stop), slice(start, stop)
+        inputs = *c[:8], c[10]
+        if speed is None:
+            contact_times(inputs, slope, request.horizon, time[part], status[part])
+        else:
+            contact_approaches(inputs, slope, request.horizon, (time[part], speed[part]), status[part])
 
     for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
-    return dict(zip(STATES, (time, *(() if rows is None else rows)), strict=False)), status
+    return {"time": time} if speed is None else {"time": time, "relative_velocity": speed}, status
 
 
 def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:

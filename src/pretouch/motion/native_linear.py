@@ -17,6 +17,7 @@ __all__ = [
     "GRADIENT_INPUTS",
     "GRADIENT_OUTPUTS",
     "OPEN",
+    "contact_approaches",
     "contact_gradients",
     "contact_states",
     "contact_times",
@@ -39,6 +40,7 @@ _STATUS: Final = np.dtype(np.int8)
 _INT: Final = np.dtype(np.int64)
 
 _contacts = kernel("linear_contacts", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, POINTER, POINTER, INTEGER, INTEGER)
+_approaches = kernel("linear_approaches", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, POINTER, POINTER)
 _states = kernel("linear_states", POINTER, INTEGER, DOUBLE, POINTER, POINTER, POINTER, INTEGER, INTEGER)
 _gradients = kernel("linear_gradients", POINTER, INTEGER, DOUBLE, POINTER, POINTER, POINTER)
 _peaks = kernel("linear_peaks", POINTER, POINTER, INTEGER, DOUBLE, POINTER, POINTER, POINTER, INTEGER, INTEGER)
@@ -71,6 +73,29 @@ def contact_times(
     count = time.size
     into = (None, 0, 0) if states is None else _rows(states, _STATE_ROWS, first, count)
     _contacts(_columns(inputs, _INPUTS, count), count, slope, horizon, address(time), _statuses(status, count), *into)
+
+
+def contact_approaches(
+    inputs: Sequence[FloatArray],
+    slope: float,
+    horizon: float,
+    found: tuple[FloatArray, FloatArray],
+    status: NDArray[np.int8],
+) -> None:
+    """Find first contacts as contact_times does, and l' there.
+
+    Args:
+        inputs: those of contact_times.
+        slope: g [1/m], one number.
+        horizon: latest time of contact [s].
+        found: filled with the times of contact [s] and l' [m/s], shape (n,) each; no numbers where OPEN.
+        status: filled with 0 or OPEN, shape (n,), int8.
+    """
+    time, approach = found
+    count = time.size
+    _check(approach.size == count, "found", approach)
+    into = address(time), _statuses(status, count), address(approach)
+    _approaches(_columns(inputs, _INPUTS, count), count, slope, horizon, *into)
 
 
 def contact_states(
@@ -202,10 +227,8 @@ def _check(holds: bool, name: str, array: NDArray[Any]) -> None:
 def _columns(arrays: Sequence[FloatArray], expected: int, count: int) -> Any:
     """Return addresses and strides of arrays of the size 1 or count."""
     if len(arrays) != expected:
-        raise TypeError(f"inputs: a kernel takes {expected} columns, not {len(arrays)}")
-    for array in arrays:
-        _check(array.size in (1, count), "inputs", array)
-    return columns(arrays)
+        raise TypeError(f"a kernel takes {expected} columns, not {len(arrays)}")
+    return columns(arrays, count)
 
 
 def _statuses(status: NDArray[np.int8], count: int) -> int:

@@ -127,7 +127,7 @@ class GradientRows(Travels):
 
     def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what has a closed form; return what is left."""
-        request, time = self._solution.request, self._solution.raw("time")
+        request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.sensor.constant_log_slope or 0.0
         mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
         total = damping + slope * gain

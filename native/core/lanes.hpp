@@ -59,9 +59,20 @@ static inline Lanes absolute(Lanes x) { return (Lanes)((Masks)x & INT64_MAX); }
 
 // the smaller and the larger; the second one where the first is not a number
 static inline double least(double x, double y) { return x < y ? x : y; }
-static inline Lanes least(Lanes x, Lanes y) { return x < y ? x : y; }
 static inline double most(double x, double y) { return x > y ? x : y; }
+#if defined(__AVX512F__)
+static inline Lanes least(Lanes x, Lanes y) { return (Lanes)_mm512_maskz_min_pd(0xff, (__m512d)x, (__m512d)y); }
+static inline Lanes most(Lanes x, Lanes y) { return (Lanes)_mm512_maskz_max_pd(0xff, (__m512d)x, (__m512d)y); }
+#elif defined(__AVX2__)
+static inline Lanes least(Lanes x, Lanes y) { return (Lanes)_mm256_min_pd((__m256d)x, (__m256d)y); }
+static inline Lanes most(Lanes x, Lanes y) { return (Lanes)_mm256_max_pd((__m256d)x, (__m256d)y); }
+#elif defined(__x86_64__)
+static inline Lanes least(Lanes x, Lanes y) { return (Lanes)_mm_min_pd((__m128d)x, (__m128d)y); }
+static inline Lanes most(Lanes x, Lanes y) { return (Lanes)_mm_max_pd((__m128d)x, (__m128d)y); }
+#else
+static inline Lanes least(Lanes x, Lanes y) { return x < y ? x : y; }
 static inline Lanes most(Lanes x, Lanes y) { return x > y ? x : y; }
+#endif
 
 static inline double root(double x) { return __builtin_sqrt(x); }
 static inline Lanes root(Lanes x) {

@@ -20,6 +20,8 @@
 
 #pragma once
 
+#include <string.h>
+
 #include "lanes_windows.hpp"
 
 namespace PRETOUCH_VARIANT {
@@ -53,10 +55,10 @@ struct Responses {
 // The series of the slope g along a step.
 template <int DEGREE> struct SlopeCurve {
     Lanes a[DEGREE + 1];  // from here on of the slope: a[j + 1] is the coefficient of z^j
-    Series<2> z2;
+    Series<1> twice, inner, outer;
+    Series<2> z2, twice2;
     Series<3> z3;
     Series<4> z4;
-    Series<1> inner, outer;
 
     __attribute__((always_inline)) SlopeCurve(const Motion &m, Series<0> &g) {
         shift<DEGREE>(m.terms, m.b[0] - m.middle, a);
@@ -67,7 +69,8 @@ template <int DEGREE> struct SlopeCurve {
     }
 
     template <int N> __attribute__((always_inline)) Lanes next(const Series<1> &z, const Series<0> &) {
-        if constexpr (N >= 2) z2.at[N] = square<N>(z);
+        if constexpr (2 * N < ORDER) twice.at[N] = z.at[N] + z.at[N];
+        if constexpr (N >= 2) set<N>(z2, twice2, square<N>(z, twice));
         if constexpr (N >= 3) z3.at[N] = convolve<N>(z, z2);
         Lanes total;
         if constexpr (DEGREE == 12 && N >= 5) {
@@ -85,7 +88,7 @@ template <int DEGREE> struct SlopeCurve {
 
   private:
     template <int N> __attribute__((always_inline)) void further(const Series<1> &z) {
-        if constexpr (N >= 4) z4.at[N] = square<N>(z2);
+        if constexpr (N >= 4) z4.at[N] = square<N>(z2, twice2);
         Lanes value = a[10] * z.at[N], middle;
         if constexpr (N >= 5) middle = convolve<N>(z4, inner) + a[6] * z.at[N];
         else middle = a[6] * z.at[N];
@@ -117,115 +120,111 @@ template <> struct SlopeCurve<1> {
     template <int N> __attribute__((always_inline)) Lanes next(const Series<1> &, const Series<0> &) { return all(0.0); }
 };
 
-// A step as the equation of small changes needs it: -c and the forces on the unit of time that the step is long.
+// A step as the equation of small changes needs it: -c, and the forces x~', x~ and -d(ln xi)/dt on the response to each, all
+// over the time that the step is long.
 struct Around {
-    Series<0> minus_c, speed, displacement, force;  // the force of -d(ln xi)/dt
-    Lanes pull, square, length, start;
+    Lanes minus_c[ORDER], force[3][ORDER], moments[3][3];  // moments: of 1, t and t^2/2
+    Lanes pull, length;
 };
 
-template <int DEGREE> __attribute__((always_inline)) inline void look_around(const Motion &m, Lanes start, Around &s) {
+template <int DEGREE> __attribute__((always_inline)) inline void look_along(const Motion &m, Around &s) {
     Series<0> g, rate;
     Series<1> z;
-    const Lanes length = m.length, weight = -m.gain * length;
     unrolled<0, ORDER + 1>([&](auto k) __attribute__((always_inline)) { z.at[decltype(k)::value] = m.b[decltype(k)::value]; });
     SlopeCurve<DEGREE> curve(m, g);
     unrolled<1, ORDER>([&](auto place) __attribute__((always_inline)) {
         constexpr int n = decltype(place)::value;
         g.at[n] = curve.template next<n>(z, g);
     });
+    const Lanes weight = -m.gain * m.length;
     unrolled<0, ORDER>([&](auto place) __attribute__((always_inline)) {
         constexpr int k = decltype(place)::value;
-        s.minus_c.at[k] = g.at[k] * weight;
+        s.minus_c[k] = g.at[k] * weight;
         rate.at[k] = z.at[k + 1] * double(k + 1);
+        s.force[BY_GAIN][k] = -convolve<k>(g, rate) * m.length;
     });
-    s.minus_c.at[0] = s.minus_c.at[0] - m.damping * length;
-    s.length = length;
-    s.start = start;
-    s.square = length * length;
-    s.pull = -m.stiffness * s.square;
-    const Obstacle o = obstacle_at(m, start);
-    unrolled<0, ORDER>([&](auto k) __attribute__((always_inline)) {
-        s.displacement.at[decltype(k)::value] = -z.at[decltype(k)::value];
-    });
-    s.displacement.at[0] = s.displacement.at[0] + o.position;
-    s.displacement.at[1] = s.displacement.at[1] + o.velocity * length;
-    s.displacement.at[2] = s.displacement.at[2] + m.acceleration * 0.5 * s.square;
-    unrolled<0, ORDER - 1>([&](auto place) __attribute__((always_inline)) {
-        constexpr int k = decltype(place)::value;
-        s.speed.at[k] = s.displacement.at[k + 1] * double(k + 1) * length;
-        s.force.at[k] = -convolve<k>(g, rate) * length;
-    });
-    unrolled<0, ORDER>([&](auto k) __attribute__((always_inline)) {
-        s.displacement.at[decltype(k)::value] = s.displacement.at[decltype(k)::value] * s.square;
-    });
+    s.minus_c[0] = s.minus_c[0] - m.damping * m.length;
 }
 
-// A change of l over a step, one coefficient after the other.
-struct Change {
-    Series<0> d;
-    Lanes y, total, momentum;
+inline void look_around(const Motion &m, Lanes start, Around &s) {
+    const Lanes length = m.length, square = length * length;
+    const Obstacle o = obstacle_at(m, start);
+    Lanes displacement[ORDER + 1];
+    for (int k = 0; k <= ORDER; k++) displacement[k] = -m.b[k];
+    displacement[0] = displacement[0] + o.position;
+    displacement[1] = displacement[1] + o.velocity * length;
+    displacement[2] = displacement[2] + m.acceleration * 0.5 * square;
+    for (int k = 0; k < ORDER; k++) {
+        s.force[BY_DAMPING][k] = displacement[k + 1] * double(k + 1) * length;
+        s.force[BY_STIFFNESS][k] = displacement[k] * square;
+    }
+    const Lanes zero = all(0.0);
+    const Lanes moments[3][3] = {
+        {square, zero, zero},
+        {square * start, square * length, zero},
+        {square * start * start * 0.5, square * length * start, square * square * 0.5},
+    };
+    memcpy(s.moments, moments, sizeof moments);
+    s.pull = -m.stiffness * square;
+    s.length = length;
+}
+
+// Changes of l over a step.
+struct Changes {
+    Lanes d[ORDER + 1][RESPONSES], y[RESPONSES], total[RESPONSES], momentum[RESPONSES];
 };
 
-// Coefficient K of the force of a response; the last are none.
-template <int RESPONSE, int K> __attribute__((always_inline)) inline Lanes force(const Around &s) {
-    if constexpr (RESPONSE == BY_DAMPING) return s.speed.at[K];
-    if constexpr (RESPONSE == BY_STIFFNESS) return s.displacement.at[K];
-    if constexpr (RESPONSE == BY_GAIN) return s.force.at[K];
-    if constexpr (RESPONSE == BY_CONSTANT) return s.square;
-    if constexpr (RESPONSE == BY_TIME && K == 0) return s.square * s.start;
-    if constexpr (RESPONSE == BY_TIME) return s.square * s.length;
-    if constexpr (RESPONSE == BY_SQUARE && K == 0) return s.square * s.start * s.start * 0.5;
-    if constexpr (RESPONSE == BY_SQUARE && K == 1) return s.square * s.length * s.start;
-    return s.square * s.square * 0.5;
-}
-constexpr int forces(int response) { return response <= BY_GAIN ? ORDER - 1 : response <= BY_SQUARE ? response - 2 : 0; }
-
-template <int RESPONSE, int K> __attribute__((always_inline)) inline void grow(const Around &s, Change &change) {
-    const Lanes slope = change.y + convolve<K>(s.minus_c, change.d);
-    if constexpr (K < ORDER - 1) {
-        Lanes grown;
-        if constexpr (K < forces(RESPONSE)) grown = force<RESPONSE, K>(s) + s.pull * change.d.at[K];
-        else grown = s.pull * change.d.at[K];
-        change.y = grown * (1.0 / (K + 1));
-        change.momentum = change.momentum + change.y;
-    }
-    change.d.at[K + 1] = slope * (1.0 / (K + 1));
-    change.total = change.total + change.d.at[K + 1];
-}
-
-// What one step adds to a few responses: side by side, for none of them waits for the last coefficient of another.
-template <int FIRST, int LAST>
-__attribute__((noinline)) void carry_some(const Around &s, const Responses &r, Response *to, Lanes *tails) {
-    Change changes[LAST - FIRST];
-    unrolled<FIRST, LAST>([&](auto place) __attribute__((always_inline)) {
-        constexpr int i = decltype(place)::value;
-        Change &change = changes[i - FIRST];
-        change.d.at[0] = change.total = r.of[i].d;
-        change.y = change.momentum = r.of[i].y * s.length;
+// The next coefficient of all: side by side, for none of them waits for the last one of another.
+inline void grow(const Around &s, Changes &changes, int k) {
+    Lanes sum[RESPONSES];
+    unrolled<0, RESPONSES>([&](auto r) __attribute__((always_inline)) {
+        sum[decltype(r)::value] = s.minus_c[k] * changes.d[0][decltype(r)::value];
     });
-    unrolled<0, ORDER>([&](auto order) __attribute__((always_inline)) {
-        unrolled<FIRST, LAST>([&](auto place) __attribute__((always_inline)) {
-            constexpr int i = decltype(place)::value;
-            grow<i, decltype(order)::value>(s, changes[i - FIRST]);
+    for (int j = 1; j <= k; j++) {
+        const Lanes c = s.minus_c[k - j];
+        unrolled<0, RESPONSES>([&](auto r) __attribute__((always_inline)) {
+            sum[decltype(r)::value] = sum[decltype(r)::value] + c * changes.d[j][decltype(r)::value];
         });
+    }
+    const double part = 1.0 / (k + 1);
+    unrolled<0, RESPONSES>([&](auto place) __attribute__((always_inline)) {
+        constexpr int r = decltype(place)::value;
+        const Lanes next = (changes.y[r] + sum[r]) * part;
+        if (k < ORDER - 1) {
+            Lanes grown = s.pull * changes.d[k][r];
+            if constexpr (r <= BY_GAIN) grown = grown + s.force[r][k];
+            else if constexpr (r <= BY_SQUARE) grown = k < 3 ? grown + s.moments[r - BY_CONSTANT][k] : grown;
+            changes.y[r] = grown * part;
+            changes.momentum[r] = changes.momentum[r] + changes.y[r];
+        }
+        changes.d[k + 1][r] = next;
+        changes.total[r] = changes.total[r] + next;
     });
-    unrolled<FIRST, LAST>([&](auto place) __attribute__((always_inline)) {
-        constexpr int i = decltype(place)::value;
-        const Change &change = changes[i - FIRST];
-        to[i] = {change.total, change.momentum / s.length};
-        tails[i] = absolute(change.d.at[ORDER]);
-    });
+}
+
+// What one step adds to the responses: what they become, and the last term of each.
+__attribute__((noinline)) void carry_all(const Around &s, const Responses &r, Response *to, Lanes *tails) {
+    Changes changes;
+    for (int i = 0; i < RESPONSES; i++) {
+        changes.d[0][i] = changes.total[i] = r.of[i].d;
+        changes.y[i] = changes.momentum[i] = r.of[i].y * s.length;
+    }
+    for (int k = 0; k < ORDER; k++) grow(s, changes, k);
+    for (int i = 0; i < RESPONSES; i++) {
+        to[i] = {changes.total[i], changes.momentum[i] / s.length};
+        tails[i] = absolute(changes.d[ORDER][i]);
+    }
 }
 
 // Carry the responses over the step that was taken, in the lanes that moved; return in which it suits them.
 template <int DEGREE>
 __attribute__((noinline)) uint64_t carry_responses(const Motion &m, Responses &r, Lanes start, Masks moved) {
     Around s;
-    look_around<DEGREE>(m, start, s);
+    look_around(m, start, s);
+    look_along<DEGREE>(m, s);
     Response to[RESPONSES];
     Lanes tails[RESPONSES];
-    carry_some<0, 4>(s, r, to, tails);
-    carry_some<4, RESPONSES>(s, r, to, tails);
+    carry_all(s, r, to, tails);
     const Lanes widest = most(absolute(to[BY_GAIN].d), r.widest);
     r.excess = most(tails[BY_DISTANCE], tails[BY_GAIN] / most(all(SMALLEST), widest));
     const Masks smooth = r.excess < RESPONSE_TOLERANCE, kept = moved & smooth;

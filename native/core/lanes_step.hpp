@@ -46,21 +46,17 @@ struct Taken {
     uint64_t moved, late;
 };
 
-// about log2 |x|, to 0.09: its exponent and its mantissa, from the bits
+// The upper half of a float's bits is its logarithm to the base 2, to 0.09, in units of 2^-20. Here with 2^52 and what
+// belongs to 1 added.
+constexpr double LOG_UNIT = 0x1p-20;
 inline Lanes rough_log2(Lanes x) {
-    constexpr int64_t mantissa = (1LL << 52) - 1, one = 0x3ffLL << 52, shifted = 0x433LL << 52;  // the bits of 2^52
-    const Masks bits = as_bits(absolute(x));
-    const Lanes exponent = from_bits((bits >> 52) | shifted) - (0x1p52 + 1024.0);
-    return exponent + from_bits((bits & mantissa) | one);
+    typedef uint64_t Words __attribute__((vector_size(WIDTH * sizeof(uint64_t))));  // whose shift brings in zeros
+    constexpr uint64_t shifted = 0x433ULL << 52;  // the bits of 2^52
+    return (Lanes)((((Words)x << 1) >> 33) | shifted);
 }
 
-// about 2 to the power of x, at most 6 % too large, for |x| < 1000
-inline Lanes rough_exp2(Lanes x) {
-    constexpr double shift = 0x1.8p52;  // adding it rounds to an integer, which then are the lowest bits
-    const Lanes shifted = x + shift;
-    const Masks rest = as_bits(x - (shifted - shift) + 1.5);
-    return from_bits(rest - (1LL << 51) + (as_bits(shifted) << 52));
-}
+// about 2 to the power of x, at most 6 % too large, for |x| < 1000: the same backward
+inline Lanes rough_exp2(Lanes x) { return from_bits(as_bits(x + (0x1.8p32 + 1023.0)) << 32); }
 
 // Where the obstacle is, and how fast, at some time.
 struct Obstacle {
@@ -76,86 +72,103 @@ inline Lanes mean_path(const Motion &m, const Obstacle &o, Lanes step) {
 }
 
 // Fill c with the coefficients of l; return the damping that the motion feels.
-template <int DEGREE> __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Series<1> &c) {
-    LogCurve<DEGREE> curve(m.terms, m.middle, m.state.distance);
-    c.at[0] = m.state.distance;
-    c.at[1] = m.state.speed;
+template <int DEGREE> __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Lanes *c) {
+    LogCurve<DEGREE> curve(m.terms, m.middle, m.state.distance, m.gain);
+    c[0] = m.state.distance;
+    c[1] = m.state.speed;
     const Lanes held = m.damping + m.gain * curve.slope;
-    const Lanes weight = -(m.gain * curve.factor), spring = -m.stiffness, drag = -held;
     Lanes v = m.state.speed;
     unrolled<0, ORDER - 1>([&](auto place) __attribute__((always_inline)) {
         constexpr int k = decltype(place)::value;
-        const Lanes bent = curve.template bent<k>(c, v);
-        Lanes total;
-        if constexpr (k == 0) {
-            total = m.acceleration + m.damping * o.velocity + m.stiffness * (o.position - c.at[0]);
-        } else if constexpr (k == 1) {
-            total = m.damping * m.acceleration + m.stiffness * o.velocity + spring * c.at[1];
-        } else if constexpr (k == 2) {
-            total = m.stiffness * m.acceleration * 0.5 + spring * c.at[2];
-        } else {
-            total = spring * c.at[k];
-        }
-        if constexpr (k > 0 && DEGREE != 1) total = total + weight * bent;
-        v = (total + drag * v) * (1.0 / (k + 1));
-        c.at[k + 2] = v * (1.0 / (k + 2));
+        Lanes total = -m.stiffness * c[k];
+        if constexpr (k == 0) total = m.acceleration + m.damping * o.velocity + m.stiffness * (o.position - c[0]);
+        if constexpr (k == 1) total = m.damping * m.acceleration + m.stiffness * o.velocity + total;
+        if constexpr (k == 2) total = m.stiffness * m.acceleration * 0.5 + total;
+        total = curve.template pulled<k>(total * (1.0 / (k + 1)), c[k + 1], v);
+        v = total - (held * (1.0 / (k + 1))) * v;
+        c[k + 2] = v * (1.0 / (k + 2));
     });
     return held;
 }
 
-// The length of a step: where its last two terms are below the tolerance, at most twice as far as l lasts. A sixteenth
-// root forgives much.
-inline Lanes longest(const Motion &m, const Series<1> &c, Lanes ahead) {
-    const Lanes size = rough_log2(m.scale) + LOG_TOLERANCE;
-    const Lanes reach = (size - rough_log2(c.at[ORDER])) * (1.0 / ORDER);
-    const Lanes before = (size - rough_log2(c.at[ORDER - 1])) * (1.0 / (ORDER - 1));
-    return least(least(rough_exp2(least(reach, before)), ahead + ahead), m.cap);
+// The length of a step: where its last two terms are below the tolerance, but no more than the most. A sixteenth root
+// forgives much.
+inline Lanes longest(const Motion &m, const Lanes *c, Lanes most_of_all) {
+    const Lanes size = rough_log2(m.scale) + LOG_TOLERANCE / LOG_UNIT;
+    const Lanes reach = (size - rough_log2(c[ORDER])) * (LOG_UNIT / ORDER);
+    const Lanes before = (size - rough_log2(c[ORDER - 1])) * (LOG_UNIT / (ORDER - 1));
+    return least(rough_exp2(least(reach, before)), most_of_all);
 }
 
 // Carry the estimate of the error over a step: what it adds to l and, over the time that damping or the way to go leave
 // it, to l'.
-inline Lanes carried_error(const Motion &m, Lanes tail, Lanes held, Lanes ahead) {
-    const Lanes lever = least(1.0 / most(all(SMALLEST), held), ahead) / m.length;
+inline Lanes carried_error(const Motion &m, Lanes tail, Lanes held, Lanes ahead, Lanes per_length) {
+    const Lanes lever = least(1.0 / most(all(SMALLEST), held), ahead) * per_length;
     Lanes growth = most(all(0.0), -held * m.length);
     growth = 1.0 + growth * (1.0 + growth * (1.0 + growth * 0.5));
     return (tail + m.state.distance * ROUNDING) + (tail * double(ORDER)) * lever + m.state.error * growth;
 }
 
+// What the coefficients b_k of a step add up to: l and its slope at the end, the mean of l, a bound of the slope.
+struct Sums {
+    Lanes end, turn, area, bound;
+};
+
+// Scale the coefficients to the length of the step; the sums of even and of odd orders, and the powers of the length, are
+// made side by side.
+__attribute__((always_inline)) inline Sums scale(Motion &m, const Lanes *c, Lanes length) {
+    Lanes power[ORDER + 1];
+    power[1] = length;
+    Sums sums[2];
+    unrolled<0, ORDER + 1>([&](auto place) __attribute__((always_inline)) {
+        constexpr int k = decltype(place)::value;
+        if constexpr (k > 1) power[k] = power[k > 4 ? k - 4 : k / 2] * power[k > 4 ? 4 : k - k / 2];
+        Lanes b = c[k];
+        if constexpr (k > 0) b = b * power[k];
+        m.b[k] = b;
+        Sums &s = sums[k % 2];
+        if constexpr (k == 0) {
+            s.end = s.area = b;
+        } else if constexpr (k == 1) {
+            s = {b, b, b * 0.5, b};
+        } else if constexpr (k == 2) {
+            s = {s.end + b, b * 2.0, s.area + b * (1.0 / 3), most(all(0.0), b) * 2.0};
+        } else {
+            s.end = s.end + b;
+            s.turn = s.turn + b * double(k);
+            s.area = s.area + b * (1.0 / (k + 1));
+            s.bound = s.bound + most(all(0.0), b) * double(k);
+        }
+    });
+    const Sums &even = sums[0], &odd = sums[1];
+    return {even.end + odd.end, even.turn + odd.turn, even.area + odd.area, even.bound + odd.bound};
+}
+
 template <int DEGREE> __attribute__((noinline)) Taken take_step(Motion &m, double horizon) {
     const Lanes time = m.state.time, distance = m.state.distance, speed = m.state.speed;
     const Obstacle o = obstacle_at(m, time);
-    Series<1> c;
+    Lanes c[ORDER + 1];
     const Lanes held = expand<DEGREE>(m, o, c), ahead = distance / absolute(speed);
-    const Lanes length = longest(m, c, ahead), first = speed * length;
-    Lanes power = length * length, end = distance + first, turn = first, area = distance + first * 0.5, bound = first;
-    m.b[0] = distance;
-    m.b[1] = first;
-    unrolled<2, ORDER + 1>([&](auto place) __attribute__((always_inline)) {
-        constexpr int k = decltype(place)::value;
-        const Lanes b = c.at[k] * power;
-        m.b[k] = b;
-        end = end + b;
-        area = area + b * (1.0 / (k + 1));
-        turn = turn + b * double(k);
-        bound = bound + most(all(0.0), b) * double(k);
-        power = power * length;
-    });
+    const Lanes length = longest(m, c, least(ahead + ahead, m.cap)), per_length = 1.0 / length;
     m.length = length;
-    m.end = end;
-    m.bound = bound;
+    const Sums sums = scale(m, c, length);
+    m.end = sums.end;
+    m.bound = sums.bound;
     m.weakest = held;
     m.steps = m.steps + 1.0;
     const Lanes moved = time + length;
-    const Masks good = (m.edge < end) & (bound < absolute(first) * MOST_NEGATIVE) & (moved < horizon) &
+    const Masks good = (m.edge < sums.end) & (sums.bound < absolute(m.b[1]) * MOST_NEGATIVE) & (moved < horizon) &
                        (m.steps < MOST_STEPS);
-    m.state.error = where(good, carried_error(m, absolute(m.b[ORDER]), held, ahead), m.state.error);
+    const Lanes error = carried_error(m, absolute(m.b[ORDER]), held, ahead, per_length);
+    const Lanes integral = m.state.integral + (mean_path(m, o, length) - sums.area) * length;
+    m.state.error = where(good, error, m.state.error);
     m.state.strongest = most(held, m.state.strongest);
-    m.state.integral = where(good, m.state.integral + (mean_path(m, o, length) - area) * length, m.state.integral);
+    m.state.integral = where(good, integral, m.state.integral);
     m.state.time = where(good, moved, time);
-    m.state.distance = where(good, end, distance);
-    m.state.speed = where(good, turn / length, speed);
+    m.state.distance = where(good, sums.end, distance);
+    m.state.speed = where(good, sums.turn * per_length, speed);
     m.cap = where(good, all(NEVER), m.cap);
-    return {bits(good), bits(good & (end < m.leave))};
+    return {bits(good), bits(good & (sums.end < m.leave))};
 }
 
 // Find l = 0 inside steps that are proved monotone: Newton's method from the secant.

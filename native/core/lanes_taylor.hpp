@@ -33,8 +33,8 @@ constexpr int products(int n, int left, int right) { return n - left - right + 1
 constexpr int left_factor(int n, int left, int right, int which) {
     for (int newest = (n + 1) / 2; newest <= n; newest++) {
         const int older = n - newest;
-        if (older >= left && newest >= right && older != newest && which-- == 0) return older;
         if (newest >= left && older >= right && which-- == 0) return newest;
+        if (older >= left && newest >= right && older != newest && which-- == 0) return older;
     }
     return -1;
 }
@@ -50,22 +50,22 @@ __attribute__((always_inline)) inline Lanes convolve(const Series<A> &left, cons
     return total;
 }
 
-// the same for a square
-template <int N, int A> __attribute__((always_inline)) inline Lanes square(const Series<A> &z) {
-    constexpr int pairs = (N + 1) / 2 - A, half = N / 2;
-    if constexpr (pairs == 0) {
-        return z.at[half] * z.at[half];
-    } else {
-        constexpr int first = (N - 1) / 2;
-        Lanes total = z.at[first] * z.at[N - first];
-        unrolled<1, pairs>([&](auto which) __attribute__((always_inline)) {
-            constexpr int i = first - decltype(which)::value;
-            total = total + z.at[i] * z.at[N - i];
-        });
-        total = total + total;
-        if constexpr (N % 2 == 0) total = total + z.at[half] * z.at[half];
-        return total;
-    }
+// The same for a square; twice: the older half of the series, doubled.
+template <int N, int A>
+__attribute__((always_inline)) inline Lanes square(const Series<A> &z, const Series<A> &twice) {
+    constexpr int last = (N - 1) / 2, odd = N % 2;
+    Lanes total;
+    if constexpr (odd) total = twice.at[last] * z.at[N - last];
+    else total = z.at[N / 2] * z.at[N / 2];
+    unrolled<odd, last - A + 1>([&](auto which) __attribute__((always_inline)) {
+        constexpr int i = last - decltype(which)::value;
+        total = total + twice.at[i] * z.at[N - i];
+    });
+    return total;
+}
+template <int N, int A> __attribute__((always_inline)) inline void set(Series<A> &z, Series<A> &twice, Lanes value) {
+    z.at[N] = value;
+    if constexpr (2 * N < ORDER) twice.at[N] = value + value;
 }
 
 // The coefficients of ln xi about a distance, Horner's scheme once for each derivative; a[0] is not needed.
@@ -83,95 +83,89 @@ __attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, L
     });
 }
 
-// ln xi along the motion: its slope at the start, and coefficient K of d(ln xi)/dt over `factor` without the part of v_K,
-// which is the slope; for K = 0 there is no more. c: the coefficients of l.
+// ln xi along the motion: its slope at the start, and what it adds to the acceleration beside that. What stands between a
+// coefficient and the next is kept short, for that is what a step waits for: sums end with what comes last.
 template <int DEGREE> struct LogCurve {
-    Lanes a[DEGREE + 1], slope, factor;
-    Series<2> z2;
+    Lanes a[DEGREE + 1], slope, weight;
+    Series<1> z, twice, inner, outer;
+    Series<2> z2, twice2;
     Series<3> z3;
     Series<4> z4;
-    Series<1> inner, outer;
 
-    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance) {
+    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance, Lanes gain) {
         shift<DEGREE>(terms, distance - middle, a);
         slope = a[1];
-        factor = all(1.0);
+        weight = -gain;
     }
 
-    template <int K> __attribute__((always_inline)) Lanes bent(const Series<1> &c, Lanes) {
+    // rest and -gain times coefficient K of d(ln xi)/dt over K + 1, without the part of v_K, which is the slope; l:
+    // coefficient K + 1 of l.
+    template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes l, Lanes) {
         constexpr int n = K + 1;
-        if constexpr (n >= 2) z2.at[n] = square<n>(c);
+        set<n>(z, twice, l);
+        if constexpr (n >= 2) set<n>(z2, twice2, square<n>(z, twice));
         if constexpr (DEGREE == 4) {
-            inner.at[n] = a[3] * c.at[n];
+            inner.at[n] = a[3] * l;
             if constexpr (n >= 2) inner.at[n] = inner.at[n] + a[4] * z2.at[n];
-            return low<n>() * double(n);
         } else {
-            powers<n>(c);
-            return high<n>() * double(n);
+            powers<n>(l);
         }
+        if constexpr (n < 2) return rest;
+        else return rest + weight * beyond_slope<n>();
     }
 
   private:
-    template <int N> __attribute__((always_inline)) Lanes low() const {
-        if constexpr (N < 2) return Lanes{};
-        else if constexpr (N < 3) return a[2] * z2.at[N];
-        else return convolve<N>(z2, inner) + a[2] * z2.at[N];
-    }
-
-    template <int N> __attribute__((always_inline)) Lanes high() const {
-        if constexpr (N < 2) return Lanes{};
-        else if constexpr (N < 3) return a[2] * z2.at[N];
+    template <int N> __attribute__((always_inline)) Lanes beyond_slope() const {
+        if constexpr (DEGREE == 4 && N >= 3) return convolve<N>(z2, inner) + a[2] * z2.at[N];
+        else if constexpr (DEGREE == 4 || N < 3) return a[2] * z2.at[N];
         else if constexpr (N < 4) return a[3] * z3.at[N] + a[2] * z2.at[N];
         else if constexpr (N < 5) return a[4] * z4.at[N] + a[3] * z3.at[N] + a[2] * z2.at[N];
         else return convolve<N>(z4, outer) + a[4] * z4.at[N] + a[3] * z3.at[N] + a[2] * z2.at[N];
     }
 
-    template <int N> __attribute__((always_inline)) void powers(const Series<1> &c) {
-        const Lanes z = c.at[N];
-        if constexpr (N >= 3) z3.at[N] = convolve<N>(c, z2);
-        if constexpr (N >= 4) z4.at[N] = square<N>(z2);
-        Lanes value = a[9] * z, further;
-        if constexpr (N >= 5) further = convolve<N>(z4, inner) + a[5] * z;
-        else further = a[5] * z;
-        if constexpr (N >= 2) value = value + a[10] * z2.at[N], further = further + a[6] * z2.at[N];
-        if constexpr (N >= 3) value = value + a[11] * z3.at[N], further = further + a[7] * z3.at[N];
-        if constexpr (N >= 4) value = value + a[12] * z4.at[N], further = further + a[8] * z4.at[N];
-        inner.at[N] = value;
-        outer.at[N] = further;
+    template <int N> __attribute__((always_inline)) void powers(Lanes l) {
+        if constexpr (N >= 3) z3.at[N] = convolve<N>(z, z2);
+        if constexpr (N >= 4) z4.at[N] = square<N>(z2, twice2);
+        Lanes low = a[9] * l, high = a[5] * l;
+        if constexpr (N >= 5) high = convolve<N>(z4, inner) + high;
+        if constexpr (N >= 2) low = low + a[10] * z2.at[N], high = high + a[6] * z2.at[N];
+        if constexpr (N >= 3) low = low + a[11] * z3.at[N], high = high + a[7] * z3.at[N];
+        if constexpr (N >= 4) low = low + a[12] * z4.at[N], high = high + a[8] * z4.at[N];
+        inner.at[N] = low;
+        outer.at[N] = high;
     }
 };
 
 template <> struct LogCurve<0> {
-    Lanes inverse, slope, factor;
+    Lanes inverse, slope, weight;
+    Series<1> c;
     Series<0> q;
 
-    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance) {
+    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance, Lanes gain) {
         inverse = 1.0 / (distance - middle);
-        factor = terms[0];
-        slope = factor * inverse;
+        slope = terms[0] * inverse;
+        weight = gain * slope;
     }
 
-    template <int K> __attribute__((always_inline)) Lanes bent(const Series<1> &c, Lanes v) {
+    template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes l, Lanes v) {
+        c.at[K + 1] = l;
         if constexpr (K == 0) {
             q.at[0] = inverse * v;
-            return Lanes{};
+            return rest;
         } else {
-            const Lanes total = convolve<K>(c, q) * -inverse;
-            q.at[K] = total + inverse * v;
-            return total;
+            const Lanes product = convolve<K>(c, q);
+            q.at[K] = inverse * v - inverse * product;
+            return rest + (weight * (1.0 / (K + 1))) * product;
         }
     }
 };
 
 template <> struct LogCurve<1> {
-    Lanes slope, factor;
+    Lanes slope;
 
-    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes, Lanes) {
-        slope = terms[1];
-        factor = all(1.0);
-    }
+    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes, Lanes, Lanes) { slope = terms[1]; }
 
-    template <int K> __attribute__((always_inline)) Lanes bent(const Series<1> &, Lanes) { return Lanes{}; }
+    template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes, Lanes) { return rest; }
 };
 
 }  // namespace

@@ -9,8 +9,8 @@ from test_linear_block import KINDS as LINEAR_KINDS
 
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
-from pretouch.motion.kernels.series_demands import contact_peaks
 from pretouch.motion.layout import PEAKS
+from pretouch.motion.native_lanes import contact_peaks
 from pretouch.motion.native_linear import contact_times, largest_demands, solve_linear
 from pretouch.motion.windows import alone, curve_windows
 from pretouch.sensors import SensorModel

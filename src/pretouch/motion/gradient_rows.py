@@ -21,6 +21,7 @@ from . import native_linear
 from .contact import ContactStatus
 from .curve import curve_reach
 from .curve_changes import changed_pieces
+from .native_lanes import contact_gradients
 from .native_series import follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF
@@ -142,9 +143,6 @@ class GradientRows(Travels):
 
     def _in_lanes(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what Taylor steps in lanes prove; return what is left."""
-        from .kernels import series_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-        contact_gradients: Any = series_block.contact_gradients
         request = self._solution.request
         farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
         top = min(_power_of_two(farthest), request.sensor.valid_range[1])

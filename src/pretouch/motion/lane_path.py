@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .layout import PEAKS, STATES
+from .native_lanes import contact_peaks, contact_times
 from .parallel import for_stretches
 from .request import Request
 from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of
@@ -34,17 +35,16 @@ def solve_in_lanes(
     Returns:
         The quantities by name, shape (m,) each, and a status of 0 where a contact is proved, else another, shape (m,).
     """
-    from .kernels import series_block  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    contact_times: Any = series_block.contact_times
     curves = _curves(request, which)
     size = request.size if which is None else len(which)
     kept, status = np.empty((len(STATES) if whole else 1, size)), np.empty(size, dtype=np.int8)
 
     def run(start: int, stop: int) -> None:
-        c, out = _columns(request, which, start, stop), np.empty((len(STATES), stop - start))
+        c = _columns(request, which, start, stop)
+        out = kept if whole and stop - start == size else np.empty((len(STATES), stop - start))
         contact_times((*c[:8], c[10]), _own(curves, start, stop), request.horizon, out, status[start:stop])
-        kept[:, start:stop] = out[: len(kept)]
+        if out is not kept:
+            kept[:, start:stop] = out[: len(kept)]
 
     for_stretches(run, size, least=_LEAST, most=_MOST)
     return dict(zip(STATES, kept, strict=False)), status
@@ -60,9 +60,6 @@ def peaks_in_lanes(request: Request, which: IntArray | None) -> dict[str, FloatA
     Returns:
         The demands, shape (m,) each, nan where no contact is proved or they are not settled.
     """
-    from .kernels import series_demands  # noqa: PLC0415 - the compiled core is loaded when a motion is solved
-
-    contact_peaks: Any = series_demands.contact_peaks
     curves = _curves(request, which)
     size = request.size if which is None else len(which)
     rows = np.empty((len(PEAKS), size))
@@ -81,10 +78,7 @@ def _columns(request: Request, which: IntArray | None, start: int, stop: int) ->
     if which is None:
         return request.block(start, stop)
     part = which[start:stop]
-    columns = tuple(c if len(c) == 1 else c[part] for c in request.columns)
-    for column in columns:
-        column.setflags(write=False)  # as all columns are: a kernel is compiled for each kind of array
-    return columns
+    return tuple(c if len(c) == 1 else c[part] for c in request.columns)
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:
@@ -92,7 +86,6 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
     if request.many is not None:
         windows = request.many.windows(reach_of(request.scenario))
         curve_of = (np.arange(request.size) if which is None else which) % len(request.many)
-        curve_of.setflags(write=False)
         return windows.table, windows.starts, curve_of
     reach = farthest(request.scenario, request.sensor)
     if request.method == "closed-form":

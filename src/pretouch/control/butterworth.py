@@ -1,8 +1,11 @@
-"""The Butterworth low-pass: SciPy designs it, as second-order sections that the law in C runs."""
+"""The Butterworth low-pass, as second-order sections that the law in C runs.
+
+SciPy designs the same filter (a test compares them), but its package of signals takes longer to load than a verdict.
+"""
 
 from __future__ import annotations
 
-from importlib import import_module
+import math
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import positive
@@ -23,7 +26,7 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[S
         rate: readings per second [Hz].
 
     Returns:
-        As many sections as the order needs.
+        As many sections as the order needs, the most damped first, each with a gain of one at rest.
 
     Raises:
         InvalidInputError: the order is none, or the cutoff is missing or not below half of the rate.
@@ -41,5 +44,21 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[S
         raise InvalidInputError(
             f"cutoff: found {frequency:g} Hz, which must be below {rate / 2:g} Hz, half of the sensor's rate"
         )
-    designed = import_module("scipy.signal").butter(order, frequency, fs=rate, output="sos")
-    return tuple(Section(r[0], r[1], r[2], r[4], r[5]) for r in designed)
+    warped = math.tan(math.pi * frequency / rate)
+    sections = [] if order % 2 == 0 else [_first_order(warped)]
+    dampings = [math.sin(math.pi * (2 * k + 1) / (2 * order)) for k in range(order // 2)]
+    return tuple(sections + [_second_order(warped, damping) for damping in reversed(dampings)])
+
+
+def _first_order(warped: float) -> Section:
+    """Return the section of the real pole, by the bilinear transform."""
+    b = warped / (1 + warped)
+    return Section(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
+
+
+def _second_order(warped: float, damping: float) -> Section:
+    """Return the section of a pair of poles on the unit circle, by the bilinear transform."""
+    square = warped * warped
+    size = 1 + 2 * damping * warped + square
+    b = square / size
+    return Section(b, 2 * b, b, 2 * (square - 1) / size, (1 - 2 * damping * warped + square) / size)

@@ -27,8 +27,7 @@ from pretouch.sensors import ExponentialFirstOrder
 scenario = Scenario(
     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
 )
-sensor = ExponentialFirstOrder(scale=0.458, rate=-61.0)
-contact = find_contact(scenario, sensor, -1.0, method="integration").contact
+contact = find_contact(scenario, ExponentialFirstOrder(scale=0.458, rate=-61.0), -1.0).contact
 print(f"{contact.position:.4f}", cache_folder())
 """
 

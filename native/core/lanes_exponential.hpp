@@ -1,8 +1,8 @@
 // Exponential and logarithm of numbers side by side.
 //
-// exp is the usual reduction x = n ln 2 + r, |r| <= ln 2 / 2, with a polynomial in r and 2^n put together from its bits.
-// The polynomial is kept as p(r) in e^r = 1 + r + r^2 p(r): near zero, where e^x - 1 and the quotients of closed forms
-// lose their digits, its parts are these quotients themselves,
+// exp is the usual reduction x = n ln 2 + r, |r| <= ln 2 / 2, with a polynomial in r and 2^n put together from its
+// bits. The polynomial is kept as p(r) in e^r = 1 + r + r^2 p(r): near zero, where e^x - 1 and the quotients of
+// closed forms lose their digits, its parts are these quotients themselves,
 //
 //     phi_1(x) = (e^x - 1) / x = 1 + x phi_2(x),   phi_2(x) = p(x),   phi_3(x) = (p(x) - 1/2) / x.
 

@@ -1,9 +1,9 @@
 // First contacts of many encounters with constant slope at once: the closed form on vectors, with its own proof.
 //
-// Over-damped (or critical) motion, a = 0, v < 0. With the rates mu_1 <= mu_2, the roots of M mu^2 - (D + c) mu + K, and
-// F = (c v - K x_0) / M, the response is built from two functions that stay finite at mu_1 = mu_2 and at K = 0,
+// Over-damped (or critical) motion, a = 0, v < 0. With the rates mu_1 <= mu_2, the roots of M mu^2 - (D + c) mu + K,
+// and F = (c v - K x_0) / M, the response is built from two functions that stay finite at mu_1 = mu_2 and at K = 0,
 //
-//     h(t) = (e^(-mu_1 t) - e^(-mu_2 t)) / (mu_2 - mu_1),       f(t) = ((1 - e^(-mu_1 t)) / mu_1 - h) / mu_2 = int_0^t h,
+//     h(t) = (e^(-mu_1 t) - e^(-mu_2 t)) / (mu_2 - mu_1),    f(t) = ((1 - e^(-mu_1 t)) / mu_1 - h) / mu_2 = int_0^t h,
 //     x~ = x_0 + u_0 h + F f,      l = p - x_0 + v t - u_0 h - F f,      l' = v - u_0 e^(-mu_2 t) - (F - mu_1 u_0) h,
 //
 // each from the exponentials of -mu_1 t and -(mu_2 - mu_1) t less one, so that no digits are lost anywhere.
@@ -13,11 +13,11 @@
 // e^(-mu_2 t) and (mu_2 - mu_1) h are not negative and add to e^(-mu_1 t) <= 1. Either bounds l' from above; if that is
 // negative, l has one zero and it is the contact. Any over-damped plant at rest with D >= 0, c > 0 passes.
 //
-// **Root.** f = t^2 / (2 + (mu_1 + mu_2) t + mu_1 mu_2 t^2) has the right limits for short and long times; one step of
-// Newton with it starts from the time after which steady motion would meet. Two steps of Householder's third order
-// follow. The second is proved: |x~^(k)| <= mu_1^(k-2) |x~''| + (k - 2) mu_2^(k-3) |x~''' + mu_1 x~''| at one time bounds
-// what its Taylor polynomial leaves out. What is not proved close goes on between two bounds, until the same proof holds;
-// where l' < 0 is not proved the encounter is left open, for the guaranteed path.
+// **Root.** f = t^2 / (2 + (mu_1 + mu_2) t + mu_1 mu_2 t^2) has the right limits for short and long times; one step
+// of Newton with it starts from the time after which steady motion would meet. Two steps of Householder's third
+// order follow. The second is proved: |x~^(k)| <= mu_1^(k-2) |x~''| + (k - 2) mu_2^(k-3) |x~''' + mu_1 x~''| at one
+// time bounds what its Taylor polynomial leaves out. What is not proved close goes on between two bounds, until the
+// same proof holds; where l' < 0 is not proved the encounter is left open, for the guaranteed path.
 
 #include "lanes_linear.hpp"
 

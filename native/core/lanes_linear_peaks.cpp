@@ -10,8 +10,8 @@
 //     t = ln(1 + (mu_2 - mu_1) r) / (mu_2 - mu_1),
 //
 // which nothing makes singular. So x~, x~' and x~'' have at most one peak each inside the motion, and the largest
-// magnitude is that at the start, at the peak or at the end. A peak is flat: 1e-9 in its time is 1e-18 in its height, and
-// whatever the time that rounding leaves, no value that the motion does not reach is reported.
+// magnitude is that at the start, at the peak or at the end. A peak is flat: 1e-9 in its time is 1e-18 in its
+// height, and whatever the time that rounding leaves, no value that the motion does not reach is reported.
 //
 // A reference that moves adds a line to x~; its peaks are then two, and they are left to the Taylor lanes.
 

@@ -38,6 +38,7 @@ struct Limits {
 struct Encounter {
     const Values &values;
     System system;    // of x~
+    Motion motion;    // x~
     double coupling;  // g D_p
 };
 
@@ -56,25 +57,26 @@ inline double smaller(double x, double y) { return y < x ? y : x; }
 
 // l and l' by L(10): the obstacle of L(9) less the response x~.
 Distance distance_at(const Encounter &e, double t) {
-    const Response x = respond(e.system, t);
+    const Response x = e.motion.at<2>(t);
     const Values &m = e.values;
     return {m.p + (m.v + m.a * t / 2) * t - x.y, m.v + m.a * t - x.velocity};
 }
 
-// A derivative of x~ and a line: x~^(order)(t) + a + b t, order 1 or 2.
+// A derivative of x~ and a line between two times: x~^(order)(t) + a + b t, order 1 or 2.
 struct Line {
     int order;
-    double a, b;
+    double a, b, left, right;
 
-    double at(const System &system, double t) const {
-        const Response x = respond(system, t);
-        return (order == 1 ? x.velocity : x.acceleration) + a + b * t;
+    double at(const Motion &motion, double t) const {
+        return (order == 1 ? motion.velocity(t) : motion.acceleration(t)) + a + b * t;
     }
+    bool operator==(const Line &) const = default;
 };
 
 // Finds the zero of a line that changes its sign once in between, or the right end where it does not.
-double zero_between(const System &system, const Line &line, double left, double right) {
-    double f_left = line.at(system, left), f_right = line.at(system, right);
+double find_zero(const Motion &motion, const Line &line) {
+    double left = line.left, right = line.right;
+    double f_left = line.at(motion, left), f_right = line.at(motion, right);
     if (!((f_left < 0 && 0 < f_right) || (f_right < 0 && 0 < f_left))) return right;
     double width = right - left;
     for (int k = 0; k < 200; k++) {
@@ -83,7 +85,7 @@ double zero_between(const System &system, const Line &line, double left, double 
             if (right - left > 0.5 * width) guess = 0.5 * (left + right);
             width = right - left;
         }
-        const double f_guess = line.at(system, guess);
+        const double f_guess = line.at(motion, guess);
         if (f_guess == 0) return guess;
         if ((f_guess < 0) == (f_left < 0)) {
             left = guess, f_left = f_guess;
@@ -96,6 +98,21 @@ double zero_between(const System &system, const Line &line, double left, double 
     }
     return right;
 }
+
+// Zeros between two breaks of a motion: contact and extremes ask for the same ones.
+struct Zeros {
+    const Motion &motion;
+    Line lines[12];  // three for first_exit, and for each of the lines of follow_extremes
+    double found[12];
+    int count;
+
+    double of(const Line &line) {
+        for (int k = 0; k < count; k++)
+            if (lines[k] == line) return found[k];
+        lines[count] = line;
+        return found[count++] = find_zero(motion, line);
+    }
+};
 
 // Finds where a monotone l passes a level between left and right: Newton's method held in the bracket.
 double crossing(const Encounter &e, double level, double left, double right) {
@@ -161,7 +178,7 @@ double settling(const Values &m, double damping) {
 
 // Raises the largest and lowers the smallest quantities of a row to those at t.
 void keep_extremes(const Encounter &e, double t, Row &row) {
-    const Response x = respond(e.system, t);
+    const Response x = e.motion.at<2>(t);
     const Values &m = e.values;
     row.largest_excursion = larger(row.largest_excursion, fabs(x.y));
     row.largest_travel = larger(row.largest_travel, fabs(x.y - m.x0 + (m.own_v + m.own_a * t / 2) * t));
@@ -174,13 +191,13 @@ void keep_extremes(const Encounter &e, double t, Row &row) {
 
 // The first time in (left, right] at which l leaves (low, high), the level, and whether it is only touched; the time is
 // infinite where l does not leave. Between left and right l'' is monotone.
-Exit first_exit(const Encounter &e, double low, double high, double left, double right) {
+Exit first_exit(const Encounter &e, Zeros &zeros, double low, double high, double left, double right) {
     const Values &m = e.values;
-    const double bend = zero_between(e.system, {2, -m.a, 0.0}, left, right);
+    const double bend = zeros.of({2, -m.a, 0.0, left, right});
     const double bend_ends[] = {bend, right};
     double start = left;
     for (const double bend_end : bend_ends) {
-        const double ends[] = {zero_between(e.system, {1, -m.v, -m.a}, start, bend_end), bend_end};
+        const double ends[] = {zeros.of({1, -m.v, -m.a, start, bend_end}), bend_end};
         for (const double end : ends) {
             if (!(end > start)) continue;
             const Distance l = distance_at(e, end);
@@ -196,17 +213,17 @@ Exit first_exit(const Encounter &e, double low, double high, double left, double
 }
 
 // Updates the extremes of a row over (left, stop], inside (left, right) where x~'' is monotone.
-void follow_extremes(const Encounter &e, double left, double right, double stop, Row &row) {
+void follow_extremes(const Encounter &e, Zeros &zeros, double left, double right, double stop, Row &row) {
     const Values &m = e.values;
     keep_extremes(e, stop, row);
     const struct {
         double a, b;
     } lines[] = {{-m.v, -m.a}, {0.0, 0.0}, {m.own_v, m.own_a}};
     for (const auto &line : lines) {
-        const double bend_ends[] = {zero_between(e.system, {2, line.b, 0.0}, left, right), right};
+        const double bend_ends[] = {zeros.of({2, line.b, 0.0, left, right}), right};
         double start = left;
         for (const double bend_end : bend_ends) {
-            const double moments[] = {zero_between(e.system, {1, line.a, line.b}, start, bend_end), bend_end};
+            const double moments[] = {zeros.of({1, line.a, line.b, start, bend_end}), bend_end};
             for (const double moment : moments)
                 if (moment < stop) keep_extremes(e, moment, row);
             start = bend_end;
@@ -216,7 +233,7 @@ void follow_extremes(const Encounter &e, double left, double right, double stop,
 
 // Writes the state at t.
 void finish(const Encounter &e, double t, Row &row) {
-    const Response x = respond(e.system, t);
+    const Response x = e.motion.at(t);
     const Values &m = e.values;
     row.time = t;
     row.distance = m.p + (m.v + m.a * t / 2) * t - x.y;
@@ -286,9 +303,10 @@ Status solve(const Encounter &e, const Limits &limits, Row &row) {
             const Distance l = distance_at(e, left);
             never = never_arrives(values, e.system.damping, l.value, l.slope, level);
         }
-        const Exit exit = first_exit(e, never ? -INFINITY : level, limits.high, left, right);
+        Zeros zeros = {e.motion, {}, {}, 0};
+        const Exit exit = first_exit(e, zeros, never ? -INFINITY : level, limits.high, left, right);
         const double stop = smaller(exit.time, right);
-        follow_extremes(e, left, right, stop, row);
+        follow_extremes(e, zeros, left, right, stop, row);
         finish(e, stop, row);
         if (exit.time < INFINITY) return leave(exit, limits.high, row);
         never = never || right >= vanished;
@@ -320,7 +338,8 @@ void pretouch_solve_linear(const double *values, int64_t n, double slope, const 
         Row row = {};
         memcpy(&m, values + 10 * i, sizeof m);
         const double c = slope * gains[i];
-        const Encounter encounter = {m, {m.mass, m.damping + c, m.stiffness, m.x0, m.u0, c * m.v, c * m.a}, c};
+        const System system = {m.mass, m.damping + c, m.stiffness, m.x0, m.u0, c * m.v, c * m.a};
+        const Encounter encounter = {m, system, Motion(system), c};
         status[i] = solve(encounter, {horizon, low, high}, row);
         if (rounding(m, c, row.time) > 1e-6 * (m.p - m.x0)) row.time = NAN;  // not a number that could be trusted
         memcpy(rows + 15 * i, &row, sizeof row);
@@ -333,8 +352,9 @@ void pretouch_respond(const double *rows, int64_t n, const double *times, int64_
     for (int64_t i = 0; i < n; i++) {
         System system;
         memcpy(&system, rows + 7 * i, sizeof system);
+        const Motion motion(system);
         for (int64_t j = 0; j < m; j++) {
-            const Response x = respond(system, times[i * m + j]);
+            const Response x = motion.at(times[i * m + j]);
             memcpy(out + i * stride + j * step, &x, (size_t)count * sizeof(double));
         }
     }

@@ -1,9 +1,9 @@
 // What an over-damped motion of constant slope is made of, at one time, on vectors.
 //
-// With e_1, e_2 the exponentials of -mu_1 t, -mu_2 t and * the convolution over [0, t], h = e_1 * e_2 and f = 1 * h, the
-// sensitivity S of x~ to a coefficient is again a forced motion from rest, M S'' + (D + c) S' + K S = -x~'' (to M), -x~'
-// (to D), -x~ (to K), v - x~' (to c = g D_p): a convolution of h / M with what stands on the right. All that x~ is made
-// of are 1, h, h' and f, so all that is needed are
+// With e_1, e_2 the exponentials of -mu_1 t, -mu_2 t and * the convolution over [0, t], h = e_1 * e_2 and f = 1 * h,
+// the sensitivity S of x~ to a coefficient is again a forced motion from rest, M S'' + (D + c) S' + K S = -x~'' (to
+// M), -x~' (to D), -x~ (to K), v - x~' (to c = g D_p): a convolution of h / M with what stands on the right. All
+// that x~ is made of are 1, h, h' and f, so all that is needed are
 //
 //     j = h * h,      h * h' = j' = e_2 * h - mu_1 j,      h * f = (f * e_1 - j) / mu_2,      1 * f,
 //
@@ -47,7 +47,8 @@ static inline Functions functions(Lanes t, const Rates &rates) {
     const Lanes late = e1 * square;
     const Lanes fast = where(near, late * (1.0 - (1.0 + x) * p), (h - t * e2) * by_width);            // e_2 * h
     const Lanes slow = where(near, late * p, (t * e1 - h) * by_width);                                // e_1 * h
-    const Lanes twice = where(near, late * t * (0.5 - (x + 2.0) * cubic), (t * (e1 + e2) - 2.0 * h) * by_width * by_width);
+    const Lanes twice =
+        where(near, late * t * (0.5 - (x + 2.0) * cubic), (t * (e1 + e2) - 2.0 * h) * by_width * by_width);
     const Lanes f = (m1 * by1 - h) * by2, f3 = (second - f) * by2;
     const Early early = early_functions(t, -total * t, mu1 * mu2 * square);
     const Masks is_short = mu2 * t < 0.03;

@@ -30,8 +30,8 @@ PRETOUCH_API int pretouch_choose_variant(int wanted);
 PRETOUCH_API void pretouch_solve_linear(const double *values, int64_t n, double slope, const double *gains,
                                         double horizon, double low, double high, double *rows, int64_t *status);
 
-/* The first `count` of y, y', y'', y''' and the integral of y, for M y'' + D y' + K y = f0 + f1 t, for each row (M, D, K,
- * y0, v0, f0, f1) at times, shape (n, m): out, whose encounters lie `stride` numbers apart and whose times `step`. */
+/* The first `count` of y, y', y'', y''' and the integral of y, for M y'' + D y' + K y = f0 + f1 t, for each row (M, D,
+ * K, y0, v0, f0, f1) at times, shape (n, m): out, whose encounters lie `stride` numbers apart and whose times `step`. */
 PRETOUCH_API void pretouch_respond(const double *rows, int64_t n, const double *times, int64_t m, double *out,
                                    int64_t stride, int64_t step, int64_t count);
 
@@ -69,8 +69,8 @@ PRETOUCH_API void pretouch_linear_peaks(const pretouch_column *inputs, const pre
                                         double slope, const double *time, const int8_t *status, double *out, int64_t m,
                                         int64_t first);
 
-/* For tests: of x <= 0 the rows e^x and 1 - e^x; the same two beside phi_2, phi_3 and whether these hold, 1 or 0; e^x and
- * 1 - e^x roughly; ln(1 - x) roughly. out, shape (10, n). */
+/* For tests: of x <= 0 the rows e^x and 1 - e^x; the same two beside phi_2, phi_3 and whether these hold, 1 or 0; e^x
+ * and 1 - e^x roughly; ln(1 - x) roughly. out, shape (10, n). */
 PRETOUCH_API void pretouch_exponentials(const double *x, int64_t n, double *out);
 
 /* ---- many encounters of any curve, side by side (lanes_series.cpp) ----

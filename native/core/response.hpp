@@ -26,11 +26,11 @@ struct Response {
 struct DividedDifferences {
     double derivative;      // of t G_0: G_-1
     double h0;              // the free response to a unit displacement
-    double g0, g1, g2, g3;
+    double g0, g1, g2, g3;  // those that were asked for
 };
 
 constexpr double SERIES_RADIUS = 1.5;
-constexpr int SERIES_TERMS = 24;
+constexpr int SERIES_TERMS = 24, PHI_TERMS = 20;
 
 struct InverseFactorials {
     double of[SERIES_TERMS + 4];
@@ -44,29 +44,30 @@ struct InverseFactorials {
 };
 constexpr InverseFactorials INVERSE_FACTORIALS;
 
-// exp[0^order, z] = sum z^k / (k + order)!, order 1 to 3.
-inline double phi(double z, int order) {
+// exp[0^k, z] = sum z^j / (j + k)! = 1 / k! + z exp[0^(k+1), z] for k = 1 to LAST, the first of them in phi[0].
+template <int LAST> inline void find_phi(double z, double *phi) {
     const double *inverse = INVERSE_FACTORIALS.of;
     if (fabs(z) < 1.0) {
-        double total = inverse[order + 19];
-        for (int k = 18; k >= 0; k--) total = total * z + inverse[order + k];
-        return total;
+        double total = inverse[LAST + PHI_TERMS - 1];
+        for (int k = PHI_TERMS - 2; k >= 0; k--) total = total * z + inverse[LAST + k];
+        phi[LAST - 1] = total;
+        for (int k = LAST - 1; k > 0; k--) phi[k - 1] = phi[k] * z + inverse[k];
+        return;
     }
-    double value = expm1(z) / z;
-    for (int k = 1; k < order; k++) value = (value - inverse[k]) / z;
-    return value;
+    phi[0] = expm1(z) / z;
+    for (int k = 1; k < LAST; k++) phi[k] = (phi[k - 1] - inverse[k]) / z;
 }
 
-// z1 + z2 = p, z1 z2 = q >= 0: sum (z1^k + z1^(k-1) z2 + ... + z2^k) / (k + m + 1)!, and its like.
-inline DividedDifferences near_the_origin(double p, double q) {
+// z1 + z2 = p, z1 z2 = q >= 0: sums of (z1^k + z1^(k-1) z2 + ... + z2^k) / (k + m + 1)!.
+template <int LAST> inline DividedDifferences near_the_origin(double p, double q) {
     const double *inverse = INVERSE_FACTORIALS.of;
     double symmetric = 1.0, before = 0.0, derivative = 0.0, g0 = 0.0, g1 = 0.0, g2 = 0.0, g3 = 0.0;
     for (int k = 0; k < SERIES_TERMS; k++) {
         derivative += symmetric * inverse[k];
         g0 += symmetric * inverse[k + 1];
         g1 += symmetric * inverse[k + 2];
-        g2 += symmetric * inverse[k + 3];
-        g3 += symmetric * inverse[k + 4];
+        if (LAST > 1) g2 += symmetric * inverse[k + 3];
+        if (LAST > 2) g3 += symmetric * inverse[k + 4];
         const double next = p * symmetric - q * before;
         before = symmetric;
         symmetric = next;
@@ -74,34 +75,67 @@ inline DividedDifferences near_the_origin(double p, double q) {
     return {derivative, 1.0 - q * g1, g0, g1, g2, g3};
 }
 
-// At z = lambda t, L(13): z1 + z2 = p, z1 z2 = q >= 0, (z1 - z2)^2 / 4 = d.
-inline DividedDifferences divided_differences(double p, double q, double d) {
-    if ((d > 0 ? fabs(p) / 2 + sqrt(d) : sqrt(q)) < SERIES_RADIUS) return near_the_origin(p, q);
+// At z = lambda t, L(13): z1 + z2 = p, z1 z2 = q >= 0, (z1 - z2)^2 / 4 = d; G_0 to G_LAST, LAST > 0.
+template <int LAST> inline DividedDifferences divided_differences(double p, double q, double d) {
+    if ((d > 0 ? fabs(p) / 2 + sqrt(d) : sqrt(q)) < SERIES_RADIUS) return near_the_origin<LAST>(p, q);
+    DividedDifferences g = {};
     if (d > 0) {
         const double root = sqrt(d), far = p < 0 ? p / 2 - root : p / 2 + root, near = q / far;
-        const double top = near > far ? near : far, low = near > far ? far : near;
-        const double g0 = exp(top) * phi(low - top, 1);
-        const double g1 = (g0 - phi(near, 1)) / far, g2 = (g1 - phi(near, 2)) / far, g3 = (g2 - phi(near, 3)) / far;
-        return {exp(far) + near * g0, exp(near) - near * g0, g0, g1, g2, g3};
+        const double e_far = exp(far), e_near = exp(near);
+        double between, phi[LAST];
+        find_phi<1>(near > far ? far - near : near - far, &between);
+        find_phi<LAST>(near, phi);
+        g.g0 = (near > far ? e_near : e_far) * between;
+        g.derivative = e_far + near * g.g0, g.h0 = e_near - near * g.g0;
+        g.g1 = (g.g0 - phi[0]) / far;
+        if constexpr (LAST > 1) g.g2 = (g.g1 - phi[1]) / far;
+        if constexpr (LAST > 2) g.g3 = (g.g2 - phi[2]) / far;
+        return g;
     }
     const double decay = exp(p / 2), angle = sqrt(-d), cosine = cos(angle), sinc = angle > 0 ? sin(angle) / angle : 1.0;
-    const double g0 = decay * sinc, derivative = decay * (cosine + p / 2 * sinc);
-    const double g1 = (1.0 + p * g0 - derivative) / q, g2 = (1.0 + p * g1 - g0) / q, g3 = (0.5 + p * g2 - g1) / q;
-    return {derivative, decay * (cosine - p / 2 * sinc), g0, g1, g2, g3};
+    g.g0 = decay * sinc, g.derivative = decay * (cosine + p / 2 * sinc), g.h0 = decay * (cosine - p / 2 * sinc);
+    g.g1 = (1.0 + p * g.g0 - g.derivative) / q;
+    if (LAST > 1) g.g2 = (1.0 + p * g.g1 - g.g0) / q;
+    if (LAST > 2) g.g3 = (0.5 + p * g.g2 - g.g1) / q;
+    return g;
 }
 
-// The motion at t: L(10)-(13) without their quotients.
-inline Response respond(const System &m, double t) {
-    const double sigma = m.damping / (2 * m.mass), square = m.stiffness / m.mass;
-    const double disc = m.damping * m.damping - 4 * m.mass * m.stiffness;
-    const auto [slope, h0, g0, g1, g2, g3] =
-        divided_differences(-2 * sigma * t, square * t * t, disc / (4 * m.mass * m.mass) * t * t);
-    const double t2 = t * t, f1 = t * g0, f2 = t2 * g1, f3 = t2 * t * g2, f4 = t2 * t2 * g3;
-    const double c0 = m.f0 / m.mass, c1 = m.f1 / m.mass;
-    const double a0 = c0 - square * m.y0 - 2 * sigma * m.v0, j0 = c1 - 2 * sigma * a0 - square * m.v0;
-    return {m.y0 * h0 + m.v0 * f1 + c0 * f2 + c1 * f3, -square * m.y0 * f1 + m.v0 * slope + c0 * f1 + c1 * f2,
-            a0 * h0 + j0 * f1, j0 * slope - square * a0 * f1,
-            m.y0 * (f1 + 2 * sigma * f2) + m.v0 * f2 + c0 * f3 + c1 * f4};
-}
+// The response of a system by L(10)-(13) without their quotients.
+struct Motion {
+    double y0, v0, a0, j0;  // y and its derivatives at the start
+    double sigma, square;   // of y'' + 2 sigma y' + square y = c0 + c1 t
+    double c0, c1, disc;    // disc: sigma^2 - square
+
+    explicit Motion(const System &m)
+        : y0(m.y0), v0(m.v0), sigma(m.damping / (2 * m.mass)), square(m.stiffness / m.mass), c0(m.f0 / m.mass),
+          c1(m.f1 / m.mass), disc((m.damping * m.damping - 4 * m.mass * m.stiffness) / (4 * m.mass * m.mass)) {
+        a0 = c0 - square * y0 - 2 * sigma * v0;
+        j0 = c1 - 2 * sigma * a0 - square * v0;
+    }
+
+    template <int LAST> DividedDifferences differences(double t) const {
+        return divided_differences<LAST>(-2 * sigma * t, square * t * t, disc * t * t);
+    }
+
+    double velocity(double t) const {
+        const DividedDifferences g = differences<1>(t);
+        const double f1 = t * g.g0;
+        return -square * y0 * f1 + v0 * g.derivative + c0 * f1 + c1 * (t * t * g.g1);
+    }
+
+    double acceleration(double t) const {
+        const DividedDifferences g = differences<1>(t);
+        return a0 * g.h0 + j0 * (t * g.g0);
+    }
+
+    // All of it; the integral for LAST = 3 only.
+    template <int LAST = 3> Response at(double t) const {
+        const DividedDifferences g = differences<LAST>(t);
+        const double t2 = t * t, f1 = t * g.g0, f2 = t2 * g.g1, f3 = t2 * t * g.g2, f4 = t2 * t2 * g.g3;
+        return {y0 * g.h0 + v0 * f1 + c0 * f2 + c1 * f3, -square * y0 * f1 + v0 * g.derivative + c0 * f1 + c1 * f2,
+                a0 * g.h0 + j0 * f1, j0 * g.derivative - square * a0 * f1,
+                y0 * (f1 + 2 * sigma * f2) + v0 * f2 + c0 * f3 + c1 * f4};
+    }
+};
 
 }  // namespace pretouch

@@ -39,9 +39,29 @@ template <int N> struct Shifted {
     double slope_at(double tau) const { return horner_slope<N - 1>(c, tau) + tilt; }
 };
 
+// Where the slope is zero between two places of different signs of it, by regula falsi (Illinois); the peak is flat, so
+// that the place is good enough where the height can no longer grow by a rounding of the largest one.
+template <int N> inline double turn_between(const Shifted<N> &p, Pair places, Pair slopes, double largest) {
+    constexpr int MOST = 30;
+    constexpr double FLAT = 1e-17;
+    double place = places[0];
+    int before = -1;
+    for (int i = 0; i < MOST; i++) {
+        place = (places[0] * slopes[1] - places[1] * slopes[0]) / (slopes[1] - slopes[0]);
+        const double slope = p.slope_at(place);
+        if (!(fabs(slope) * (places[1] - places[0]) > FLAT * largest)) return place;
+        const int side = slope * slopes[1] > 0;
+        places[side] = place;
+        slopes[side] = slope;
+        if (side == before) slopes[1 - side] *= 0.5;
+        before = side;
+    }
+    return place;
+}
+
 // The larger of best and the sizes at the places where the slope changes its sign between eight parts of a step.
 template <int N> inline double turning_peak(const Shifted<N> &p, double tau, double best) {
-    constexpr int PARTS = 8, HALVINGS = 30;  // the peak is flat: 1e-9 in its place is 1e-18 in its height
+    constexpr int PARTS = 8;
     const double *c = p.c;
     Pair places[PARTS / 2], slopes[PARTS / 2];
     for (int i = 0; i < PARTS / 2; i++) {
@@ -56,12 +76,7 @@ template <int N> inline double turning_peak(const Shifted<N> &p, double tau, dou
     for (int i = 0; i < PARTS; i++) {
         const double right = places[i / 2][i % 2], slope_right = slopes[i / 2][i % 2] + p.tilt;
         if (slope_left * slope_right < 0) {
-            double a = left, b = right;
-            for (int j = 0; j < HALVINGS; j++) {
-                const double middle = 0.5 * (a + b);
-                (p.slope_at(middle) * slope_left > 0 ? a : b) = middle;
-            }
-            best = larger(best, p.size_at(a));
+            best = larger(best, p.size_at(turn_between(p, Pair{left, right}, Pair{slope_left, slope_right}, best)));
         }
         left = right;
         slope_left = slope_right;

@@ -18,6 +18,7 @@ namespace pretouch {
 constexpr int TERMS = 10;         // coefficients of g on a piece, at most
 constexpr double OVERLAP = 1e-9;  // of a piece's width: how far its polynomial is used beyond its border
 constexpr double LEFT_OUT = 1e-16;  // of l': what a step may leave out of it
+constexpr double LEAST = 1e-30;     // of y: what is smaller moves no slope, and its tenth power would be denormal
 constexpr double SLOW = 1e-6;       // of l over a step: an l' that moves less need not be known better
 
 struct Piece {
@@ -125,14 +126,16 @@ inline void expand(const Values &m, double gain, const Piece &piece, double time
         square[k + 1] = evens;
         out.l[k + 1] = unit * INVERSE.at[k + 1] * out.v[k];
         y[k + 1] = out.l[k + 1] * by_half;
+        const double straight = g[0] * y[k + 1];
         Pair *powers = out.powers[k + 1];
+        if (!(fabs(y[k + 1]) >= LEAST)) y[k + 1] = 0;
         powers[0] = Pair{y[k + 1], evens};
         powers[1] = a;
         powers[2] = b;
         powers[3] = c;
         powers[4] = d;
         const Pair sum = (pairs[1] * a + pairs[2] * b) + (pairs[3] * c + pairs[4] * d);
-        out.force[k] = (k + 1) * ((sum[0] + sum[1] + g[1] * evens) + g[0] * y[k + 1]);
+        out.force[k] = (k + 1) * ((sum[0] + sum[1] + g[1] * evens) + straight);
         const double pull = drive[k] - m.stiffness * out.l[k] - m.damping * out.v[k] - gain * out.force[k];
         out.v[k + 1] = per_mass * INVERSE.at[k + 1] * pull;
     }

@@ -24,6 +24,8 @@ namespace {
 
 constexpr double LONG = 8;         // times a Taylor step: what a long one begins with
 constexpr double WORTH = 2;        // times a Taylor step: what is shorter is not worth its ten points
+constexpr double FAR = 64;         // times a Taylor step: where the next border is farther, long steps are tried
+constexpr double EAGER = 4;        // times as soon
 constexpr double FORGOTTEN = 0.1;  // of a wrong l': what is left of it after a long step, at most
 constexpr double UNRESOLVED = 1e-12;  // of l': the last coefficients of l''; those left out are smaller by tens, and l'
                                       // by another ten
@@ -93,7 +95,8 @@ struct Moved {
 double linearize(const Values &m, double gain, const Piece &piece, const State &state, double h, AtPoints &at,
                  Row *rows) {
     const double inertia = m.mass / h;
-    double noise = 0;
+    double noise = 0, terms = 0;
+    for (int j = 0; j < TERMS; j++) terms += fabs(piece.g[j]);
     for (int i = 0; i < POINTS; i++) {
         const double t = state.time + h * RADAU.nodes[i], z = (at.l[i] - piece.middle) / piece.half;
         double g = 0, bend = 0;
@@ -108,7 +111,9 @@ double linearize(const Values &m, double gain, const Piece &piece, const State &
         const double own = m.stiffness * obstacle_at(m, t), brought = m.damping * obstacle_speed(m, t);
         const double drive = own + brought + m.mass * m.a;
         const double residual = inertia * at.rise[i] + held * at.v[i] + m.stiffness * at.l[i] - drive;
-        const double size = fabs(own) + fabs(brought) + fabs(m.mass * m.a) + fabs(m.stiffness * at.l[i]);
+        const double steep = terms + fabs(bend * at.l[i]);  // what g is a sum of, and what a rounding of l is in it
+        const double size = fabs(own) + fabs(brought) + fabs(m.mass * m.a) + fabs(m.stiffness * at.l[i]) +
+                            fabs(gain * at.v[i]) * steep;
         noise = larger(noise, ROUNDING * size / (held + inertia));
         const double spring = (m.stiffness + gain * bend * at.v[i]) * h;
         Pair *pairs = rows[i].pairs;
@@ -197,7 +202,7 @@ double collocate(const Values &m, double gain, const Piece &piece, const State &
 double long_step(const Values &m, double gain, const Piece &piece, const State &state, double taylor, double longest,
                  Pace &pace, Expansion &series) {
     if (pace.wait > 0) {
-        pace.wait -= 1;
+        pace.wait -= longest > FAR * taylor ? EAGER : 1;
         return 0;
     }
     double h = smaller(larger(pace.next, LONG * taylor), longest);

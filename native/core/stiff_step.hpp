@@ -6,7 +6,7 @@
 
 namespace pretouch {
 
-constexpr double PATIENCE = 64;  // Taylor steps until long ones are tried
+constexpr double PATIENCE = 64;  // Taylor steps until long ones are tried, fewer where the next border is far
 constexpr double AHEAD = 1.5;    // of the way to a border: how far a long step may come, beyond it too
 
 // Where a step starts.

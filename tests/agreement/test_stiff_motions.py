@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from pretouch.config import load_scenario
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Scenario, find_contact, solve_motion
-from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel, Table
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 LETTER = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -124,6 +124,29 @@ def test_a_lasting_fast_swing_is_given_up() -> None:
     """A swing at 1e6 rad/s for 0.14 s: 4,000 steps of about two radians end long before."""
     swing = replace(encounter(stiffness=1e12, damping=0.0), plant=Plant(velocity=0.1))
     assert find_contact(swing, LETTER, -1e-3).status is ContactStatus.UNRESOLVED
+
+
+@pytest.mark.parametrize(
+    ("damping", "stiffness", "velocity", "gain"), [(100.0, 685.0, -0.0124, -5900.0), (3.06, 0.517, -0.288, -1190.0)]
+)
+def test_a_slope_that_rounds_holds_no_long_step_up(
+    damping: float, stiffness: float, velocity: float, gain: float
+) -> None:
+    """Where a table falls steeply within 1 mm, a rounding of l turns g by 1e-12 of itself, and l' with it.
+
+    No step can be resolved to less, which must not be taken for a fast part of the motion.
+    """
+    edge = Table(
+        distances=(0.005, 0.0151, 0.03075, 0.03181, 0.0505, 0.05476, 0.0638),
+        outputs=(1.0, 0.9985, 0.9724, 0.9213, 0.9133, 0.4749, 0.4716),
+    )
+    scenario = Scenario(
+        admittance=Admittance(mass=0.758, damping=damping, stiffness=stiffness),
+        obstacle=Obstacle(position=0.03706, velocity=velocity),
+    )
+    found = find_contact(scenario, edge, gain, horizon=30.0)
+    assert found.status is not ContactStatus.UNRESOLVED
+    assert found.impulse_residual < 1e-12
 
 
 @pytest.mark.parametrize(

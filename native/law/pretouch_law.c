@@ -1,7 +1,6 @@
 #include "pretouch_law.h"
 
 #include <math.h>
-#include <stddef.h>
 
 #ifdef PRETOUCH_FLOAT
 #define LOG logf

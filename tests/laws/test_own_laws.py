@@ -104,7 +104,6 @@ class OddError(Exception):
 @pytest.mark.parametrize("raised", [OddError, KeyboardInterrupt])
 @pytest.mark.parametrize("count", [1, 400])
 def test_what_a_step_in_python_raises_comes_out(raised: type[BaseException], count: int) -> None:
-    """On this thread and on others."""
     calls = 0
 
     def failing(parameters: Any, state: Any, sample: Sample) -> Any:

@@ -20,7 +20,7 @@ from pretouch.simulation import witness_encounter
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from loop_samples import BareLaw, grows, simulated_limit
+from loop_samples import grows, simulated_limit
 
 from .peers.protocol import missing
 from .peers.work import processors
@@ -112,7 +112,12 @@ def difference(rate: float, part: float) -> tuple[float, float]:
     )
 
     def growth(damping: float) -> float:
-        law = BareLaw(-damping, chain.period / 20, hold=chain.period)
+        law = Controller(
+            period=chain.period / 20,
+            conditioning=Conditioning(floor=1e-3, sensor_period=chain.period),
+            law=VirtualDamper(gain=-damping),
+            admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        )
         return grows(pt.simulate(scenario, curve, law, chain=chain, horizon=_PERIODS * chain.period))
 
     return predicted, simulated_limit(growth, predicted, _HALVINGS) / predicted - 1

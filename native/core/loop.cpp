@@ -183,8 +183,9 @@ void Encounter::begin_contact() {
     }
 }
 
-// The first instant of a contact: onto the surface, from some 1e-11 m beside it, where a damper acts already, with a force
-// that no later one need reach. Says whether the contact can be followed: a loop that runs away may strike too hard.
+// The first instant of a contact: onto the surface, from some 1e-11 m beside it, where a damper acts already, with a
+// force that no later one need reach. Says whether the contact can be followed: a loop that runs away may strike too
+// hard.
 bool Encounter::strike() {
     body.x = body.xo;
     touch_peak = contact_force(loop.contact, 0.0, body.v - body.vo);

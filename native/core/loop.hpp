@@ -12,8 +12,8 @@ struct Law {
     void *state;
 };
 
-// An encounter as it goes on. Within a period of the controller the robot is followed in steps; a distance that comes to
-// zero ends the step there, and from the touch on, steps resolve the contact.
+// An encounter as it goes on. Within a period of the controller the robot is followed in steps; a distance that comes
+// to zero ends the step there, and from the touch on, steps resolve the contact.
 class Encounter {
 public:
     Encounter(const pretouch_loop &loop, int64_t index, const Law &law, pretouch_reading *waiting, int64_t room);

@@ -50,14 +50,14 @@ inline double resolution(const pretouch_scene &scene, double x, double t) {
     return rounding * (fabs(scene.x) + fabs(x) + fabs(scene.xo) + way);
 }
 
-// Where a distance first comes to zero within a step, 2 where it does not, and the least that it comes to up to the end.
+// Where a distance first comes to zero within a step, 2 where it does not, and the least that it comes to.
 struct Touch {
     double part, least;
 };
 
 // Between its turning points the cubic rises or falls, so that none of its zeros is missed, however short the dip. A
-// smallest distance closer to zero than `doubt`, on either side, is a touch, there; one that the cubic only rises from, as
-// after a contact, is none.
+// smallest distance closer to zero than `doubt`, on either side, is a touch, there; one that the cubic only rises from,
+// as after a contact, is none.
 Touch find_touch(const Cubic &gap, double doubt);
 
 inline Touch first_touch(const Cubic &gap, double doubt) {
@@ -73,8 +73,8 @@ double contact_step(const pretouch_contact &contact, double inverse_mass, double
 // How long the bodies would touch [s], from a relative speed on, without loss and drive: m d'' = -k d^n.
 double elastic_duration(const pretouch_contact &contact, double inverse_mass, double speed);
 
-// Plant and obstacle h [s] later within a period of the controller, from the time `at` in it, by the classical Runge-Kutta
-// method of order 4; contact: null where the bodies are apart; push: acceleration of the obstacle.
+// Plant and obstacle h [s] later within a period of the controller, from the time `at` in it, by the classical
+// Runge-Kutta method of order 4; contact: null where the bodies are apart; push: acceleration of the obstacle.
 Body advance(const Body &body, double at, double h, const Target &target, const pretouch_plant &plant,
              const pretouch_contact *contact, double push);
 

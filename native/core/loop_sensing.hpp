@@ -1,8 +1,8 @@
 // The sensor chain of the sampled loop: from the distance at an instant to the number that the controller is handed.
 //
-// Random numbers come by their index: the k-th draw of a run is the same whatever was drawn before, on any thread. So two
-// runs with one seed meet the same noise, reading by reading, even where one of them ends earlier: common random numbers.
-// The mixing is that of SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014).
+// Random numbers come by their index: the k-th draw of a run is the same whatever was drawn before, on any thread. So
+// two runs with one seed meet the same noise, reading by reading, even where one of them ends earlier: common random
+// numbers. The mixing is that of SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014).
 #pragma once
 
 #include "loop_mechanics.hpp"

@@ -107,8 +107,8 @@ PRETOUCH_API void pretouch_interpolate(const double *place, int64_t n, double lo
                                        const double *coefficients, int64_t m, double *out);
 
 /* ---- the sampled loop (loop*.cpp) ---- */
-/* m x'' = f - friction(x') - F_contact; f follows k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A mass
- * of 0 stands for the ideal plant, a servo rate of 0 for no lag. */
+/* m x'' = f - friction(x') - F_contact; f follows k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A
+ * mass of 0 stands for the ideal plant, a servo rate of 0 for no lag. */
 typedef struct {
     double mass, stiffness, reference_damping, own_damping, feedforward_mass, servo_rate, coulomb_friction;
     double friction_speed;
@@ -125,7 +125,7 @@ typedef struct {
     double dropout, reports_distance, distance_noise, distance_resolution, random_phase, misfit, misfit_length;
 } pretouch_chain;
 
-/* ln xi and its slope times the step at equal distances, shape (rows, 2), from `low` on; nothing is seen beyond `high`. */
+/* ln xi and its slope times the step at equal distances, shape (rows, 2), from `low` on; beyond `high` xi is 0. */
 typedef struct {
     const double *table;
     int64_t rows;
@@ -189,8 +189,8 @@ typedef struct {
     int64_t course_rows;
 } pretouch_loop;
 
-/* Runs those encounters that `which` names. state: room for one state of the law; waiting: for a power of two of readings,
- * more than can be on their way at once. */
+/* Runs those encounters that `which` names. state: room for one state of the law; waiting: for a power of two of
+ * readings, more than can be on their way at once. */
 PRETOUCH_API void pretouch_run_encounters(const pretouch_loop *loop, const int64_t *which, int64_t n, void *state,
                                           pretouch_reading *waiting, int64_t room);
 
@@ -198,14 +198,14 @@ PRETOUCH_API void pretouch_run_encounters(const pretouch_loop *loop, const int64
 PRETOUCH_API void pretouch_run_law(pretouch_law_step *step, const void *parameters, void *state,
                                    const pretouch_sample *samples, int64_t n, pretouch_output *out);
 
-/* A step that resolves a contact that starts with a relative speed, and how long it would last without loss and drive [s].
- * inverse_mass: 1 / the reduced mass of both bodies. */
+/* A step that resolves a contact that starts with a relative speed, and how long it would last without loss and
+ * drive [s]. inverse_mass: 1 / the reduced mass of both bodies. */
 PRETOUCH_API double pretouch_contact_step(const pretouch_contact *contact, double inverse_mass, double speed);
 PRETOUCH_API double pretouch_elastic_duration(const pretouch_contact *contact, double inverse_mass, double speed);
 /* The cubic through both ends of a step, by slopes over the whole step: its value and, into `slope`, its slope at s. */
 PRETOUCH_API double pretouch_cubic(double start, double start_slope, double end, double end_slope, double s,
                                    double *slope);
-/* The part of a step at which that cubic first touches zero, 2 where it does not; into `least` the least it comes to. */
+/* The part of a step at which that cubic first touches zero, 2 where it does not; `least`: what it comes to. */
 PRETOUCH_API double pretouch_first_touch(double start, double start_slope, double end, double end_slope, double doubt,
                                          double *least);
 

@@ -1,7 +1,6 @@
 #include "pretouch_law.h"
 
 #include <math.h>
-#include <stddef.h>
 
 #ifdef PRETOUCH_FLOAT
 #define LOG logf
@@ -41,8 +40,8 @@ static void fill_median(int32_t length, real value, pretouch_median_state *s) {
 }
 
 /* Takes in a reading; returns the median of the last `length`: of an even number the mean of the middle two. From the
- * oldest reading on, each place takes the value of the next; then each keeps its value, takes that of the place before, or
- * the new one. All places are passed, whatever the reading is, so that a step takes the same time with every one. */
+ * oldest reading on, each place takes the value of the next; then each keeps its value, takes that of the place before,
+ * or the new one. All places are passed, whatever the reading is, so that a step takes the same time with every one. */
 static real advance_median(int32_t length, pretouch_median_state *s, real value) {
     const real oldest = s->arrived[s->oldest];
     real before = -INFINITY;
@@ -210,9 +209,10 @@ static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const
 /* ---- L(1), and limits that can be held together, whatever force acts ---- */
 
 static pretouch_motion advance_admittance(const pretouch_admittance_numbers *p, pretouch_motion m, real force) {
+    const real x = m.position, v = m.velocity;
     return (pretouch_motion){
-        p->position_from_position * m.position + p->position_from_velocity * m.velocity + p->position_from_force * force,
-        p->velocity_from_position * m.position + p->velocity_from_velocity * m.velocity + p->velocity_from_force * force,
+        p->position_from_position * x + p->position_from_velocity * v + p->position_from_force * force,
+        p->velocity_from_position * x + p->velocity_from_velocity * v + p->velocity_from_force * force,
     };
 }
 
@@ -265,7 +265,8 @@ void pretouch_drive(const pretouch_drive_numbers *p, pretouch_drive_state *s, co
     const real virtual_force = within(deliver(p, &s->delivery, seen, push->impulse) + push->force, p->largest_force);
     const int no_force = is_fault(sample->contact_force, ANY_FORCE);
     const real contact_force = no_force ? 0 : sample->contact_force;
-    pretouch_motion next = advance_admittance(&p->admittance, s->motion, virtual_force + p->contact_gain * contact_force);
+    const real force = virtual_force + p->contact_gain * contact_force;
+    pretouch_motion next = advance_admittance(&p->admittance, s->motion, force);
     const int limited = limit_motion(&p->limits, s->motion, &next);
     const int no_reference = is_fault(sample->reference_position, ANY_REFERENCE) ||
                              is_fault(sample->reference_velocity, ANY_REFERENCE) ||

@@ -1,7 +1,7 @@
 /* The sampled controller of the letter's Fig. 1: from the readings of a proximity sensor to a reference for the robot's
  * own controller, once per period T. What is simulated and tested is this source, and a robot can run it as it is: C99,
- * no allocation, no globals, no libm beyond log, sqrt, fabs and floor. docs/control.md says what each block does and why;
- * its table names them in the same order.
+ * no allocation, no globals, no libm beyond log, sqrt, fabs and floor. docs/control.md says what each block does and
+ * why; its table names them in the same order.
  *
  *            reading                             contact force, reference
  *               |                                          |
@@ -206,7 +206,7 @@ PRETOUCH_API void pretouch_start(const pretouch_parameters *p, pretouch_real pos
 PRETOUCH_API void pretouch_step(const pretouch_parameters *p, pretouch_state *s, const pretouch_sample *sample,
                                 pretouch_output *out);
 
-/* The blocks it is made of. A law of your own is a step that puts its own between pretouch_observe and pretouch_drive. */
+/* The blocks it is made of. A law of your own puts its own between pretouch_observe and pretouch_drive. */
 PRETOUCH_API void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_state *s);
 PRETOUCH_API void pretouch_start_drive(pretouch_real position, pretouch_real velocity, pretouch_drive_state *s);
 PRETOUCH_API void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state *s,

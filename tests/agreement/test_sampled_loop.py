@@ -202,15 +202,15 @@ def test_ten_thousand_runs_are_the_runs_one_by_one(
     letter_power: pt.InversePower, letter_encounter: pt.Scenario
 ) -> None:
     chain = pt.SensorChain(rate=1000.0, exposure=2e-4, delay=3e-4, noise=1e-3, relative_noise=1e-3, jitter=1e-5)
-    many = pt.simulate(letter_encounter, letter_power, bare(-0.7, 1e-3, 1e-3), chain=chain, runs=10_000, seed=7)
-    few = pt.simulate(letter_encounter, letter_power, bare(-0.7, 1e-3, 1e-3), chain=chain, runs=3, seed=7)
+    many = pt.simulate(letter_encounter, letter_power, controller(-0.7, 1e-3), chain=chain, runs=10_000, seed=7)
+    few = pt.simulate(letter_encounter, letter_power, controller(-0.7, 1e-3), chain=chain, runs=3, seed=7)
     assert np.array_equal(many.time[:3], few.time)
     assert many.touched.all()
     assert len(np.unique(many.relative_velocity)) == 10_000
     trace = many.trace(4321)
     assert trace.time[-1] <= many.time[4321] <= trace.time[-1] + 1e-3
     # noise of 1 mV moves the mean by its square only, and the mean of 10^4 runs is known to a hundredth of its spread
-    quiet = pt.simulate(letter_encounter, letter_power, bare(-0.7, 1e-3, 1e-3), chain=pt.SensorChain(rate=1000.0))
+    quiet = pt.simulate(letter_encounter, letter_power, controller(-0.7, 1e-3), chain=pt.SensorChain(rate=1000.0))
     assert math.isclose(many.relative_velocity.mean(), quiet.relative_velocity, rel_tol=0.01)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from loop_samples import BareLaw
+from control_samples import controller
 from pretouch.design.evidence import Evidence
 from pretouch.motion.evaluator import NoisyEvaluator
 
@@ -110,29 +110,12 @@ def test_the_optimum_on_the_loop_tends_to_the_ideal_one_with_the_period(sensor: 
     periods = [8e-4, 4e-4, 2e-4]
     errors = []
     for period in periods:
-        law = BareLaw(0.0, period)
-        found = pt.design_gain(SCENARIO, sensor, OBJECTIVE, bounds=(-3.0, -0.2), evaluate=_bare_loop(law))
+        bare = pt.ClosedLoop(law=controller(0.0, period), chain=pt.SensorChain(rate=1 / period))
+        found = pt.design_gain(SCENARIO, sensor, OBJECTIVE, bounds=(-3.0, -0.2), evaluate=bare)
         errors.append(smoothed(found, 0.1) - ideal)
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     assert abs(errors[-1]) < 0.02 * abs(ideal)
     assert orders == pytest.approx(1.0, abs=0.1)
-
-
-class _Bare:
-    """The bare law with another gain."""
-
-    def __init__(self, law: BareLaw) -> None:
-        self.law = law
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.law, name)
-
-    def with_gain(self, gain: float) -> BareLaw:
-        return replace(self.law, gain=gain)
-
-
-def _bare_loop(law: BareLaw) -> pt.ClosedLoop:
-    return pt.ClosedLoop(law=_Bare(law), chain=pt.SensorChain(rate=1 / law.period))  # type: ignore[arg-type]
 
 
 def smoothed(design: pt.GainDesign, half: float) -> float:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
 import math
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +15,7 @@ from scipy import LowLevelCallable
 import pretouch as pt
 from control_samples import LETTER_FILTERS, controller
 from loop_samples import BareLaw
+from native_code import compile_c
 from plain_law import plain, start, step
 from pretouch._core.native import entry
 from pretouch.control import CompiledStep, Controller, Output, Sample
@@ -34,7 +32,6 @@ ROBOT = {
     "contact": pt.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0),
 }
 QUANTITIES = ("time", "position", "velocity", "relative_velocity", "peak_force", "impulse", "flags", "end_time")
-NATIVE = Path(__file__).parents[2] / "native"
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,6 @@ class OddError(Exception):
 @pytest.mark.parametrize("raised", [OddError, KeyboardInterrupt])
 @pytest.mark.parametrize("count", [1, 400])
 def test_what_a_step_in_python_raises_comes_out(raised: type[BaseException], count: int) -> None:
-    """On this thread and on others."""
     calls = 0
 
     def failing(parameters: Any, state: Any, sample: Sample) -> Any:
@@ -163,26 +159,14 @@ class BareLawCompiled(BareLaw):
 @pytest.fixture(scope="module")
 def compiled_law(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     """The bare law of the tests in C, by the compiler that the core is built with."""
-    spec = importlib.util.spec_from_file_location("pretouch_native", NATIVE / "build.py")
-    assert spec is not None
-    assert spec.loader is not None
-    build = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(build)
-    found = build.compilers()
-    if found is None:
-        pytest.skip("no compiler of the system's")
-    folder = tmp_path_factory.mktemp("law")
-    (folder / "bare.c").write_text(BARE)
-    library = folder / "bare.so"
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", f"-I{NATIVE / 'law'}"]
-    subprocess.run([*found[0], *flags, str(folder / "bare.c"), "-o", str(library), "-lm"], check=True)
-    return ctypes.CDLL(str(library))
+    return compile_c(tmp_path_factory.mktemp("law"), BARE)
 
 
 BARE = """
 #include <math.h>
 #include "pretouch_law.h"
 
+pretouch_law_step bare_step;
 typedef struct { double gain, period, hold, a, b, c, d, e, f; } numbers;
 typedef struct { double x, v, last, force, left, seen; } memory;
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from inspect import Parameter, Signature
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -26,6 +27,11 @@ class Structure(ctypes.Structure):
     """
 
     _fields_: ClassVar[Any]
+    __signature__: ClassVar[Signature]
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        cls.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name, *_ in cls._fields_])
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):

@@ -29,6 +29,7 @@ _ROUNDING = 16 * np.finfo(np.float64).eps  # of u: its inverse function is good 
 _ZOOM = 17
 _MOST = 16  # local minima that are refined, the lowest ones: a smooth function has a few, one with jumps has hundreds
 _LEVEL = 1e-14  # of the values: a coefficient of the polynomial that is nothing
+_LOOP_ROUNDING = 1e-12  # of an objective: what the sums of some hundred steps of a loop leave in it
 _FINEST = 1e-14  # of u: rounding
 _JUMP = 1e-6  # of the axis: what an interval so narrow does not predict, jumps
 _NARROWEST = 1e-9  # an interval in which a polynomial says more than rounding
@@ -289,7 +290,8 @@ def _polish(function: Callable[[FloatArray], FloatArray], left: float, right: fl
         return None
     shares = (values - values.min()) / span
     fit = np.polynomial.Chebyshev.fit(u, shares, 8, domain=[left, right])
-    if np.abs(fit(u) - shares).max() > 1e-7:
+    rounding = min(_LOOP_ROUNDING * float(np.abs(values).max()) / span, 1e-5)  # a corner leaves a hundred times that
+    if np.abs(fit(u) - shares).max() > max(1e-7, rounding):
         return None
     roots = fit.deriv().trim(_LEVEL).roots()
     real = roots[np.abs(roots.imag) < 1e-9].real

@@ -1,4 +1,4 @@
-"""ln xi of any curve as a table of values and slopes, the form that the compiled loop reads."""
+"""ln xi of any curve as a table of values and slopes, the form that the loop in C++ reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loop in C++: structures of native/core/pretouch.h, and the laws that it steps.
+"""The loop in C++ (native/core/loop*.cpp): structures of native/core/pretouch.h, and the laws that it steps.
 
 A law that is compiled is called by its address. For a law in Python the loop calls back, which costs some microseconds
 a step; what such a law raises ends its runs and is raised here.
@@ -166,6 +166,11 @@ class Runs:
             *(address(self.ends), address(self.touches), touches),
             *(address(self.trace), rows, address(self.course), course_rows),
         )
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the step is compiled, so that threads need not wait for each other."""
+        return self._compiled is not None
 
     def run(self, which: IntArray) -> None:
         """Run some of the encounters.

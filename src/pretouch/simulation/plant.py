@@ -25,7 +25,7 @@ COEFFICIENTS: Final = (
     "coulomb_friction",
     "friction_speed",
 )
-"""What a plant is to the compiled loop; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
+"""What a plant is to the loop in C++; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
 
 
 class PlantModel(ABC):

@@ -128,7 +128,7 @@ def result_of(loop: Loop) -> SimulationResult:
 def run_loop(
     loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Run some encounters of a loop, on all cores.
+    """Run some encounters of a loop, on all cores where the law is compiled.
 
     Args:
         loop: the loop.
@@ -158,7 +158,10 @@ def run_loop(
         rows=rows,
         course_rows=course_rows,
     )
-    for_stretches(lambda start, end: runs.run(which[start:end]), len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
+    if runs.compiled:
+        for_stretches(lambda a, b: runs.run(which[a:b]), len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
+    else:  # threads would wait for each other at every step
+        runs.run(which)
     return runs.ends[which], runs.touches[which], runs.trace, runs.course
 
 

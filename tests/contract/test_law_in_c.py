@@ -1,0 +1,104 @@
+"""What native/law promises to whoever compiles it: its structures, single precision, nothing but a little of libm."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_samples import LETTER_FILTERS, LIMITS, controller
+from native_code import NATIVE, compile_c
+from pretouch.control import structures
+
+SOURCE = (NATIVE / "law/pretouch_law.c").read_text()
+NAMES = {
+    "sample": structures.RawSample,
+    "output": structures.RawOutput,
+    "sensing_numbers": structures.SensingNumbers,
+    "sensing_state": structures.SensingState,
+    "observation": structures.Observation,
+    "drive_numbers": structures.DriveNumbers,
+    "drive_state": structures.DriveState,
+    "parameters": structures.ControllerNumbers,
+    "state": structures.ControllerState,
+}
+
+
+def leaves(kind: Any, before: str = "") -> list[tuple[str, int]]:
+    """Fields of a structure that are no structures, by their path, and where each begins."""
+    found = []
+    for name, part in kind._fields_:
+        offset = getattr(kind, name).offset
+        inner = leaves(part, f"{before}{name}.") if issubclass(part, ctypes.Structure) else [(f"{before}{name}", 0)]
+        found += [(path, offset + more) for path, more in inner]
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_structures_are_those_of_the_header(name: str, tmp_path: Path) -> None:
+    kind = NAMES[name]
+    fields = leaves(kind)
+    asked = "".join(f", offsetof(pretouch_{name}, {path})" for path, _ in fields)
+    source = f'#include <stddef.h>\n#include "pretouch_law.h"\nsize_t found[] = {{sizeof(pretouch_{name}){asked}}};\n'
+    library = compile_c(tmp_path, source)
+    found = (ctypes.c_size_t * (1 + len(fields))).in_dll(library, "found")
+    assert list(found) == [ctypes.sizeof(kind), *(offset for _, offset in fields)]
+
+
+def single(kind: Any) -> Any:
+    """The same structure in single precision."""
+    if kind is ctypes.c_double:
+        return ctypes.c_float
+    if issubclass(kind, ctypes.Array):
+        return single(kind._type_) * kind._length_
+    if issubclass(kind, ctypes.Structure):
+        return type(kind.__name__, (ctypes.Structure,), {"_fields_": [(n, single(k)) for n, k in kind._fields_]})
+    return kind
+
+
+def fill(target: Any, given: Any) -> None:
+    for i in range(len(target)) if isinstance(target, ctypes.Array) else ():
+        if isinstance(target[i], ctypes.Structure):
+            fill(target[i], given[i])
+        else:
+            target[i] = given[i]
+    for name, kind in getattr(target, "_fields_", ()):
+        if issubclass(kind, ctypes.Structure | ctypes.Array):
+            fill(getattr(target, name), getattr(given, name))
+        else:
+            setattr(target, name, getattr(given, name))
+
+
+@pytest.mark.parametrize("changed", [{}, LETTER_FILTERS | {"period": 1e-4, "limits": LIMITS}], ids=["bare", "letter"])
+def test_single_precision_gives_the_same_motion(changed: dict[str, Any], tmp_path: Path) -> None:
+    """Both are within 1e-4 of the largest: a change of ln xi of 6e-4 is good to 2^-24 of ln's argument, 1e-4 of it."""
+    library = compile_c(tmp_path, SOURCE, "-DPRETOUCH_FLOAT")
+    made = controller(**changed)
+    parameters = single(structures.ControllerNumbers)()
+    state, sample, out = (single(k)() for k in (structures.ControllerState, structures.RawSample, structures.RawOutput))
+    fill(parameters, made.parameters())
+    library.pretouch_start(ctypes.byref(parameters), ctypes.c_float(0.0), ctypes.c_float(0.0), ctypes.byref(state))
+    run, found = made.begin(), []
+    for reading in 0.1 * np.exp(6.0 * made.period * np.arange(400)):
+        sample.reading, sample.fresh = reading, 1
+        library.pretouch_step(*map(ctypes.byref, (parameters, state, sample, out)))
+        exact = run.step(np.float32(reading))
+        assert out.status == exact.status
+        found.append([(getattr(o, name)) for o in (out, exact) for name in ("position", "velocity", "log_level")])
+    rows = np.array(found)
+    assert (np.abs(rows[:, :3] - rows[:, 3:]).max(axis=0) <= 1e-4 * np.abs(rows[:, 3:]).max(axis=0)).all()
+
+
+def test_the_law_allocates_nothing_and_takes_little_of_libm() -> None:
+    assert re.findall(r"#include (\S+)", SOURCE) == ['"pretouch_law.h"', "<math.h>"]
+    code = re.sub(r"/\*.*?\*/", "", SOURCE, flags=re.DOTALL)
+    called = set(re.findall(r"\b([a-z_]+)\(", code)) - {"if", "for", "while", "return", "sizeof"}
+    own = set(re.findall(r"^(?:static )?(?:inline )?[a-z0-9_]+ \*?([a-z_]+)\(", code, flags=re.MULTILINE))
+    assert called - own == {"isfinite"}
+    assert set(re.findall(r"#define [A-Z]+ ([a-z]+)$", SOURCE, flags=re.MULTILINE)) == {
+        *("log", "logf", "sqrt", "sqrtf", "fabs", "fabsf", "floor", "floorf")
+    }

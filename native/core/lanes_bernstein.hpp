@@ -88,7 +88,7 @@ struct Turn {
 };
 
 // Newton's method for a zero of a slope in a part; returns how far the last step went.
-template <int N> inline Lanes find_zero(const Polynomial<N> &slope, const Turn &turn, Lanes &s) {
+template <int N> inline Lanes find_turn(const Polynomial<N> &slope, const Turn &turn, Lanes &s) {
     Lanes change = all(0.0);
     s = turn.start;
     for (int i = 0; i < 5; i++) {
@@ -127,7 +127,7 @@ template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> 
     const Turn turns[] = {first, last};
     for (const Turn &turn : turns) {
         Lanes s;
-        doubt = most(find_zero(slope, turn, s), doubt);
+        doubt = most(find_turn(slope, turn, s), doubt);
         largest = most(absolute(value_at(q, s)), largest);
     }
     largest = where(zero < found, largest, zero);

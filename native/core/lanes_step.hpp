@@ -27,14 +27,15 @@ struct State {
 
 // What encounters side by side are, and where they are. Lanes that hold none go through the same steps.
 struct Motion {
-    Lanes b[ORDER + 1];                                // the coefficients of l over the last step, in [0, 1]
-    Lanes damping, stiffness, gain;                    // over M
-    Lanes position, velocity, acceleration;            // of the obstacle relative to the reference
+    Lanes b[ORDER + 1];                      // the coefficients of l over the last step, in [0, 1]
+    Lanes length, end, weakest, scale;       // of that step, where it ends, its damping; l at the start
+    Lanes position, velocity, acceleration;  // of the obstacle relative to the reference
     State state;
-    Lanes cap, length, end, bound, scale, steps, weakest;
+    Lanes damping, stiffness, gain;  // over M
+    Lanes cap, bound, steps;
     Lanes edge, leave, middle, terms[LARGEST_DEGREE + 1];  // the window; at and below `leave` the next holds l
 };
-constexpr int COPIED = __builtin_offsetof(Motion, edge) / sizeof(Lanes);  // rows that a search for the contact reads
+constexpr int COPIED = __builtin_offsetof(Motion, damping) / sizeof(Lanes);  // rows that a search for the contact reads
 
 // Contacts that were found, with the doubt about their time, over it.
 struct Contacts {
@@ -171,19 +172,52 @@ template <int DEGREE> __attribute__((noinline)) Taken take_step(Motion &m, doubl
     return {bits(good), bits(good & (sums.end < m.leave))};
 }
 
-// Find l = 0 inside steps that are proved monotone: Newton's method from the secant.
-inline Contacts find_in_step(const Motion &m) {
-    Lanes s = m.b[0] / (m.b[0] - m.end), change = s;
-    for (int i = 0; i < 6; i++) {
-        Lanes value = m.b[ORDER], slope = all(0.0);
-        unrolled<0, ORDER>([&](auto place) __attribute__((always_inline)) {
-            slope = value + slope * s;
-            value = m.b[ORDER - 1 - decltype(place)::value] + value * s;
-        });
-        const Lanes following = least(most(all(0.0), s - value / slope), all(1.0));
-        change = absolute(following - s);
-        s = following;
+// A polynomial of the order of a step and its slope. Even and odd powers are added up side by side.
+template <class V> struct Terms {
+    V at[ORDER + 1], slopes[ORDER + 1];
+
+    void set(int k, V b) {
+        at[k] = b;
+        slopes[k] = b * double(k);
     }
+    V value(V s, V square) const { return every_second<0>(at, square) + every_second<1>(at, square) * s; }
+    V slope(V s, V square) const { return every_second<1>(slopes, square) + every_second<2>(slopes, square) * s; }
+
+  private:
+    // every second term from a[FIRST] on, over the power of the first
+    template <int FIRST> static __attribute__((always_inline)) V every_second(const V *a, V square) {
+        constexpr int count = (ORDER - FIRST) / 2;
+        V sum = a[FIRST + 2 * count];
+        unrolled<0, count>([&](auto place) __attribute__((always_inline)) {
+            sum = a[FIRST + 2 * (count - 1 - decltype(place)::value)] + sum * square;
+        });
+        return sum;
+    }
+};
+
+// Newton's method from the secant for l = 0; change: how far its last step went. A lane that has arrived stays where it
+// is, for how long the others take.
+inline Lanes find_zero(const Motion &m, Lanes &change) {
+    constexpr double arrived = 1e-12;  // the next step is that squared
+    Terms<Lanes> l;
+    for (int k = 0; k <= ORDER; k++) l.set(k, m.b[k]);
+    Lanes s = m.b[0] / (m.b[0] - m.end);
+    change = s;
+    Masks open = s == s;
+    for (int i = 0; i < 6 && bits(open); i++) {
+        const Lanes square = s * s;
+        const Lanes following = least(most(all(0.0), s - l.value(s, square) / l.slope(s, square)), all(1.0));
+        change = where(open, absolute(following - s), change);
+        s = where(open, following, s);
+        open = open & (change > arrived);
+    }
+    return s;
+}
+
+// Find the contact inside steps that are proved monotone.
+inline Contacts find_in_step(const Motion &m) {
+    Lanes change;
+    const Lanes s = find_zero(m, change);
     const Lanes last = m.b[ORDER];
     Lanes slope = last * double(ORDER), bend = last * double(ORDER * (ORDER - 1)), area = last * (1.0 / (ORDER + 1));
     unrolled<0, ORDER>([&](auto place) __attribute__((always_inline)) {

@@ -55,14 +55,11 @@ template <int DEGREE> void enter_window(const double *window, bool is_lowest, Mo
 
 // The part of a step at which l passes a level, where Newton's method finds it, else one half.
 inline double level_part(const Motion &m, int lane, double level) {
-    double s = (m.b[0][lane] - level) / (m.b[0][lane] - m.end[lane]);
+    Terms<double> l;
+    for (int k = 0; k <= ORDER; k++) l.set(k, m.b[k][lane]);
+    double s = (l.at[0] - level) / (l.at[0] - m.end[lane]);
     for (int i = 0; i < 8; i++) {
-        double value = m.b[ORDER][lane], slope = 0.0;
-        for (int k = ORDER - 1; k >= 0; k--) {
-            slope = slope * s + value;
-            value = value * s + m.b[k][lane];
-        }
-        const double change = (value - level) / slope;
+        const double square = s * s, change = (l.value(s, square) - level) / l.slope(s, square);
         s = least(most(0.0, s - change), 1.0);
         if (absolute(change) < 1e-9) return s;
     }

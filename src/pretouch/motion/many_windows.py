@@ -206,7 +206,7 @@ def _joined(tables: list[FloatArray]) -> ManyWindows:
 def _finished(table: FloatArray, starts: IntArray, *, falling: bool | None = None) -> ManyWindows:
     table, starts = np.ascontiguousarray(table), starts.astype(np.int64)
     for array in (table, starts):
-        array.setflags(write=False)  # all alike: a kernel is compiled for each kind of array
+        array.setflags(write=False)  # they are kept
     known = bool((np.diff(starts) > 0).all())
     return ManyWindows(table=table, starts=starts, falling=known and (_falls(table) if falling is None else falling))
 

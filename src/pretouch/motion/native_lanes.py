@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import FloatArray, IntArray
 
 from .windows import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
 
@@ -137,9 +137,20 @@ def of_core(curves: Curves, n: int) -> _CurvesOfCore:
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
         raise ValueError(f"windows of {width} columns, and curves of {len(curve_of)} of {n} encounters")
-    if starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
-        raise ValueError("the windows of a curve are not in the table")
-    if n and not (curve_of.min() >= 0 and curve_of.max() < len(starts) - 1):
-        raise ValueError("an encounter has a curve that is not in the table")
+    if not (_is_known(starts, curve_of, rows) if shared else _are_known(starts, curve_of, rows)):
+        raise ValueError("an encounter has a curve whose windows are not in the table")
     at = address(windows), address(starts, _INDEX), address(curve_of, _INDEX)
     return _CurvesOfCore(at[0], rows, width, at[1], at[2], 0 if shared else 1)
+
+
+def _is_known(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
+    """Tell whether the one curve is in the table, without the overhead of NumPy's functions."""
+    which = int(curve_of[0])
+    return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
+
+
+def _are_known(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
+    """Tell whether the windows of every curve are in the table, and the curve of every encounter is one of them."""
+    if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
+        return False
+    return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)

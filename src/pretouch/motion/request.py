@@ -180,7 +180,6 @@ def make_request(
 def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
-        numbers.setflags(write=False)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))
     return tuple(_flat(column, shape) for column in columns)
 
@@ -190,6 +189,4 @@ def _flat(column: Any, shape: tuple[int, ...]) -> FloatArray:
     array = np.asarray(column, dtype=np.float64)
     if array.size != 1 and array.shape != shape:
         array = np.broadcast_to(array, shape)
-    flat = np.ascontiguousarray(array).reshape(-1)[:]
-    flat.setflags(write=False)  # all alike: a kernel is compiled anew for every mixture of arrays that are and are not
-    return flat
+    return np.ascontiguousarray(array).reshape(-1)

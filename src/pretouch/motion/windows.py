@@ -107,10 +107,7 @@ def alone(table: FloatArray) -> Curves:
     Returns:
         The curve as the block kernel reads it.
     """
-    starts, which = np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
-    for array in (starts, which):
-        array.setflags(write=False)  # all alike: a kernel is compiled for each kind of array
-    return table, starts, which
+    return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
 def line_windows(slope: float, top: float) -> FloatArray:

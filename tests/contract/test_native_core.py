@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import os
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -56,7 +57,9 @@ def test_the_address_is_where_the_numbers_lie(size, writeable):
 
 def test_one_number_for_all_encounters_has_the_stride_zero():
     arrays = [np.arange(3.0), np.ones(1)]
-    assert list(native.columns(arrays)) == [arrays[0].ctypes.data, 1, arrays[1].ctypes.data, 0]
+    assert struct.unpack("4q", native.columns(arrays, 3)) == (arrays[0].ctypes.data, 1, arrays[1].ctypes.data, 0)
+    with pytest.raises(TypeError, match="takes 1 or 4 numbers, not 3"):
+        native.columns(arrays, 4)
 
 
 def test_each_kind_of_processor_up_to_this_one_can_be_asked_for():

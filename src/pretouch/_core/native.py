@@ -35,7 +35,17 @@ _OTHER: Final = "PRETOUCH_LIBRARY"  # a library in the place of the own one, suc
 _SUFFIXES: Final = {"win32": ".dll", "darwin": ".dylib"}
 _FLOAT: Final = np.dtype(np.float64)
 _word: Final = ctypes.c_size_t.from_address
-_HEAD: Final = object.__basicsize__ if sys.implementation.name == "cpython" else None
+
+
+def _head() -> int | None:
+    """Return where an array's own object holds the address of its numbers, None where it can not be told so."""
+    if sys.implementation.name != "cpython":
+        return None
+    probe, head = np.zeros(1), object.__basicsize__  # the first field, by NumPy's ABI
+    return head if _word(id(probe) + head).value == probe.ctypes.data else None
+
+
+_HEAD: Final = _head()
 
 
 @lru_cache(maxsize=1)
@@ -116,7 +126,7 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
         raise TypeError(f"a kernel takes contiguous arrays of {dtype}, not {array.dtype} with strides {array.strides}")
     if _HEAD is None:
         return int(array.__array_interface__["data"][0])
-    return _word(id(array) + _HEAD).value  # first in NumPy's object, by its ABI: ten times as fast as to ask for it
+    return _word(id(array) + _HEAD).value  # ten times as fast as to ask for it
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:

@@ -9,6 +9,7 @@ from typing import Any
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import nonnegative, positive
 from pretouch.control import Controller
+from pretouch.control.butterworth import design_low_pass
 
 from .chain import SensorChain
 
@@ -102,18 +103,14 @@ def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
     # where the two clocks have no common beat, a reading waits for half a step on average
     waiting = math.ceil(ready / period - 1e-9) * period - ready if together else period / 2
     median = (conditioning.median_window - 1) / 2 * chain.period
-    sections: Any = ()
-    if conditioning.low_pass_order:
-        from scipy.signal import butter  # noqa: PLC0415 - heavy
-
-        sections = butter(conditioning.low_pass_order, conditioning.cutoff, fs=chain.rate, output="sos")
+    designed = design_low_pass(conditioning.low_pass_order, conditioning.cutoff, chain.rate)
     hold = period if conditioning.sensor_period is None else conditioning.sensor_period
     return LoopTiming(
         rate=chain.rate,
         delay=chain.latency + max(waiting, 0.0) + median,
         hold=hold,
         exposure=chain.exposure,
-        sections=sections,
+        sections=[(s.b0, s.b1, s.b2, 1.0, s.a1, s.a2) for s in designed],
     )
 
 

@@ -29,7 +29,7 @@ __all__ = ["design_admittance"]
 _GAINS: Final = 65
 _STARTS: Final = 8
 _HOPELESS: Final = 10.0  # times a limit: what misses one by so much on the whole grid meets it nowhere between
-_TESTS: Final = 11  # 2^11 encounters
+_TESTS: Final = 2048  # encounters
 _SAME: Final = 1e-3  # of the range of each coordinate: minima closer than this are one
 _BETTER: Final = 1e-9  # relative: an objective that is lower by less is the same
 _ROUNDS: Final = 4
@@ -192,13 +192,11 @@ class _Search:
     """The grid, the tests, and the minima found from them."""
 
     def __init__(self, trials: Trials) -> None:
-        from scipy.stats import qmc  # noqa: PLC0415 - `import pretouch` stays quick
-
         self.trials = trials
         self.grid = trials.freedom.lattice(_GAINS)
         self.rows, _ = trials.rows(self.grid)
         self.values = np.where(trials.feasible(self.rows), self.rows[:, 0], np.inf)
-        self.tests: FloatArray = qmc.Sobol(trials.freedom.size, scramble=True, seed=0).random_base2(_TESTS)
+        self.tests: FloatArray = trials.freedom.spread(_TESTS)
         self.test_values = trials.values(self.tests)[:, 0]
         self.known: list[AdmittanceMinimum] = []
 

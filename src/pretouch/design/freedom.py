@@ -120,6 +120,16 @@ class Freedom:
         columns = [np.linspace(0.0, 1.0, count) for count in (gains, *others)]
         return np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, self.size)
 
+    def spread(self, count: int) -> FloatArray:
+        """Return points that lie nowhere dense and nowhere sparse between the ends, shape (count, size).
+
+        They are multiples of the inverse powers of x, where x^(size + 1) = x + 1, which generalize the golden section
+        (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992, on such sequences).
+        """
+        x = float(np.roots([1.0, *([0.0] * (self.size - 1)), -1.0, -1.0]).real.max())
+        steps = x ** -np.arange(1.0, self.size + 1)
+        return np.asarray((0.5 + np.arange(count)[:, None] * steps) % 1.0)
+
 
 def make_freedom(
     scenario: Scenario, bounds: Range, natural_frequency: Sequence[float] | None, damping_ratio: Sequence[float] | None

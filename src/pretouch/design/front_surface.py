@@ -21,7 +21,7 @@ from .trials import Trials
 __all__ = ["SurfaceFront", "find_front"]
 
 _GAINS: Final = 49
-_TESTS: Final = 11  # 2^11 encounters
+_TESTS: Final = 2048  # encounters
 _ROUNDS: Final = 3
 _SPACING: Final = 0.03  # between neighbors of the front, of its extent; with three quantities, see _POINTS
 _GAP: Final = 2.5  # times that: what neither points nor searches between them have closed
@@ -60,12 +60,10 @@ def find_front(trials: Trials) -> SurfaceFront:
     Returns:
         The front; empty where nothing is feasible on the grid.
     """
-    from scipy.stats import qmc  # noqa: PLC0415 - `import pretouch` stays quick
-
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))
-    tests = qmc.Sobol(trials.freedom.size, scramble=True, seed=0).random_base2(_TESTS)
+    tests = trials.freedom.spread(_TESTS)
     tests_values = trials.values(tests)
     every = np.concatenate([grid, tests]), np.concatenate([grid_values, tests_values])
     if not len(best):

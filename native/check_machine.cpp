@@ -1,0 +1,41 @@
+// Runs kernels on the cases that check_machine.py wrote, and prints how far the answers are from those found there.
+
+#include <math.h>
+#include <stdio.h>
+
+#include "cases.h"
+#include "core/pretouch.h"
+
+static int compare(const char *name, const double *found, const double *expected, int n, double allowed) {
+    double worst = 0.0;
+    for (int i = 0; i < n; i++) {
+        if (isnan(found[i]) && isnan(expected[i])) continue;
+        const double far = found[i] == expected[i] ? 0.0 : fabs(found[i] - expected[i]) / fmax(fabs(expected[i]), 1e-6);
+        worst = far <= worst ? worst : far;  // also where it is not a number
+    }
+    printf("%-12s %5d numbers, %.1e apart (%.0e allowed)\n", name, n, worst, allowed);
+    return !(worst <= allowed);
+}
+
+int main(void) {
+    static double time[N], states[5 * N], contacts[6 * N], rows[15 * N], designs[3 * N];
+    static int8_t status[N];
+    static int64_t ended[N];
+    pretouch_column inputs[9];
+    for (int i = 0; i < 9; i++) inputs[i] = {INPUTS + i * N, 1};
+    pretouch_curves curves = {WINDOWS, WINDOW_ROWS, WINDOW_WIDTH, STARTS, CURVE_OF, 0};
+    int failed = 0;
+    pretouch_linear_contacts(inputs, N, SLOPE, 30.0, time, status, states, N, 0);
+    failed |= compare("linear", states, EXPECTED_LINEAR, 5 * N, 1e-9);
+    pretouch_series_contacts(inputs, N, &curves, 30.0, contacts, status);
+    failed |= compare("lanes", contacts, EXPECTED_LANES, 6 * N, 1e-8);
+    pretouch_solve_series(VALUES, N, INPUTS + 8 * N, PIECES, PIECE_ROWS, PIECE_WIDTH, 30.0, 1, 0, rows, ended);
+    failed |= compare("guaranteed", rows, EXPECTED_SERIES, 15 * N, 1e-8);
+    const double term[4] = {4.0, 1.0, 2.0, 0.0}, other[4] = {1.0, 25.0, 2.0, 0.0};
+    double terms[8];
+    for (int i = 0; i < 4; i++) terms[i] = term[i], terms[4 + i] = other[i];
+    pretouch_find_gains(DESIGN_INPUTS, N, SLOPE, &curves, 1, 30.0, terms, 2, 0.05, asinh(-10.0 / 0.05),
+                        asinh(-0.01 / 0.05), -10.0, -0.01, designs);
+    failed |= compare("designs", designs, EXPECTED_DESIGNS, 3 * N, 1e-6);
+    return failed;
+}

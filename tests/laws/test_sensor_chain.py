@@ -225,3 +225,23 @@ def test_a_random_phase_is_another_in_each_run_and_uniform() -> None:
 def test_a_phase_is_given_or_random() -> None:
     with pytest.raises(pt.InvalidInputError, match=r"phase: found 0\.01 s beside a random phase"):
         pt.SensorChain(rate=20.0, phase=0.01, random_phase=True)
+
+
+def test_a_reading_within_the_step_that_ends_at_a_touch_is_that_of_its_instant() -> None:
+    """A mass that nothing pulls touches at 33.3 ms, a third into a step, and is looked at 0.23 ms before: at 70 um."""
+    curve = pt.ExponentialFirstOrder(scale=1.0, rate=-1.0)
+    free = pt.ImpedancePlant(mass=1.7, stiffness=1e-9, damping=0.0, feedforward=False)
+    scenario = pt.Scenario(
+        admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0),
+        obstacle=pt.Obstacle(position=0.01),
+        plant=pt.Plant(velocity=0.3),
+    )
+    law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
+    chain = pt.SensorChain(rate=1000.0, phase=1e-4)
+    contact = pt.SpringDamper(stiffness=1e4)
+    run = pt.simulate(scenario, curve, law, chain=chain, plant=free, contact=contact, follow=0.01)
+    trace = run.trace()
+    assert run.time == pytest.approx(0.01 / 0.3, abs=1e-9)
+    read = trace.reading[np.searchsorted(trace.time, 0.034 - 1e-9)]
+    # ln xi is tabulated to 1e-12, and the servo's 1e-9 N/m move the mass by less
+    assert -np.log(read) == pytest.approx(0.01 - 0.3 * 0.0331, abs=1e-11)

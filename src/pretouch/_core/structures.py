@@ -42,8 +42,12 @@ class Structure(ctypes.Structure):
         return hash((type(self), bytes(self)))
 
     def __repr__(self) -> str:
-        said = (f"{name}={getattr(self, name)!r}" for name, *_ in self._fields_)
+        said = (f"{name}={_shown(getattr(self, name))!r}" for name, *_ in self._fields_)
         return f"{type(self).__name__}({', '.join(said)})"
+
+
+def _shown(value: Any) -> Any:
+    return [_shown(part) for part in value] if isinstance(value, ctypes.Array) else value
 
 
 def copy_of(memory: T) -> T:

@@ -31,6 +31,7 @@ __all__ = ["Laws", "Runs", "contact_step", "cubic", "elastic_duration", "first_t
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
 _READING: Final = 3  # numbers of a reading on its way
+_AT_ONCE: Final = 16  # encounters, between which an interrupt is heard
 _JITTERS: Final = 16  # deviations by which a start is shifted at most; none of 2^53 draws is beyond 9
 
 _run: Final = kernel("run_encounters", POINTER, POINTER, INTEGER, POINTER, POINTER, INTEGER)
@@ -185,9 +186,11 @@ class Runs:
             loop.laws.step = called.address
         state = np.zeros(self._states.shape[1])
         waiting = np.empty((self._room, _READING))
-        _run(byref(loop), address(which, _INDEX), len(which), address(state), address(waiting), self._room)
-        if called is not None and called.raised is not None:
-            raise called.raised
+        for start in range(0, len(which), _AT_ONCE):
+            some = which[start : start + _AT_ONCE]
+            _run(byref(loop), address(some, _INDEX), len(some), address(state), address(waiting), self._room)
+            if called is not None and called.raised is not None:
+                raise called.raised
 
     def _waiting(self, period: float) -> int:
         """Return how many readings can be on their way at once."""

@@ -19,6 +19,7 @@ constexpr int TERMS = 10;         // coefficients of g on a piece, at most
 constexpr double OVERLAP = 1e-9;  // of a piece's width: how far its polynomial is used beyond its border
 constexpr double LEFT_OUT = 1e-16;  // of l': what a step may leave out of it
 constexpr double LEAST = 1e-30;     // of y: what is smaller moves no slope, and its tenth power would be denormal
+constexpr double SHORTEST_UNIT = 1e-300;  // [s]: its inverse is a number
 constexpr double SLOW = 1e-6;       // of l over a step: an l' that moves less need not be known better
 
 struct Piece {
@@ -136,7 +137,8 @@ inline void expand(const Values &m, double gain, const Piece &piece, double time
         powers[4] = d;
         const Pair sum = (pairs[1] * a + pairs[2] * b) + (pairs[3] * c + pairs[4] * d);
         out.force[k] = (k + 1) * ((sum[0] + sum[1] + g[1] * evens) + straight);
-        const double pull = drive[k] - m.stiffness * out.l[k] - m.damping * out.v[k] - gain * out.force[k];
+        const double held = m.damping * out.v[k] + m.stiffness * out.l[k];  // summed as what drives it is, to cancel
+        const double pull = (drive[k] - held) - gain * out.force[k];
         out.v[k + 1] = per_mass * INVERSE.at[k + 1] * pull;
     }
 }
@@ -163,7 +165,8 @@ inline double scale_of(const Values &m, double start, double time, double l) {
 // The unit of time [s] of the first step.
 inline double first_unit(const Values &m, double gain, const Piece &piece, double speed, double horizon) {
     const double rate = fabs(m.damping + gain * piece.g[0]) / m.mass + sqrt(m.stiffness / m.mass);
-    return smaller(smaller(rate > 0 ? 1.0 / rate : 1.0, 2 * piece.half / larger(fabs(speed), 1e-12)), horizon);
+    const double slow = rate > 0 ? 1.0 / rate : 1.0, crossing = 2 * piece.half / larger(fabs(speed), 1e-12);
+    return larger(smaller(smaller(slow, crossing), horizon), SHORTEST_UNIT);
 }
 
 }  // namespace pretouch

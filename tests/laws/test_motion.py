@@ -361,3 +361,14 @@ def test_a_solve_that_makes_no_sense_is_refused(change: dict, message: str | Non
         return
     with pytest.raises(InvalidInputError, match=message):
         find_contact(scenario, sensor, change.get("gain", -1.0), **options)
+
+
+@pytest.mark.parametrize("horizon", [1e-9, 1e-300, 5e-324])
+def test_a_horizon_may_be_as_short_as_a_number(horizon: float) -> None:
+    scenario = Scenario(
+        admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        obstacle=Obstacle(position=0.0422, velocity=-0.3),
+    )
+    found = find_contact(scenario, CURVES["inverse-power"], -1.0, horizon=horizon)
+    assert found.status is ContactStatus.HORIZON
+    assert found.end.time == horizon

@@ -2,11 +2,11 @@
 //
 // In Bernstein's form: for s in [0, 1]
 //
-//     sum_{k <= 6} a_k s^k = sum_j beta_j B_j(s),   beta_j = sum_{k <= j} a_k C(j, k) / C(6, k),   B_j >= 0, sum B_j = 1,
+//     sum_{k <= 6} a_k s^k = sum_j beta_j B_j(s),  beta_j = sum_{k <= j} a_k C(j, k) / C(6, k),  B_j >= 0, sum B_j = 1,
 //
-// lies between the least and the largest beta, and what follows a_6 s^6 adds to beta_6 at most the sum of its magnitudes,
-// for s^7 <= s^6 = B_6(s). In the form of full degree a polynomial has at least as many changes of sign as it has zeros
-// (Descartes), so that as many zeros of q' as that, found between nine values, are all.
+// lies between the least and the largest beta, and what follows a_6 s^6 adds to beta_6 at most the sum of its
+// magnitudes, for s^7 <= s^6 = B_6(s). In the form of full degree a polynomial has at least as many changes of sign as
+// it has zeros (Descartes), so that as many zeros of q' as that, found between nine values, are all.
 
 #pragma once
 
@@ -60,7 +60,9 @@ template <int N> __attribute__((always_inline)) inline Lanes total(const Polynom
 
 template <int N> __attribute__((always_inline)) inline Lanes value_at(const Polynomial<N> &a, Lanes s) {
     Lanes value = a.at[N - 1];
-    unrolled<1, N>([&](auto k) __attribute__((always_inline)) { value = a.at[N - 1 - decltype(k)::value] + value * s; });
+    unrolled<1, N>([&](auto k) __attribute__((always_inline)) {
+        value = a.at[N - 1 - decltype(k)::value] + value * s;
+    });
     return value;
 }
 
@@ -104,12 +106,14 @@ template <int N> inline Lanes find_turn(const Polynomial<N> &slope, const Turn &
     return change;
 }
 
-// The largest magnitudes of polynomials at the zeros of their slopes inside [0, 1]; what is not certain is not a number.
+// The largest magnitudes of polynomials at the zeros of their slopes inside [0, 1]; what is not certain is not a
+// number.
 template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> &q) {
     const Polynomial<N - 1> slope = slope_of(q);
     const Lanes zero = all(0.0);
     Turn first = {zero, zero}, last = {zero, zero};
-    Lanes found = zero, here = where(zero < absolute(slope.at[0]), slope.at[0], q.at[2]);  // from rest: the way it bends
+    Lanes found = zero;
+    Lanes here = where(zero < absolute(slope.at[0]), slope.at[0], q.at[2]);  // from rest: the way it bends
     for (int j = 0; j < PARTS; j++) {
         const Lanes next = j + 1 < PARTS ? value_at(slope, all((j + 1.0) / PARTS)) : total(slope);
         const Masks changed = here * next < 0.0, is_first = changed & (found < 0.5);

@@ -1,18 +1,19 @@
 // Encounters side by side, from the first step to the contact; what is not proved is left open.
 //
 // As many encounters at a time as there are lanes take Taylor steps, each with its own time, its own step and its own
-// window of its curve. The windows of all curves lie in one table, and each encounter knows which are its own. An encounter
-// that ends makes room for the next at once: no lane waits for another, and no result depends on what the other lanes hold.
-// Encounters that reach the contact wait in a second set of rows until that is full, to be finished together.
+// window of its curve. The windows of all curves lie in one table, and each encounter knows which are its own. An
+// encounter that ends makes room for the next at once: no lane waits for another, and no result depends on what the
+// other lanes hold. Encounters that reach the contact wait in a second set of rows until that is full, to be finished
+// together.
 //
-// What is proved. On each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) bounds dl/ds from above.
-// A step counts only where that bound is negative: then l falls all along, its value at the end decides whether it passed
-// 0, and the first zero is the only one. Where the bound fails the step is shortened; where that does not help, the
+// What is proved. On each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) bounds dl/ds from
+// above. A step counts only where that bound is negative: then l falls all along, its value at the end decides whether
+// it passed 0, and the first zero is the only one. Where the bound fails the step is shortened; where that does not
+// help, the encounter is left open.
+//
+// What is estimated. The last coefficient of each step, as an error of l and of l', is carried to the contact
+// (undamped, or growing, or strengthened by a damping that fades), and divided by |l'|. Above 1e-10 of the time the
 // encounter is left open.
-//
-// What is estimated. The last coefficient of each step, as an error of l and of l', is carried to the contact (undamped, or
-// growing, or strengthened by a damping that fades), and divided by |l'|. Above 1e-10 of the time the encounter is left
-// open.
 
 #pragma once
 
@@ -252,7 +253,7 @@ template <int DEGREE, class Beside> class Block {
     }
 
     // Find the contacts of the encounters that wait, and write them.
-    void finish() {
+    __attribute__((noinline)) void finish() {
         Motion &m = queue.motion;
         const Contacts found = find_in_step(m);
         const uint64_t there = (1ULL << waiting) - 1;

@@ -1,10 +1,10 @@
 // The largest demands along the steps of encounters side by side.
 //
-// Over a step all demands are polynomials q(s), s in [0, 1]: with y = -x~ those of y, y shifted by the reference, y', y''
-// and F_p. What each reaches at the ends of the steps is kept. It can reach more inside a step only where q' changes its
-// sign, and then at most by the smaller of max q' and max -q'. These two are bounded in Bernstein's form. A polynomial for
-// which that does not settle the matter waits until there are as many as there are lanes, to have its peak found by
-// find_peaks.
+// Over a step all demands are polynomials q(s), s in [0, 1]: with y = -x~ those of y, y shifted by the reference, y',
+// y'' and F_p. What each reaches at the ends of the steps is kept. It can reach more inside a step only where q'
+// changes its sign, and then at most by the smaller of max q' and max -q'. These two are bounded in Bernstein's form. A
+// polynomial for which that does not settle the matter waits until there are as many as there are lanes, to have its
+// peak found by find_peaks.
 
 #pragma once
 
@@ -18,7 +18,8 @@ namespace {
 constexpr int TERMS_OF_PEAK = ORDER + 1;
 constexpr double SPARE = 64.0;  // steps are as short as a tolerance smaller by this makes them: derivatives lose digits
 constexpr double PEAK_ROUNDING = 1e-14;
-constexpr double DOUBT = 2e-10, STEEP_DOUBT = 5e-10;  // of the largest; estimates are last terms kept, those left out 1/16
+// Of the largest; estimates are last terms kept, those left out are 1/16.
+constexpr double DOUBT = 2e-10, STEEP_DOUBT = 5e-10;
 
 enum { EXCURSION, TRAVEL, OWN_SPEED, OWN_ACCELERATION, FORCE, PEAKS };
 
@@ -176,7 +177,8 @@ void follow_demands(const Motion &m, Demands &d, Lanes start, Masks moved, const
             for (int k = 0; k < TERMS_OF_PEAK; k++) {
                 room.waiting.at[k][at] = k < TERMS_OF_PEAK - power ? demands.of[row].at[k][lane] : 0.0;
             }
-            const double length = m.length[lane], unit = power == 0 ? 1.0 : 1.0 / (power == 1 ? length : length * length);
+            const double length = m.length[lane];
+            const double unit = power == 0 ? 1.0 : 1.0 / (power == 1 ? length : length * length);
             room.unit[at] = unit * (row == FORCE ? force_factor<IS_LINE>(m, d, lane) : 1.0);
             room.whose[at] = owners[lane];
             room.which[at] = row;
@@ -190,8 +192,8 @@ template <bool IS_LINE>
 void write_demands(const Motion &m, const Demands &d, int lane, double time, int64_t i, const DemandsOut &out) {
     const double v = m.velocity[lane], a = m.acceleration[lane];
     // what rounding leaves of quantities that are differences of larger ones, on the guaranteed path as well
-    const double fastest = 2 * absolute(v) + absolute(d.first_speed[lane]) + absolute(a) * time + absolute(d.drift[lane]);
-    const double speed = PEAK_ROUNDING * fastest;
+    const double approach = 2 * absolute(v) + absolute(d.first_speed[lane]) + absolute(a) * time;
+    const double speed = PEAK_ROUNDING * (approach + absolute(d.drift[lane]));
     const double way = PEAK_ROUNDING * (absolute(m.position[lane]) + absolute(d.x0[lane])) + speed * time;
     const double bend = (absolute(m.damping[lane]) + m.state.strongest[lane]) * speed + m.stiffness[lane] * way +
                         PEAK_ROUNDING * absolute(a);

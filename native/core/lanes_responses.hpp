@@ -15,8 +15,8 @@
 //
 //     0 = M d_M + D d_D + K d_K + D_p d_Dp.
 //
-// (Other units and another origin of time would give h_2 and h_1 as well, but lose digits: the one divides by l'(0), which
-// is small at a slow start, the other takes those of the damping rate where the motion is stiff.)
+// (Other units and another origin of time would give h_2 and h_1 as well, but lose digits: the one divides by l'(0),
+// which is small at a slow start, the other takes those of the damping rate where the motion is stiff.)
 
 #pragma once
 
@@ -117,11 +117,13 @@ template <> struct SlopeCurve<0> {
 template <> struct SlopeCurve<1> {
     __attribute__((always_inline)) SlopeCurve(const Motion &m, Series<0> &g) { g.at[0] = m.terms[1]; }
 
-    template <int N> __attribute__((always_inline)) Lanes next(const Series<1> &, const Series<0> &) { return all(0.0); }
+    template <int N> __attribute__((always_inline)) Lanes next(const Series<1> &, const Series<0> &) {
+        return all(0.0);
+    }
 };
 
-// A step as the equation of small changes needs it: -c, and the forces x~', x~ and -d(ln xi)/dt on the response to each, all
-// over the time that the step is long.
+// A step as the equation of small changes needs it: -c, and the forces x~', x~ and -d(ln xi)/dt on the response to
+// each, all over the time that the step is long.
 struct Around {
     Lanes minus_c[ORDER], force[3][ORDER], moments[3][3];  // moments: of 1, t and t^2/2
     Lanes pull, length;
@@ -130,7 +132,9 @@ struct Around {
 template <int DEGREE> __attribute__((always_inline)) inline void look_along(const Motion &m, Around &s) {
     Series<0> g, rate;
     Series<1> z;
-    unrolled<0, ORDER + 1>([&](auto k) __attribute__((always_inline)) { z.at[decltype(k)::value] = m.b[decltype(k)::value]; });
+    unrolled<0, ORDER + 1>([&](auto k) __attribute__((always_inline)) {
+        z.at[decltype(k)::value] = m.b[decltype(k)::value];
+    });
     SlopeCurve<DEGREE> curve(m, g);
     unrolled<1, ORDER>([&](auto place) __attribute__((always_inline)) {
         constexpr int n = decltype(place)::value;

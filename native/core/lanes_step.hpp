@@ -16,7 +16,7 @@ namespace {
 
 constexpr double LOG_TOLERANCE = -43.5;  // log2 of what the last coefficient may add to l, of l at the start: 8e-14
 constexpr double ROUNDING = 2e-16;
-constexpr double MOST_STEPS = 200.0;  // what takes more is stiff: l' and l'' are differences of much larger numbers there
+constexpr double MOST_STEPS = 200.0;  // what takes more is stiff: l' and l'' are differences of much larger numbers
 constexpr double NEVER = 1e300;
 constexpr double SMALLEST = 1e-300;
 constexpr double MOST_NEGATIVE = -1e-9;  // of the first coefficient: l falls all along where its bound is below that
@@ -48,7 +48,7 @@ struct Taken {
 };
 
 // The upper half of a float's bits is its logarithm to the base 2, to 0.09, in units of 2^-20. Here with 2^52 and what
-// belongs to 1 added.
+// belongs to 1 added: an integer that is put into the bits of 2^52 needs no conversion.
 constexpr double LOG_UNIT = 0x1p-20;
 inline Lanes rough_log2(Lanes x) {
     typedef uint64_t Words __attribute__((vector_size(WIDTH * sizeof(uint64_t))));  // whose shift brings in zeros
@@ -115,8 +115,8 @@ struct Sums {
     Lanes end, turn, area, bound;
 };
 
-// Scale the coefficients to the length of the step; the sums of even and of odd orders, and the powers of the length, are
-// made side by side.
+// Scale the coefficients to the length of the step; the sums of even and of odd orders, and the powers of the length,
+// are made side by side.
 __attribute__((always_inline)) inline Sums scale(Motion &m, const Lanes *c, Lanes length) {
     Lanes power[ORDER + 1];
     power[1] = length;

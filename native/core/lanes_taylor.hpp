@@ -1,14 +1,14 @@
 // Coefficients of products of series, and of ln xi along a motion, one order after the other.
 //
-// With l = c_0 + c_1 t + ... and v_k = (k + 1) c_{k+1}, coefficient k of d(ln xi)/dt is g v_k and a rest that knows older
-// coefficients only. The rest comes from the polynomial sum_j a_j z^j about the present l, with z = l(t) - l(0) =
+// With l = c_0 + c_1 t + ... and v_k = (k + 1) c_{k+1}, coefficient k of d(ln xi)/dt is g v_k and a rest that knows
+// older coefficients only. The rest comes from the polynomial sum_j a_j z^j about the present l, with z = l(t) - l(0) =
 // c_1 t + c_2 t^2 + ..., by Paterson's and Stockmeyer's way: z^2, z^3 and z^4 are series once, and
 //
 //     degree 4:   a_1 z + a_2 z^2 + z^2 (a_3 z + a_4 z^2)
 //     degree 12:  a_1 z + ... + a_3 z^3 + z^4 (a_4 + ... + a_7 z^3 + z^4 (a_8 + ... + a_12 z^4))
 //
-// so that 1.5 and 4 convolutions are left, all of them short since z starts at order one. For g = n / (l + l_0), degree 0,
-// one is enough: q (l + l_0) = l', d(ln xi)/dt = n q. A constant slope, degree 1, needs none: the motion is linear.
+// so that 1.5 and 4 convolutions are left, all of them short since z starts at order one. For g = n / (l + l_0), degree
+// 0, one is enough: q (l + l_0) = l', d(ln xi)/dt = n q. A constant slope, degree 1, needs none: the motion is linear.
 
 #pragma once
 
@@ -83,8 +83,8 @@ __attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, L
     });
 }
 
-// ln xi along the motion: its slope at the start, and what it adds to the acceleration beside that. What stands between a
-// coefficient and the next is kept short, for that is what a step waits for: sums end with what comes last.
+// ln xi along the motion: its slope at the start, and what it adds to the acceleration beside that. What stands between
+// a coefficient and the next is kept short, for that is what a step waits for: sums end with what comes last.
 template <int DEGREE> struct LogCurve {
     Lanes a[DEGREE + 1], slope, weight;
     Series<1> z, twice, inner, outer;

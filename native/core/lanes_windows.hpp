@@ -1,4 +1,5 @@
-// What is done for one lane at a time: find, enter and read the windows of its curve, and steps on which l need not fall.
+// What is done for one lane at a time: find, enter and read the windows of its curve, and steps on which l need not
+// fall.
 
 #pragma once
 
@@ -11,7 +12,7 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 constexpr int EDGE = 0, LOW = 1, TOP = 2, LEAVE = 3, MIDDLE = 4, TERMS = 5;  // columns of a window
-constexpr double TURN = 24;  // steps that a turn counts as: some forty are enough, a long swing is for the guaranteed path
+constexpr double TURN = 24;  // steps that a turn counts as: some forty are enough, a long swing is for solve_series
 
 // Windows of all curves, from l = 0 upward.
 struct Windows {
@@ -36,7 +37,8 @@ inline double window_slope(const double *window, int64_t width, double l) {
 inline int64_t find_window(const Windows &windows, int64_t first, int64_t last, double l, int64_t hint) {
     int64_t low = first, high = last - 1;
     if (!(l <= windows[high][TOP])) return -1;
-    if (low <= hint && hint <= high && l <= windows[hint][TOP] && (hint == low || l > windows[hint - 1][TOP])) return hint;
+    const bool hinted = low <= hint && hint <= high;
+    if (hinted && l <= windows[hint][TOP] && (hint == low || l > windows[hint - 1][TOP])) return hint;
     while (low < high) {
         const int64_t middle = (low + high) / 2;
         if (l <= windows[middle][TOP]) high = middle;
@@ -66,8 +68,8 @@ inline double level_part(const Motion &m, int lane, double level) {
     return 0.5;
 }
 
-// Move a lane over a step on which l need not fall, where its coefficients prove that l stays between two levels. Returns
-// whether that is proved, the step ends within the horizon, and it is none too many.
+// Move a lane over a step on which l need not fall, where its coefficients prove that l stays between two levels.
+// Returns whether that is proved, the step ends within the horizon, and it is none too many.
 inline bool pass_turn(Motion &m, int lane, double low, double top, double horizon) {
     if (!(m.steps[lane] < MOST_STEPS)) return false;
     double below = 0.0, above = 0.0, area = 0.0, speed = 0.0;

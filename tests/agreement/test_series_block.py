@@ -214,6 +214,33 @@ def test_a_curve_that_ends_before_the_surface_has_no_contact() -> None:
     assert (solve(letter(20, seed=11), windows)[1] == OPEN).all()
 
 
+def test_what_the_kernel_would_misread_is_refused() -> None:
+    inputs, (windows, starts, curve_of) = letter(20, seed=14), alone(table("table"))
+    out, status = np.empty((6, 20)), np.empty(20, dtype=np.int8)
+    good = (tuple(inputs), (windows, starts, curve_of), HORIZON, out, status)
+    contact_times(*good)
+    wrong_curves = [
+        (windows[:, :-1].copy(), starts, curve_of),  # a degree that is none
+        (windows, starts + 1, curve_of),
+        (windows, starts, curve_of + 1),
+        (windows, starts, np.repeat(curve_of, 19)),
+        (windows, starts, np.repeat(curve_of + 1, 20)),
+        (windows, starts[::-1].copy(), np.repeat(curve_of, 20)),
+    ]
+    for curves in wrong_curves:
+        with pytest.raises(ValueError, match="curve"):
+            contact_times(tuple(inputs), curves, HORIZON, out, status)
+    for few in (inputs[:8], [*inputs[:8], inputs[8][:19]]):
+        with pytest.raises(ValueError, match="9 inputs"):
+            contact_times(tuple(few), *good[1:])
+    with pytest.raises(ValueError, match="shape"):
+        contact_times(*good[:3], np.empty((5, 20)), status)
+    with pytest.raises(TypeError, match="int8"):
+        contact_times(*good[:4], status.astype(np.int64))
+    with pytest.raises(TypeError, match="contiguous"):
+        contact_times(*good[:3], np.empty((20, 6)).T, status)
+
+
 STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central, of order 8
 
 

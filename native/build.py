@@ -1,6 +1,7 @@
 """Builds the compiled core: one plain shared library, by the machine's compiler or, where there is none, by zig's.
 
     python native/build.py            into src/pretouch/_core/
+    python native/build.py --strict   no compiler may warn; a wheel is built without, for the compilers to come
     python native/build.py --sanitize with checks of addresses and undefined behavior, into build/native/sanitized/
 
 Nothing here needs Python.h, so one library serves every Python. `lanes_*.cpp` are compiled once for each kind of
@@ -25,7 +26,7 @@ NATIVE = Path(__file__).resolve().parent
 ZIG = "ziglang>=0.14,<0.18"
 """What pip brings where the machine has no compiler."""
 
-WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi -Werror"
+WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi"
 LAW = f"-std=c99 -O2 -ffp-contract=off -pedantic {WARNINGS}"
 PLAIN = f"-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics {WARNINGS}"
 UNROLLED = {"series", "stiff_step", "follow"}
@@ -83,11 +84,12 @@ def library_path(root: Path) -> Path:
     return root / "src/pretouch/_core" / f"libpretouch{SUFFIXES.get(this_target().split('-')[0], '.so')}"
 
 
-def build(library: Path, *, sanitize: bool = False) -> Path:
+def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Path:
     """Compile every source and link them by the C compiler: no C++ runtime is needed.
 
     Args:
         library: where it is put.
+        strict: take a warning for an error.
         sanitize: check addresses and undefined behavior when it runs.
 
     Returns:
@@ -97,6 +99,7 @@ def build(library: Path, *, sanitize: bool = False) -> Path:
     cc, cxx = compilers() or _zig()
     common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
     common += SANITIZED.split() if sanitize else ["-g0"]
+    common += ["-Werror"] if strict else []
     jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
     for path in sorted(NATIVE.glob("core/*.cpp")):
         if not path.name.startswith("lanes_"):
@@ -154,10 +157,11 @@ def main() -> None:
     """Build in place."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--sanitize", action="store_true", help="check addresses and undefined behavior")
-    sanitize = parser.parse_args().sanitize
-    root = NATIVE.parent
-    made = library_path(root) if not sanitize else root / "build/native/sanitized" / library_path(root).name
-    print(build(made, sanitize=sanitize).relative_to(root))
+    parser.add_argument("--strict", action="store_true", help="take a warning for an error")
+    wanted, root = parser.parse_args(), NATIVE.parent
+    own = library_path(root)
+    made = root / "build/native/sanitized" / own.name if wanted.sanitize else own
+    print(build(made, strict=wanted.strict, sanitize=wanted.sanitize).relative_to(root))
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ inline double number(const pretouch_column &column, int64_t i) { return column.a
 
 inline Masks chosen(uint64_t which) {
     Masks bit;
-    for (int i = 0; i < WIDTH; i++) bit[i] = 1LL << i;
+    for (int i = 0; i < WIDTH; i++) bit[i] = (int64_t)1 << i;
     return ((Masks{} + int64_t(which)) & bit) != 0;
 }
 

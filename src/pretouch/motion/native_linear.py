@@ -177,7 +177,7 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve encounters with ln xi' = slope, each alone, whatever it is like.
+    """Solve L(7), in the distance L(8), where ln xi' is a slope, each encounter alone, whatever it is like.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).

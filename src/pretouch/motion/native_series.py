@@ -34,7 +34,7 @@ def solve_series(
     rows: FloatArray,
     status: IntArray,
 ) -> None:
-    """Solve encounters for a curve given as pieces, one by one.
+    """Integrate L(1) with L(2), which is L(4), L(7) or L(14) as the curve may be, for a curve given as pieces.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).

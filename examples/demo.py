@@ -20,7 +20,6 @@ def pretouch(*arguments: str, expected: int = 0) -> None:
 def main() -> None:
     """Run the demonstration."""
     OUTPUT.mkdir(exist_ok=True)
-    print("The first design on a machine compiles the motion solver once; that takes about 20 seconds.")
     pretouch("fit", str(EXAMPLES / "sensor.csv"), "--output", str(OUTPUT / "sensor-fit.html"))
     for name in ("approach", "fingertip"):
         report = str(OUTPUT / f"{name}-design.html")

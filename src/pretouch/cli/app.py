@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from typing import Annotated
 
@@ -56,6 +57,7 @@ def _root(
 
 def main() -> None:
     """Run the command line with the arguments of this process, and end the process with the exit status."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait for small matrices at full speed, beside ours
     gc.set_threshold(100_000)  # loading libraries makes objects that stay: looking for garbage takes a tenth of the run
     try:
         app(prog_name="pretouch")

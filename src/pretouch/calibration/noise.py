@@ -22,6 +22,7 @@ _LARGEST_MISFIT: Final = 0.3
 _USUAL: Final = 0.03  # a positioning error of 0.4 mm where the slope is 80 1/m
 _FIRST_MISFIT: Final = 0.01
 _SURE_OF_MISFIT: Final = 0.99
+_MISFIT_KNOWN: Final = 1e-9  # to which it is found
 _ROUNDS: Final = 4
 
 
@@ -95,12 +96,15 @@ def _parted(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss
 
 def _misfit(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray, freedom: int) -> float:
     """Return the misfit with which squares add up to their number; 0 where chance explains them without it."""
-    from scipy.optimize import brentq  # noqa: PLC0415 - SciPy is loaded only for fits
-    from scipy.stats import chi2  # noqa: PLC0415
+    from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
 
     def excess(misfit: float) -> float:
         return float(((miss / replace(noise, misfit=misfit).of_means(curve.count, signal)) ** 2).sum()) - freedom
 
-    if excess(0.0) + freedom <= float(chi2.ppf(_SURE_OF_MISFIT, freedom)):
+    if excess(0.0) + freedom <= 2 * float(gammaincinv(freedom / 2, _SURE_OF_MISFIT)):  # the quantile of chi squared
         return 0.0
-    return float(brentq(excess, 0.0, _LARGEST_MISFIT)) if excess(_LARGEST_MISFIT) < 0 else _LARGEST_MISFIT
+    low, high = 0.0, _LARGEST_MISFIT
+    while high - low > _MISFIT_KNOWN and excess(_LARGEST_MISFIT) < 0:
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high

@@ -69,12 +69,14 @@ def test_an_ensemble_is_what_each_of_its_encounters_gives_alone(name: str) -> No
         alone = find_contact(*several.at(i), gains[:, 0])
         np.testing.assert_array_equal(found.status[:, i], alone.status)
         for quantity in ContactState.names():
-            # each way is good to 1e-11 or better; peaks of the motion to 1e-9
+            # each way is good to 1e-11 or better, peaks of the motion to 1e-9; x'' is a difference of forces that were
+            # as large as its peak
+            forces = 1e-10 * alone.end.largest_acceleration.max() if quantity == "acceleration" else 0.0
             np.testing.assert_allclose(
                 getattr(found.end, quantity)[:, i],
                 getattr(alone.end, quantity),
                 rtol=1e-8,
-                atol=1e-11,
+                atol=1e-11 + forces,
                 err_msg=quantity,
             )
         np.testing.assert_allclose(found.gain[:, i], gains[:, 0], rtol=1e-14)

@@ -71,10 +71,10 @@ def test_each_variant_runs_as_itself(answers):
 
 def test_the_variants_find_the_same(answers):
     """What is proved is proved to 2e-11 of a time (closed form) or 1e-10 (any curve), and derivatives to 1e-8."""
-    base = answers.pop("base")
-    if not answers:
+    base, others = answers["base"], [found for name, found in answers.items() if name != "base"]
+    if not others:
         pytest.skip("this processor has the base variant alone")
-    for found in answers.values():
+    for found in others:
         for name, numbers in base.items():
             if name == "variant":
                 continue

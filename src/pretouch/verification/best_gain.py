@@ -71,7 +71,7 @@ def best_on_loop(
     strongest = -math.inf if limit is None or sought is None else limit.strongest / sought
     # the ends of the axis are met to the bit: a gain that is proposed has the margin that it was sought with
     axis = GainAxis(low=max(bounds[0], strongest), high=bounds[1])
-    search = _Search(problem=problem, loop=loop, axis=axis, runs=runs)
+    search = _Search(problem=problem, loop=problem.compared(loop), axis=axis, runs=runs)
     if axis.low > axis.high:  # no gain within the bounds may be tried
         return LoopOptimum(gain=None, nearest=None, sought_margin=sought, curve=search.curve())
     low, high = map(float, axis.coordinate(np.array(axis.ends)))

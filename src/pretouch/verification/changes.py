@@ -73,7 +73,7 @@ def try_changes(
         candidate = Candidate(name="gain", sentence=_redesign(gain, better, after), loop=loop)
         found.append(_compared(candidate, better, _Side(whole, before), _Side(outcomes, after)))
     for candidate in candidates_of(loop, approach):
-        outcomes = problem.appraise(candidate.loop, gain, runs)
+        outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None if limit is None else stability_margin(limit_of(candidate.loop, sensor, distance), gain)
         found.append(_compared(candidate, gain, _Side(part, before), _Side(outcomes, after)))
     return tuple(sorted(found, key=_rank))

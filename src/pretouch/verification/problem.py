@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from .simulated import simulated_quantity, simulated_state
 __all__ = ["LoopProblem", "Outcomes", "Requirement", "effect_of", "mean_and_error"]
 
 _ROUNDING: Final = 1e-12  # of a limit, as in the validation of robust designs
+_IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # the quantities that tell of what comes after a touch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,6 +113,20 @@ class LoopProblem:
     impact: ImpactModel | None
     predicted: BoolArray
     unmitigated: SimulationResult
+
+    def compared(self, loop: ClosedLoop) -> ClosedLoop:
+        """Return a loop as far as gains and changes are compared on it: to the contact, unless its forces count.
+
+        Args:
+            loop: the loop.
+
+        Returns:
+            The loop; what it says of each run until contact is the same to the bit.
+        """
+        own = isinstance(self.objective, OwnObjective)
+        asked = {limit.constraint.quantity for limit in self.limits}
+        asked |= set() if own else {term.quantity for term in self.objective.terms}
+        return loop if own or asked & _IN_CONTACT else replace(loop, follow=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> Outcomes:
         """Run encounters and appraise each.

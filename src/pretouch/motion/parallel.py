@@ -29,6 +29,9 @@ def for_stretches(run: Callable[[int, int], object], size: int, *, least: int, m
         least: how many are worth a thread; what is left of an even division may be half of it.
         most: the longest stretch.
     """
+    if 0 < size <= min(least, most):  # one stretch, as below, without the rest of what is worth it for many
+        run(0, size)
+        return
     stretches = _stretches(size, least, most)
     threads = min(_cores(), len(stretches)) if len(stretches) > 1 else 1
     if threads == 1:

@@ -44,9 +44,10 @@ def kept_by_curve(
 
 def _is_what_it_compares(sensor: SensorModel) -> bool:
     """Tell whether a curve, and each that it is made of, holds its fields and what it has computed from them only."""
-    named = {f.name for f in fields(sensor)}
-    others = getattr(sensor, "__dict__", {}).keys() - named
-    if any(not isinstance(getattr(type(sensor), name, None), cached_property) for name in others):
-        return False
+    held = getattr(sensor, "__dict__", None)
+    if held:
+        others = held.keys() - {f.name for f in fields(sensor)}
+        if any(not isinstance(getattr(type(sensor), name, None), cached_property) for name in others):
+            return False
     inner = getattr(sensor, "sensor", None)
     return _is_what_it_compares(inner) if isinstance(inner, SensorModel) else True

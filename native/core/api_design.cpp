@@ -2,17 +2,8 @@
 
 #include "dispatch.hpp"
 
-#define PRETOUCH_VARIANT pretouch_base
-#include "lanes_design.hpp"
-#undef PRETOUCH_VARIANT
-#ifdef PRETOUCH_X86
-#define PRETOUCH_VARIANT pretouch_avx2
-#include "lanes_design.hpp"
-#undef PRETOUCH_VARIANT
-#define PRETOUCH_VARIANT pretouch_avx512
-#include "lanes_design.hpp"
-#undef PRETOUCH_VARIANT
-#endif
+#define PRETOUCH_LANES "lanes_design.hpp"
+#include "each_variant.hpp"
 
 void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves, int falling,
                          double horizon, const double *terms, int64_t k, double scale, double strong, double weak,

@@ -2,17 +2,8 @@
 
 #include "dispatch.hpp"
 
-#define PRETOUCH_VARIANT pretouch_base
-#include "lanes_linear.hpp"
-#undef PRETOUCH_VARIANT
-#ifdef PRETOUCH_X86
-#define PRETOUCH_VARIANT pretouch_avx2
-#include "lanes_linear.hpp"
-#undef PRETOUCH_VARIANT
-#define PRETOUCH_VARIANT pretouch_avx512
-#include "lanes_linear.hpp"
-#undef PRETOUCH_VARIANT
-#endif
+#define PRETOUCH_LANES "lanes_linear.hpp"
+#include "each_variant.hpp"
 
 void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
                               int8_t *status, double *states, int64_t m, int64_t first) {

@@ -2,17 +2,8 @@
 
 #include "dispatch.hpp"
 
-#define PRETOUCH_VARIANT pretouch_base
-#include "lanes_series.hpp"
-#undef PRETOUCH_VARIANT
-#ifdef PRETOUCH_X86
-#define PRETOUCH_VARIANT pretouch_avx2
-#include "lanes_series.hpp"
-#undef PRETOUCH_VARIANT
-#define PRETOUCH_VARIANT pretouch_avx512
-#include "lanes_series.hpp"
-#undef PRETOUCH_VARIANT
-#endif
+#define PRETOUCH_LANES "lanes_series.hpp"
+#include "each_variant.hpp"
 
 void pretouch_series_contacts(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
                               double *out, int8_t *status) {

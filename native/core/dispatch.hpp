@@ -1,5 +1,5 @@
-// The kernels of the processor at hand. A file that exports kernels of lanes includes, between the two macros, the header
-// that declares them once for each kind of processor: see api_design.cpp.
+// The kernels of the processor at hand. A file that exports kernels of lanes declares them for each kind of processor by
+// each_variant.hpp, and calls those that were chosen when the library was loaded.
 
 #pragma once
 

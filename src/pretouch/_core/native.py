@@ -70,7 +70,8 @@ def _library() -> ctypes.CDLL:
 
 def variant() -> str:
     """Return for which kind of processor the kernels that run are compiled, one of VARIANTS."""
-    return os.environ.get(_SWITCH) or VARIANTS[_library().pretouch_best_variant()]
+    best = _library().pretouch_best_variant()  # having refused what the environment may not ask for
+    return os.environ.get(_SWITCH) or VARIANTS[best]
 
 
 def kernel(name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Final
 
 __all__ = ["as_json", "plain"]
 
@@ -38,7 +39,8 @@ def plain(value: Any) -> Any:
     """Turn a value into what JSON can hold; a number that is not finite becomes null.
 
     Args:
-        value: anything a result may hold: numbers and arrays of NumPy, tuples, enumerations, paths.
+        value: anything a result may hold: numbers and arrays of NumPy, tuples, enumerations, paths, and what is made
+            of these: a dataclass becomes its fields, or what its `to_dict` returns.
 
     Returns:
         The same in dicts, lists, text, numbers, truth values and None.
@@ -47,10 +49,20 @@ def plain(value: Any) -> Any:
         >>> plain({"low": float("-inf"), "pair": (1, 2.5)})
         {'low': None, 'pair': [1, 2.5]}
     """
+    if hasattr(value, "to_dict"):
+        return plain(value.to_dict())
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [plain(item) for item in value]
+    return [plain(item) for item in value] if isinstance(value, _LISTS) else _plain_one(value)
+
+
+_LISTS: Final = (list, tuple, set, frozenset)
+
+
+def _plain_one(value: Any) -> Any:
+    """Turn what holds no other value into what JSON can hold."""
     if isinstance(value, Enum):
         return plain(value.value)
     if hasattr(value, "tolist"):  # scalars and arrays of NumPy

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 __all__ = ["aligned"]
 
 
-def aligned(table: Sequence[Sequence[str]]) -> list[str]:
+def aligned(table: Sequence[Sequence[str]], *, left: bool = False) -> list[str]:
     """Align rows in columns, the first to the left and the others to the right.
 
     Args:
         table: the rows, each with as many cells.
+        left: whether the others stand to the left, too.
 
     Returns:
         The lines.
@@ -23,7 +24,8 @@ def aligned(table: Sequence[Sequence[str]]) -> list[str]:
     width = [max(map(len, column)) for column in zip(*table, strict=True)]
     return [
         "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, width, strict=True))
+            cell.ljust(w) if left or i == 0 else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, width, strict=True))
         ).rstrip()
         for row in table
     ]

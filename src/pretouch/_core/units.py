@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from .errors import UnitError
 from .magnitudes import WORKABLE, has_workable_magnitude
 
-__all__ = ["Unit", "format_quantity", "parse_unit", "read_quantity", "to_si"]
+__all__ = ["Unit", "format_quantity", "parse_unit", "pretty_unit", "read_quantity", "to_si"]
 
 
 class Unit(NamedTuple):
@@ -296,3 +296,8 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
             shown, symbol = shown / factor, smaller
     text = f"{shown:.{digits}g}"
     return f"{text} {symbol.replace('*', ' ')}".strip()
+
+
+def pretty_unit(unit: str) -> str:
+    """Write a unit as a person does: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
+    return unit.replace("*", " ").replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")

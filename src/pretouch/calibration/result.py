@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from pretouch._core.blocks import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
@@ -135,7 +136,7 @@ class UsableWindow(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class SensorFit(Value):
+class SensorFit(Described, Value):
     """One model fitted to one calibration. Residual quantities are over the points that were used.
 
     Args:
@@ -185,6 +186,8 @@ class SensorFit(Value):
     identifiable: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
+    page: ClassVar[str] = "pretouch.calibration.page:fit_page"
+
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI: finite numbers, or None where there is none."""
         return {
@@ -212,14 +215,9 @@ class SensorFit(Value):
             f"<SensorFit {self.model}: g = {self.middle_slope.value:.4g} 1/m, RMS of ln xi {self.rmse_log_output:.2g}>"
         )
 
-    def __str__(self) -> str:
-        from .presentation import fit_text  # noqa: PLC0415 - presentation reads results
-
-        return fit_text(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class CalibrationReport(Value):
+class CalibrationReport(Described, Value):
     """All models on one calibration, ranked, and the verdict on the sensor.
 
     Args:
@@ -247,6 +245,8 @@ class CalibrationReport(Value):
     slope: SlopeKnowledge | None = None
     left_out: tuple[str, ...] = ()
     curves: AllowedCurves | None = None
+
+    page: ClassVar[str] = "pretouch.calibration.page:calibration_page"
 
     @property
     def best(self) -> SensorFit | None:
@@ -293,16 +293,6 @@ class CalibrationReport(Value):
     def __repr__(self) -> str:
         best = f", best {self.best.model}" if self.best else ""
         return f"<CalibrationReport {self.calibration.name}: {self.verdict}{best}>"
-
-    def __str__(self) -> str:
-        from .presentation import report_text  # noqa: PLC0415 - presentation reads results
-
-        return report_text(self)
-
-    def _repr_html_(self) -> str:
-        from .presentation import report_html  # noqa: PLC0415 - presentation reads results
-
-        return report_html(self)
 
 
 def _plain(value: float | None) -> float | None:

@@ -39,11 +39,9 @@ def _run(file: Path, presentation: Presentation) -> int:
     found = problem.design_admittance() if problem.is_admittance_free else problem.design()
 
     def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_design_report  # noqa: PLC0415 - Matplotlib, only when needed
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        return write_design_report(
-            found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
-        )
+        return write_report(found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite)
 
     presentation.show(found, f"{file.stem}-design.html", write, problem.reservations(found))
     return OK if found.status.value == "optimal" else NO_RESULT

@@ -152,9 +152,9 @@ def _one(request: FitRequest, curve: Calibration, presentation: Presentation) ->
         _print_notes(found.calibration, curve.source.notes)
 
     def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_fit_report  # noqa: PLC0415 - Matplotlib, only when needed
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        return write_fit_report(found, path, overwrite=overwrite)
+        return write_report(found, path, overwrite=overwrite)
 
     label = re.sub(r"[^\w.-]+", "-", f"-{curve.label}") if request.select else ""
     presentation.show(found, f"{request.path.stem}{label}-fit.html", write)

@@ -2,6 +2,7 @@
 
 from .admittance import design_admittance
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
+from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import CONSTRAINT_NAMES, Constraint
 from .front import BoundComparison, FrontPoint, FrontStatus, ParetoFront
 from .gain import Evaluator, design_gain
@@ -10,7 +11,7 @@ from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, ti
 from .pareto import pareto_front
 from .physical_bound import PhysicalBound, find_physical_bound
 from .quantities import QUANTITY_UNITS, quantity_of
-from .result import Certificate, ConstraintOutcome, DesignStatus, GainDesign, IdealDesign, Sensitivity, TradeOff
+from .result import GainDesign
 
 __all__ = [
     "CONSTRAINT_NAMES",

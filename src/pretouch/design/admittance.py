@@ -14,6 +14,7 @@ from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
+from .certificate import DesignStatus
 from .constraints import Constraint
 from .freedom import make_freedom
 from .gain import design_gain
@@ -21,7 +22,7 @@ from .impact import ImpactModel
 from .local_search import descend, kkt_residual
 from .own_objective import AnyObjective, as_objective
 from .problem import Evaluator
-from .result import DesignStatus, GainDesign
+from .result import GainDesign
 from .trials import HELD, Trials, merit
 
 __all__ = ["design_admittance"]

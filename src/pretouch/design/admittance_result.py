@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from pretouch._core.blocks import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
@@ -15,7 +15,8 @@ from pretouch._core.values import Value
 from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
 
-from .result import DesignStatus, GainDesign
+from .certificate import DesignStatus
+from .result import GainDesign
 
 __all__ = ["AdmittanceCertificate", "AdmittanceDesign", "AdmittanceMap", "AdmittanceMinimum"]
 
@@ -80,7 +81,7 @@ class AdmittanceMap(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class AdmittanceDesign(Value):
+class AdmittanceDesign(Described, Value):
     """What `design_admittance` returns.
 
     Args:
@@ -106,6 +107,8 @@ class AdmittanceDesign(Value):
     certificate: AdmittanceCertificate | None
     map: AdmittanceMap
     best_ratio: float | None
+
+    page: ClassVar[str] = "pretouch.design.admittance_page:admittance_page"
 
     @property
     def gain(self) -> float | None:
@@ -153,55 +156,31 @@ class AdmittanceDesign(Value):
         found = (self.gain_design or self.as_it_is).to_dict()
         return {**found, "status": self.status.value, "admittance": _as_dict(self)}
 
-    def __repr__(self) -> str:
-        return f"<AdmittanceDesign: {_headline(self)}>"
-
-    def __str__(self) -> str:
-        lines = [_headline(self)]
-        if self.gain_design is None:
-            lines += ["", "With the admittance as it is:"]
-        else:
-            lines += [*_evidence(self), "", "At this admittance:"]
-        return "\n".join([*lines, str(self.gain_design or self.as_it_is)])
-
-    def _repr_html_(self) -> str:
-        inner = (self.gain_design or self.as_it_is)._repr_html_() or ""
-        return f"<p><b>{html.escape(_headline(self))}</b></p>{inner}"
-
-
-def _headline(design: AdmittanceDesign) -> str:
-    if design.gain_design is None or design.objective is None:
-        if design.status is DesignStatus.NO_CONTACT:
-            return "No gain and admittance within the bounds end in contact."
-        missed = (
-            "" if design.best_ratio is None else f"; at best one is exceeded by {100 * (design.best_ratio - 1):.3g} %"
+    @property
+    def headline(self) -> str:
+        """The answer in a sentence."""
+        if self.gain_design is None or self.objective is None:
+            if self.status is DesignStatus.NO_CONTACT:
+                return "No gain and admittance within the bounds end in contact."
+            missed = (
+                "" if self.best_ratio is None else f"; at best one is exceeded by {100 * (self.best_ratio - 1):.3g} %"
+            )
+            return f"Infeasible: no gain and admittance within the bounds meet every constraint{missed}."
+        a = self.admittance
+        text = (
+            f"Optimal admittance: natural frequency {format_quantity(self.natural_frequency or 0.0, 'rad/s')}, damping "
+            f"ratio {self.damping_ratio:.4g} (damping {format_quantity(a.damping, 'N*s/m')}, stiffness "
+            f"{format_quantity(a.stiffness, 'N/m')}) with D_p = {format_quantity(self.gain or 0.0, 'N*s')}: "
+            f"objective {self.objective:.4g}"
         )
-        return f"Infeasible: no gain and admittance within the bounds meet every constraint{missed}."
-    a = design.admittance
-    text = (
-        f"Optimal admittance: natural frequency {format_quantity(design.natural_frequency or 0.0, 'rad/s')}, damping "
-        f"ratio {design.damping_ratio:.4g} (damping {format_quantity(a.damping, 'N*s/m')}, stiffness "
-        f"{format_quantity(a.stiffness, 'N/m')}) with D_p = {format_quantity(design.gain or 0.0, 'N*s')}: "
-        f"objective {design.objective:.4g}"
-    )
-    if design.as_it_is.objective is not None:
-        change = 100 * (design.objective / design.as_it_is.objective - 1)
-        than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
-        return f"{text}, {than} the {design.as_it_is.objective:.4g} of the admittance as it is."
-    return f"{text}; with the admittance as it is no gain would do."
+        if self.as_it_is.objective is not None:
+            change = 100 * (self.objective / self.as_it_is.objective - 1)
+            than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
+            return f"{text}, {than} the {self.as_it_is.objective:.4g} of the admittance as it is."
+        return f"{text}; with the admittance as it is no gain would do."
 
-
-def _evidence(design: AdmittanceDesign) -> list[str]:
-    c = design.certificate
-    if c is None:
-        return []
-    count = len(c.local_minima)
-    minima = "one local minimum" if count == 1 else f"{count} local minima"
-    held = " and ".join(name.replace("_", " ") for name, _ in c.active) or "nothing: it lies inside"
-    return [
-        f"evidence: {c.grid} encounters on a grid lead to {minima}; none of {c.tests} others is better; what holds the "
-        f"optimum is {held}; first-order residual {c.residual:.0e}"
-    ]
+    def __repr__(self) -> str:
+        return f"<AdmittanceDesign: {self.headline}>"
 
 
 def _as_dict(design: AdmittanceDesign) -> dict[str, Any]:

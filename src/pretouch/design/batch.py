@@ -17,10 +17,11 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.inputs import map_fields
 
+from .certificate import DesignStatus
 from .compiled_search import search_compiled
 from .family import find_family
 from .problem import Problem
-from .result import DesignStatus, GainDesign
+from .result import GainDesign
 from .search import RESOLVED, SCANNED
 
 __all__ = ["ArrayEvidence", "design_many", "settle_one"]

@@ -13,9 +13,9 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult
 
+from .certificate import Certificate, ConstraintOutcome, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
 from .problem import Problem
-from .result import Certificate, ConstraintOutcome, IdealDesign, Sensitivity, TradeOff
 from .search import HELD, GainAxis, Minimum, Scan, refine, scan
 from .sensitivity import gain_sensitivities
 

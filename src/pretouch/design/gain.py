@@ -11,13 +11,14 @@ from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
 from .batch import ArrayEvidence, design_many, settle_one
+from .certificate import DesignStatus
 from .compiled_search import search_compiled
 from .constraints import Constraint
 from .evidence import Evidence
 from .impact import ImpactModel
 from .own_objective import AnyObjective, as_objective
 from .problem import Evaluator, Problem
-from .result import DesignStatus, GainDesign
+from .result import GainDesign
 from .search import GainAxis
 
 __all__ = ["Evaluator", "design_gain", "design_one"]

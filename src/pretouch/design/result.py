@@ -3,157 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, Final
 
-from pretouch._core.numbers import BoolArray, FloatArray
+import numpy as np
+
+from pretouch._core.blocks import Described
+from pretouch._core.json_text import plain
+from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.motion.contact import ContactResult, ContactState
+from pretouch.motion.contact import ContactResult, ContactStatus
+from pretouch.motion.evaluator import NoisyEvaluator
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 
+from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .impact import ImpactModel
 from .objectives import Objective
 
-__all__ = [
-    "Certificate",
-    "ConstraintOutcome",
-    "DesignStatus",
-    "GainDesign",
-    "IdealDesign",
-    "Sensitivity",
-    "TradeOff",
-]
+__all__ = ["GainDesign"]
 
-
-class DesignStatus(StrEnum):
-    """How a design ended."""
-
-    OPTIMAL = "optimal"
-    INFEASIBLE = "infeasible"
-    NO_CONTACT = "no-contact"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ConstraintOutcome(Value):
-    """One constraint at the chosen gain.
-
-    Args:
-        name: short name, as in a scenario file.
-        quantity: the quantity that is limited.
-        unit: its SI unit.
-        limit: the largest allowed magnitude.
-        value: the magnitude at the chosen gain, or at the nearest one where infeasible; None without contact.
-        margin: limit - value; negative where the limit is exceeded.
-        active: whether the optimum sits on this limit.
-        best_value: the smallest magnitude that any gain within the bounds reaches, this constraint taken alone.
-        best_gain: the gain that reaches it [N s].
-    """
-
-    name: str
-    quantity: str
-    unit: str
-    limit: float
-    value: float | None
-    margin: float | None
-    active: bool
-    best_value: float | None
-    best_gain: float | None
-
-    @property
-    def achievable(self) -> bool:
-        """Whether some gain within the bounds meets this constraint, taken alone."""
-        return self.best_value is not None and self.best_value <= self.limit
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class TradeOff(Value):
-    """Objective and contact over the whole range of gains: the scan that the optimum was chosen from.
-
-    Args:
-        gain: D_p [N s], ascending, shape (n,).
-        objective: the objective; infinite where there is no contact.
-        reached: where the encounter ends in contact.
-        feasible: where it ends in contact and every constraint holds.
-        state: the state at the end of each run, fields of shape (n,).
-    """
-
-    gain: FloatArray
-    objective: FloatArray
-    reached: BoolArray
-    feasible: BoolArray
-    state: ContactState
-
-    def __repr__(self) -> str:
-        return f"<TradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s>"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Certificate(Value):
-    """Why the gain is believed to be the global optimum within the bounds.
-
-    Args:
-        scanned: how many gains the scan that covers the bounds came to.
-        resolution: largest error of predicting a scanned objective from its neighbors, relative to the range of the
-            objective there: how well the scan resolves the curve.
-        local_minima: the local minima found by the scan and refined, as (gain, objective), best first.
-        bracket: the gains around the optimum between which it is enclosed.
-        stationarity: |df/d ln|D_p|| at the optimum over the objective, where it lies inside; None on a limit.
-        at: "interior", "bound", "edge of contact", "corner" (inside, where the objective has a corner or a jump, as
-            that of a sampled loop may have) or the name of the active constraint.
-    """
-
-    scanned: int
-    resolution: float
-    local_minima: tuple[tuple[float, float], ...]
-    bracket: tuple[float, float]
-    stationarity: float | None
-    at: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sensitivity(Value):
-    """How the optimum follows one input.
-
-    Args:
-        name: the input, such as `obstacle.velocity` or `sensor.exponent`.
-        value: its value in SI.
-        unit: its SI unit.
-        gain_derivative: d D_p / d input, in N s per unit of the input.
-        objective_derivative: d f / d input at the optimum, per unit of the input.
-        gain_change_per_percent: change of the optimal gain when the input grows by 1 % of its magnitude [N s].
-    """
-
-    name: str
-    value: float
-    unit: str
-    gain_derivative: float
-    objective_derivative: float
-    gain_change_per_percent: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdealDesign(Value):
-    """The gain that is optimal in continuous time, where another was designed on a sampled loop.
-
-    Args:
-        gain: the optimal gain of L(1) with a perfect sensor [N s].
-        objective: what it comes to on the loop; infinite where it ends without contact.
-        loss: by how much that exceeds the objective of the design on the loop, as a share of the latter; below 0 only
-            where it breaks a limit.
-        feasible: whether it keeps the limits on the loop.
-    """
-
-    gain: float
-    objective: float
-    loss: float
-    feasible: bool
+_RESIDUAL: Final = 1e-9  # of the impulse balance: what is above it is told
+_KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class GainDesign(Value):
+class GainDesign(Described, Value):
     """What `design_gain` returns: the gain at once, its evidence when it is first read.
 
     Args:
@@ -178,6 +55,8 @@ class GainDesign(Value):
     definition: Objective
     impact: ImpactModel | None
     evidence: Any
+
+    page: ClassVar[str] = "pretouch.design.page:gain_page"
 
     def at(self, *index: int) -> GainDesign:
         """Return the design of one encounter of an array, with its evidence.
@@ -288,25 +167,121 @@ class GainDesign(Value):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a user should read before relying on the gain, in order of weight."""
-        return tuple(design_warnings(self, self.evidence.scan_result))
+        return tuple(_warnings(self, self.evidence.scan_result))
+
+    @property
+    def headline(self) -> str:
+        """The answer in one or two sentences."""
+        if self.result is not None and self.gain is not None:
+            left = abs(self.result.end.relative_velocity)
+            text = f"Optimal gain D_p = {format_quantity(self.gain, 'N*s')}: contact at {format_quantity(left, 'm/s')}"
+            before = self.no_mitigation
+            if before.reached.all():
+                speed = abs(before.end.relative_velocity)
+                text += (
+                    f" instead of {format_quantity(speed, 'm/s')} without mitigation "
+                    f"({100 * (1 - left / speed):.1f} % less)"
+                )
+            return text + f", after an excursion of {format_quantity(self.result.end.largest_excursion, 'm')}."
+        if self.nearest is not None:
+            return "Infeasible: " + _conflict(self)
+        return "No gain within the bounds ends in contact."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object: numbers in SI, None where there is none."""
+        known = {"status": self.status, "gain": self.gain, "objective": self.objective}
         if self.scenario.shape:
-            return {"status": self.status, "gain": self.gain, "objective": self.objective}
-        return design_as_dict(self)
+            return known
+        names = ("method", "objective_parts", "result", "no_mitigation", "nearest", "ideal", "damping_at_contact")
+        more = ("bounds", "constraints", "certificate", "sensitivities", "sensor", "trade_off", "warnings")
+        found = {_KEYS.get(name, name): getattr(self, name) for name in (*names, *more)}
+        told: dict[str, Any] = plain({**known, "objective_name": self.definition.name, **found})
+        return told
+
+    def __str__(self) -> str:
+        return repr(self) if self.scenario.shape else super().__str__()
+
+    def _repr_html_(self) -> str | None:
+        return None if self.scenario.shape else super()._repr_html_()
 
     def __repr__(self) -> str:
         if self.scenario.shape:
             return f"<GainDesign: {(self.status == DesignStatus.OPTIMAL).sum()} of {self.status.size} optimal>"
-        return f"<GainDesign: {headline(self)}>"
-
-    def __str__(self) -> str:
-        return repr(self) if self.scenario.shape else design_as_text(self)
-
-    def _repr_html_(self) -> str | None:
-        return None if self.scenario.shape else design_as_html(self)
+        return f"<GainDesign: {self.headline}>"
 
 
-from .advice import design_warnings  # noqa: E402 - it describes the class above
-from .summary import design_as_dict, design_as_html, design_as_text, headline  # noqa: E402 - it describes the class above
+def _conflict(design: GainDesign) -> str:
+    """Name the constraint that cannot be met and its nearest achievable value, or those that exclude each other."""
+    impossible = [o for o in design.constraints if not o.achievable]
+    if impossible:
+        return "; ".join(
+            f"{o.name} cannot be held at {format_quantity(o.limit, o.unit)}: the nearest achievable value is "
+            f"{format_quantity(o.best_value or 0.0, o.unit)}, at D_p = {format_quantity(o.best_gain or 0.0, 'N*s')}"
+            for o in impossible
+        )
+    names = " and ".join(o.name for o in design.constraints)
+    nearest = ", ".join(
+        f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
+        for o in design.constraints
+    )
+    gain = format_quantity(design.nearest.gain if design.nearest else 0.0, "N*s")
+    return f"{names} cannot be held together; nearest, at D_p = {gain}: {nearest}"
+
+
+def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
+    """Yield what should be read before relying on a design, in order of weight."""
+    yield from _about_contact(design, scanned)
+    if design.certificate is not None and design.certificate.at == "bound":
+        yield (
+            f"the optimum lies on the bound {format_quantity(design.gain or 0.0, 'N*s')}: a wider range of gains may "
+            "hold a better one"
+        )
+    if design.certificate is not None and design.certificate.at == "edge of contact":
+        yield "the optimum lies where contact is just still made: a slightly larger gain misses the object"
+    if design.method == "uniform-motion":
+        yield (
+            "the uniform motion L(16)-(19) is one particular motion that does not start from the given state; it "
+            "shifts the optimal gain by about 10 %: compare with method 'integration'"
+        )
+    if _is_luck(design):
+        yield (
+            "the gain is optimal for one run and its noise: another run has another optimum; design_robust_gain with "
+            "the same evaluate averages over runs"
+        )
+    if design.gain is not None and design.gain > 0:
+        yield "the optimal gain is positive: it drives the plant toward the object"
+    if design.result is not None:
+        residual = float(np.asarray(design.result.impulse_residual))
+        if residual > _RESIDUAL:
+            yield f"the impulse balance of the motion is met to {residual:.0e} only: its numbers are less certain"
+
+
+def _is_luck(design: GainDesign) -> bool:
+    """Tell whether the encounter at the optimum comes out otherwise with the noise of another run."""
+    evaluator = design.evidence.problem.evaluator
+    if design.result is None or not isinstance(evaluator, NoisyEvaluator):
+        return False
+    again = evaluator.after(1)(design.scenario, design.sensor, design.gain)
+    return bool(again.end.time != design.result.end.time)
+
+
+def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
+    """Yield what became of the gains without contact."""
+    status = np.asarray(scanned.status)
+    for kind in ContactStatus:
+        count = int((status == kind).sum())
+        if kind is ContactStatus.CONTACT or not count:
+            continue
+        share = "every gain" if count == status.size else f"{count} of {status.size} scanned gains"
+        text = f"{share} ended without contact ({kind.label}): {kind.meaning[0].lower()}{kind.meaning[1:]}"
+        distances = np.asarray(scanned.closest_distance)[status == kind]
+        text += f" Nearest approach {format_quantity(float(distances.min()), 'm')}."
+        low = design.sensor.valid_range[0]
+        if kind is ContactStatus.LEFT_RANGE and low > 0:
+            text += (
+                f" The curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the contact "
+                "surface and give this as its recess."
+            )
+        yield text
+    if design.gain is not None and not design.no_mitigation.reached.all():
+        yield "without mitigation the encounter would not end in contact at all"

@@ -13,11 +13,11 @@ from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult, Scenario
 from pretouch.sensors import Recessed, SensorModel
 
+from .certificate import Sensitivity
 from .constraints import Constraint
 from .gradient import follow_optimum, has_gradients
 from .impact import ImpactModel
 from .objectives import Objective
-from .result import Sensitivity
 from .search import GainAxis
 
 __all__ = ["gain_sensitivities"]

@@ -12,8 +12,8 @@ from urllib.parse import quote
 
 from pretouch._core.files import write_text
 from pretouch._core.json_text import as_json
+from pretouch._core.units import pretty_unit
 from pretouch.report.html import picture, render_page
-from pretouch.report.style import pretty_unit
 
 from .comparison import Comparison, Verdict
 from .result import Finding, LetterReport, Reproduction

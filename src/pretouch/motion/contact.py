@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray
 from pretouch._core.values import Value
 
@@ -217,6 +218,13 @@ class ContactResult(Value):
                 f"gradients: there are none of a result by {self.method}; solve the encounter by find_contact with "
                 "another method"
             )
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return an encounter as one JSON object; its quantities are those at the end of the run, see `status`."""
+        status = self.status.label if isinstance(self.status, ContactStatus) else self.status
+        known = {name: getattr(self, name) for name in ("closest_distance", "settling_distance", "impulse_residual")}
+        found: dict[str, Any] = plain({"status": status, "gain": self.gain, **self.end.as_dict(), **known})
         return found
 
     def __repr__(self) -> str:

@@ -2,18 +2,14 @@
 
 from .calibration_figures import calibration_figure
 from .design_figures import motion_figure, sensitivity_figure, trade_off_figure
-from .html import design_report_html, fit_report_html, write_design_report, write_fit_report
+from .html import report_html, write_report
 from .panels import Curve, Mark, Panel, panel_figure
 from .pareto_figures import admittance_figure, pareto_figure
-from .pareto_report import pareto_report_html, write_pareto_report
 from .robust_figures import outcome_figure, price_figure, robust_figure
-from .robust_html import robust_report_html, write_robust_report
 from .simulation_figures import simulation_figure
-from .simulation_html import simulation_report_html, write_simulation_report
 from .sweep_figures import sweep_figure
 from .verdict_figures import verdict_figure, verdict_run_figure
 from .verdict_gains import verdict_gain_figure, verdict_stability_figure
-from .verdict_html import verdict_report_html, write_verdict_report
 
 __all__ = [
     "Curve",
@@ -21,14 +17,12 @@ __all__ = [
     "Panel",
     "admittance_figure",
     "calibration_figure",
-    "design_report_html",
-    "fit_report_html",
     "motion_figure",
     "outcome_figure",
     "panel_figure",
     "pareto_figure",
-    "pareto_report_html",
     "price_figure",
+    "report_html",
     "robust_figure",
     "robust_report_html",
     "sensitivity_figure",
@@ -41,9 +35,7 @@ __all__ = [
     "verdict_report_html",
     "verdict_run_figure",
     "verdict_stability_figure",
-    "write_design_report",
-    "write_fit_report",
-    "write_pareto_report",
+    "write_report",
     "write_robust_report",
     "write_simulation_report",
     "write_verdict_report",

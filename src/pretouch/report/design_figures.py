@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pretouch.design.result import GainDesign, Sensitivity
+from pretouch.design.certificate import Sensitivity
+from pretouch.design.result import GainDesign
 
 from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, minus, new_figure, scale_for
 from .wording import quantity

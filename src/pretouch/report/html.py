@@ -6,192 +6,117 @@ import hashlib
 import os
 import platform
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
+from html import escape
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from string import Template
+from typing import TYPE_CHECKING, Any, Final
 
+from pretouch._core.block_html import blocks_as_html, page_top
+from pretouch._core.blocks import Code, Described, Page, Paragraph, Picture, Section, page_of
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import sign, write_text
-from pretouch.design.admittance_result import AdmittanceDesign
-from pretouch.design.result import GainDesign
+from pretouch.calibration.page import fitted_blocks
 
+from .figures import FIGURES
 from .style import draw_svg
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
-    from matplotlib.figure import Figure
+    from pretouch.calibration import CalibrationReport
 
-    from pretouch.calibration.result import CalibrationReport
+__all__ = ["page_html", "report_html", "write_report"]
 
-__all__ = [
-    "design_report_html",
-    "fit_report_html",
-    "fitted_part",
-    "picture",
-    "render_page",
-    "source_part",
-    "write_design_report",
-    "write_fit_report",
-]
-
-_PACKAGES = ("pretouch", "numpy", "scipy", "matplotlib")
+_PACKAGES: Final = ("pretouch", "numpy", "scipy", "matplotlib")
+_METHOD: Final = (
+    'Method: "Optimization of Preemptive Impact Mitigation Without Prior Collision Testing", equations cited as L(n).'
+)
 
 
-def fit_report_html(report: CalibrationReport) -> str:
-    """Write a calibration report as one self-contained HTML page.
-
-    Args:
-        report: a report of any verdict.
-
-    Returns:
-        The page, signed as pretouch's own.
-    """
-    from .calibration_figures import calibration_figure  # noqa: PLC0415
-    from .fit_page import fit_page  # noqa: PLC0415
-
-    figure = picture(calibration_figure(report), "calibration")
-    return render_page("fit.html.j2", **fit_page(report), figure=figure)
-
-
-def design_report_html(
-    design: GainDesign | AdmittanceDesign,
-    *,
-    calibration: CalibrationReport | None = None,
-    source: object = None,
-) -> str:
-    """Write a design report as one self-contained HTML page.
-
-    Args:
-        design: a design of any status, of the gain alone or together with the admittance.
-        calibration: the calibration that the sensor curve was fitted to, where there is one.
-        source: the scenario file: an object, or a mapping, with `name` or `path`, `text` and `sha256`.
-
-    Returns:
-        The page, signed as pretouch's own.
-    """
-    from .design_figures import motion_figure, trade_off_figure  # noqa: PLC0415
-    from .design_page import design_page  # noqa: PLC0415
-
-    together = None
-    if isinstance(design, AdmittanceDesign):
-        from .pareto_figures import admittance_figure  # noqa: PLC0415
-        from .pareto_page import admittance_block  # noqa: PLC0415
-
-        drawn = None if design.certificate is None else picture(admittance_figure(design), "admittance")
-        together = {**admittance_block(design), "figure": drawn}
-        design = design.gain_design or design.as_it_is
-
-    return render_page(
-        "design.html.j2",
-        **design_page(design),
-        trade_off=picture(trade_off_figure(design), "trade-off"),
-        motion=picture(motion_figure(design), "motion"),
-        fitted=fitted_part(calibration, design),
-        together=together,
-        source=source_part(source),
-    )
-
-
-def fitted_part(calibration: CalibrationReport | None, answer: Any) -> dict[str, Any] | None:
-    """Collect what a page says of the calibration that a sensor was fitted to; None where there is none."""
-    if calibration is None:
-        return None
-    from pretouch.uncertainty import reservations_of  # noqa: PLC0415
-
-    from .calibration_figures import calibration_figure  # noqa: PLC0415
-    from .fit_page import fit_page  # noqa: PLC0415
-
-    left = None if calibration.best is None else reservations_of(calibration, answer)
-    return {
-        **fit_page(calibration),
-        "figure": picture(calibration_figure(calibration), "calibration"),
-        "unsupported": left and left.headline,
-        "open": () if left is None else left.lines,
-    }
-
-
-def write_fit_report(report: CalibrationReport, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write a calibration report to a file.
-
-    Args:
-        report: a report of any verdict.
-        path: where the page goes.
-        overwrite: whether a file that stands there may be replaced.
-
-    Returns:
-        The path.
-    """
-    return write_text(path, fit_report_html(report), overwrite=overwrite)
-
-
-def write_design_report(
-    design: GainDesign | AdmittanceDesign,
+def write_report(
+    result: Any,
     path: str | os.PathLike[str],
     *,
     calibration: CalibrationReport | None = None,
     source: object = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write a design report to a file.
+    """Write the report of a result to a file: one HTML page that needs nothing else.
 
     Args:
-        design: a design of any status, of the gain alone or together with the admittance.
+        result: what one of the verbs returned, however it ended.
         path: where the page goes.
         calibration: the calibration that the sensor curve was fitted to, where there is one.
-        source: the scenario file, as `design_report_html` takes it.
+        source: the scenario file: an object, or a mapping, with `name` or `path`, `text` and `sha256`.
         overwrite: whether a file that stands there may be replaced.
 
     Returns:
         The path.
     """
-    return write_text(path, design_report_html(design, calibration=calibration, source=source), overwrite=overwrite)
+    return write_text(path, report_html(result, calibration=calibration, source=source), overwrite=overwrite)
 
 
-@lru_cache(maxsize=1)
-def _environment() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # noqa: PLC0415
-
-    folder = Path(__file__).parent / "templates"
-    return Environment(
-        loader=FileSystemLoader(folder),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-
-
-def render_page(template: str, **values: Any) -> str:
-    """Fill a template: text is escaped, the page names the versions that made it, and is signed as pretouch's own.
+def report_html(result: Any, *, calibration: CalibrationReport | None = None, source: object = None) -> str:
+    """Write the report of a result as one self-contained HTML page.
 
     Args:
-        template: name of a file in `report/templates`.
-        values: what the template speaks of.
+        result: what one of the verbs returned, however it ended.
+        calibration: the calibration that the sensor curve was fitted to, where there is one.
+        source: the scenario file, as for `write_report`.
 
     Returns:
-        The page.
+        The page, signed as pretouch's own.
 
-    Examples:
-        >>> render_page("base.html.j2").startswith("<!DOCTYPE html>")
-        True
+    Raises:
+        InvalidInputError: it is nothing that a verb returns.
     """
-    text = _environment().get_template(template).render(**values, versions=_versions())
-    return sign(text.rstrip() + "\n")
+    if not isinstance(result, Described):
+        raise InvalidInputError(f"result: found {result!r}, expected what one of the verbs returned")
+    page = page_of(result)
+    if calibration is not None:
+        page = _with_calibration(page, calibration, result)
+    return page_html(page.with_blocks(*_provenance(page, source)))
 
 
-def picture(figure: Figure, name: str) -> Any:
-    """Draw a figure for a template, which takes it as it is.
+def page_html(page: Page) -> str:
+    """Write a page as HTML that names the versions that made it, signed as pretouch's own."""
+    shell = Template((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
+    title = f"{page.kind}: {page.source}" if page.source else page.kind
+    body = "\n".join([page_top(page), *blocks_as_html(page.blocks, _draw)])
+    made = ", ".join(f"{name} {number}" for name, number in _versions())
+    return sign(shell.substitute(title=escape(title), body=body, made=escape(made)))
 
-    Args:
-        figure: the figure.
-        name: what sets its identifiers apart from those of other figures on the page: letters, digits, hyphens.
 
-    Returns:
-        An SVG element as markup.
-    """
-    from markupsafe import Markup  # noqa: PLC0415
+def _draw(picture: Picture) -> str:
+    """Draw a picture as an SVG element, in which text is drawn as shapes."""
+    module, _, name = FIGURES[picture.figure].partition(":")
+    figure = getattr(import_module(f".{module}", __package__), name)(picture.of)
+    return draw_svg(figure, picture.figure.replace("_", "-"))
 
-    return Markup(draw_svg(figure, name))  # noqa: S704 - our own drawing, in which text is drawn as shapes
+
+def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
+    """Say on a page what the calibration of its sensor is, and what it leaves open, before anything else."""
+    from pretouch.uncertainty import reservations_of  # noqa: PLC0415
+
+    left = None if calibration.best is None else reservations_of(calibration, answer)
+    told = fitted_blocks(calibration, () if left is None else left.lines)
+    section = Section(title=f"The calibration of its sensor: {calibration.calibration.name}", blocks=told)
+    opening = (left.headline,) if left is not None and left.headline else ()
+    return replace(page.with_blocks(section), open=(*opening, *page.open))
+
+
+def _provenance(page: Page, source: object) -> tuple[Section | None, ...]:
+    given = _source(source)
+    if given is None:
+        known: tuple[Any, ...] = ()
+    else:
+        file = Paragraph(text=f"Scenario file `{given['name']}`, SHA-256 `{given['sha256']}`")
+        known = (file, Code(text=given["text"]) if given["text"] else None)
+    if page.source:  # of a calibration, which says itself where it comes from
+        return ()
+    return (Section(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *known)),)
 
 
 @lru_cache(maxsize=1)
@@ -205,7 +130,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def source_part(source: object) -> dict[str, str] | None:
+def _source(source: object) -> dict[str, str] | None:
     """Read name, text and hash of a file from an object or a mapping that has them."""
     if source is None:
         return None

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from pretouch._core.units import pretty_unit
 from pretouch.design.admittance_result import AdmittanceDesign
 from pretouch.design.front import FrontPoint, ParetoFront
 from pretouch.design.front_summary import front_headline, front_rows, front_sentences
 from pretouch.design.quantities import QUANTITY_UNITS
 
 from .design_page import scenario_rows, sensor_rows
-from .style import pretty_unit
 from .wording import quantity, quantity_label, word
 
 __all__ = ["admittance_block", "pareto_page"]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pretouch._core.files import write_text
-from pretouch.design.result import DesignStatus
+from pretouch.design.certificate import DesignStatus
 from pretouch.design.robust.result import RobustDesign
 
 from .html import fitted_part, picture, render_page, source_part

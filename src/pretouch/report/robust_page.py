@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch.design.certificate import DesignStatus
 from pretouch.design.quantities import QUANTITY_UNITS
-from pretouch.design.result import DesignStatus
 from pretouch.design.robust.result import LimitOutcome, Price, RobustDesign, Validation
 from pretouch.design.robust.summary import robust_headline
 from pretouch.design.robust.validation import least_probability

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final
 
+from pretouch._core.units import pretty_unit
 from pretouch.verification import SimulatedEncounter
 from pretouch.verification.encounter_comparison import LoopContact, ReportedFlag
 from pretouch.verification.encounter_wording import (
@@ -16,7 +17,6 @@ from pretouch.verification.encounter_wording import (
 
 from .design_page import METHODS, scenario_rows, sensor_rows
 from .loop_rows import chain_rows, contact_rows, controller_rows, loop_rows, robot_rows
-from .style import pretty_unit
 from .wording import quantity
 
 __all__ = ["simulation_page"]

@@ -13,6 +13,7 @@ from io import StringIO
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.units import pretty_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +36,6 @@ __all__ = [
     "minus",
     "minus_signs",
     "new_figure",
-    "pretty_unit",
     "scale_for",
     "span",
 ]
@@ -165,11 +165,6 @@ def minus_signs(text: str) -> str:
         True
     """
     return re.sub(r"(?<![\w.])-(?=[\d.])", "\u2212", text)
-
-
-def pretty_unit(unit: str) -> str:
-    """Write a unit as a person does: `N*s/m` as `N s/m`, `m/s^2` as `m/s²`."""
-    return unit.replace("*", " ").replace("^2", "²").replace("^3", "³").replace("^n", "ⁿ")
 
 
 @contextmanager

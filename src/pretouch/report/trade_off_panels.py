@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.design.certificate import ConstraintOutcome
+from pretouch.design.page import shows_equals, traded_quantity
 from pretouch.design.quantities import QUANTITY_UNITS, quantity_of
-from pretouch.design.result import ConstraintOutcome, GainDesign
+from pretouch.design.result import GainDesign
 
 from .labels import label_inside, label_near
 from .style import BASELINE, BLOCKED, CHOSEN, CURVES, INK, LIMIT, QUIET, Scale, log_axis, minus, scale_for, span
@@ -19,7 +21,7 @@ from .wording import quantity_label, word
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_objective", "draw_plane", "shows_equals", "traded_quantity"]
+__all__ = ["draw_objective", "draw_plane"]
 
 _TERMS: Final = (CURVES[2], CURVES[3], CURVES[4])
 _WIDE: Final = 30.0  # ratio from which an objective is shown on a logarithmic axis
@@ -79,20 +81,6 @@ def draw_plane(axes: Axes, design: GainDesign) -> None:
     _gain_ticks(axes, design, x, y)
     if not reached.any():
         _empty(axes, "no gain within the bounds ends in contact")
-
-
-def traded_quantity(design: GainDesign) -> str:
-    """Return the quantity that the objective pays for a lower speed: its first term that is none."""
-    for term in design.definition.terms:
-        if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
-            return term.quantity
-    return "largest_excursion"
-
-
-def shows_equals(design: GainDesign) -> bool:
-    """Tell whether the objective is of the two quantities of the plane alone, so that it is the same along a curve."""
-    quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
-    return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
 
 def _one_signed(design: GainDesign) -> bool:

@@ -6,12 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_quantity, pretty_unit
 from pretouch.design.objectives import Objective
 from pretouch.design.own_objective import OwnObjective
 from pretouch.design.quantities import QUANTITY_UNITS
-
-from .style import pretty_unit
 
 __all__ = ["QUANTITY_LABELS", "number", "objective_rows", "quantity", "quantity_label", "word"]
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
+from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray, FloatArray, finite
 
 from .change import CurveChange
@@ -91,6 +92,13 @@ class SensorModel(ABC):
     def parameters(self) -> dict[str, float]:
         """The parameters of the curve by name, in SI."""
         return {f.name: getattr(self, f.name) for f in fields(self) if "unit" in f.metadata}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the curve as one JSON object, in SI."""
+        found: dict[str, Any] = plain(
+            {"model": self.name, "parameters": self.parameters, "valid_range": self.valid_range}
+        )
+        return found
 
     def _change_by(self, name: str) -> CurveChange | None:  # noqa: ARG002 - for subclasses
         """Return how a parameter changes ln xi, where that is known; None: it is found by differences."""

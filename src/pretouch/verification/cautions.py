@@ -10,7 +10,6 @@ from pretouch._core.units import format_quantity
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign
 from pretouch.design.robust.wording import share_in_words
-from pretouch.design.summary import headline as design_headline
 from pretouch.motion import Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
 
@@ -59,7 +58,7 @@ def cautions_of(
     """
     result, unmitigated = runs
     said = [
-        "" if design.gain is not None else f"The ideal design has no gain. {full_stop(design_headline(design))}",
+        "" if design.gain is not None else f"The ideal design has no gain. {full_stop(design.headline)}",
         _other_admittance(loop, draws.scenario),
         _recession(loop),
         *_detection(loop, draws, result),

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.numbers import finite_or_none
 from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
-from pretouch.design.summary import contact_as_dict
 from pretouch.motion import ContactStatus
 from pretouch.simulation import SimulationResult
 
@@ -42,8 +41,8 @@ def encounter_as_dict(encounter: SimulatedEncounter) -> dict[str, Any]:
         "method": encounter.prediction.method,
         "loop": _run_as_dict(encounter.run),
         "loop_no_mitigation": _run_as_dict(encounter.unmitigated),
-        "predicted": contact_as_dict(encounter.prediction),
-        "predicted_no_mitigation": contact_as_dict(encounter.unmitigated_prediction),
+        "predicted": encounter.prediction,
+        "predicted_no_mitigation": encounter.unmitigated_prediction,
         "comparisons": [
             {**asdict(row), "difference": row.difference, "relative_difference": row.relative_difference}
             for row in encounter.comparisons

@@ -10,7 +10,6 @@ from pretouch._core.json_text import plain
 from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
 from pretouch.design.robust.wording import share_in_words
-from pretouch.design.summary import contact_as_dict
 
 from .parts import LimitCheck, Spread, StabilityCheck
 from .proposals import Change
@@ -39,7 +38,7 @@ def verdict_as_dict(verdict: Verdict) -> dict[str, Any]:
             "confidence": v.confidence,
             "objective_name": v.definition.name,
             "design": {"status": v.design.status.value, "gain": v.design.gain, "objective": v.design.objective},
-            "predicted": contact_as_dict(v.predicted),
+            "predicted": v.predicted,
             "reached": None if v.reached is None else asdict(v.reached),
             "effect": None if v.effect is None else {**asdict(v.effect), "is_harder": v.effect.is_harder},
             "comparisons": [asdict(c) for c in v.comparisons],

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from pretouch._core.units import format_quantity
-from pretouch.design.summary import headline as design_headline
 
 from .parts import Comparison, StabilityCheck, VerdictStatus
 from .proposals import Change, Loss
@@ -37,7 +36,7 @@ _HOLDS = {
 def headline(verdict: Verdict) -> str:
     """Return the verdict in one sentence."""
     if verdict.gain is None:
-        return f"There is no gain to verify: {full_stop(design_headline(verdict.design))}"
+        return f"There is no gain to verify: {full_stop(verdict.design.headline)}"
     text = f"D_p = {format_quantity(verdict.gain, 'N*s')} {_HOLDS[verdict.status]}"
     if verdict.reasons:
         text += f": {verdict.reasons[0]}"

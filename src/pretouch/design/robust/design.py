@@ -16,11 +16,11 @@ from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Interval, Uncertainty, make_ensemble, sample_inputs
 from pretouch.uncertainty.sampling import check_draw
 
+from ..certificate import DesignStatus
 from ..constraints import Constraint
 from ..gain import design_gain
 from ..impact import ImpactModel
 from ..own_objective import AnyObjective, as_objective
-from ..result import DesignStatus
 from ..search import GainAxis, Minimum, Scan, refine, scan
 from .evidence import RobustEvidence
 from .importance import rank_uncertain_inputs

@@ -16,9 +16,9 @@ from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 
+from ..certificate import DesignStatus
 from ..impact import ImpactModel
 from ..objectives import Objective
-from ..result import DesignStatus
 from .evidence import Outcomes, RobustEvidence, RobustTradeOff
 from .importance import InputImportance
 from .measures import Measure, Required

@@ -1,0 +1,74 @@
+"""What every quantity is called: one name in words, one symbol, one unit, for text, pages, figures and data sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+__all__ = ["QUANTITIES", "Quantity", "unit_of", "words_for"]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity of an encounter.
+
+    Args:
+        words: its name for a person.
+        symbol: the letter's symbol.
+        unit: its SI unit.
+        whole: whether it speaks of the motion as a whole, not only of its end.
+    """
+
+    words: str
+    symbol: str
+    unit: str
+    whole: bool = False
+
+
+QUANTITIES: Final[dict[str, Quantity]] = {
+    "time": Quantity("time of contact", "t", "s"),
+    "distance": Quantity("distance at contact", "l", "m"),
+    "position": Quantity("plant position at contact", "x", "m"),
+    "velocity": Quantity("plant velocity at contact", "x\u2032", "m/s"),
+    "acceleration": Quantity("plant acceleration at contact", "x\u2033", "m/s^2"),
+    "displacement": Quantity("deviation from the reference at contact", "x \u2212 x_d", "m"),
+    "relative_velocity": Quantity("relative velocity at contact", "l\u2032", "m/s"),
+    "virtual_force": Quantity("virtual force at contact", "F_p", "N"),
+    "largest_excursion": Quantity("largest excursion", "max |x \u2212 x_d|", "m", whole=True),
+    "largest_travel": Quantity("largest travel from the start", "max |x \u2212 x(0)|", "m", whole=True),
+    "largest_speed": Quantity("largest plant speed", "max |x\u2032|", "m/s", whole=True),
+    "largest_acceleration": Quantity("largest plant acceleration", "max |x\u2033|", "m/s^2", whole=True),
+    "largest_virtual_force": Quantity("largest virtual force", "max |F_p|", "N", whole=True),
+    "closest_distance": Quantity("smallest distance", "min l", "m", whole=True),
+    "settling_distance": Quantity("distance at rest in the end", "l(\u221e)", "m", whole=True),
+    "impulse_residual": Quantity("residual of the impulse balance", "", "", whole=True),
+    "drive_force": Quantity("largest drive force", "m max |x\u2033|", "N", whole=True),
+    "impact_force": Quantity("peak impact force", "F", "N"),
+    "peak_force": Quantity("peak contact force", "max F", "N", whole=True),
+    "impulse": Quantity("impulse of all contacts", "\u222bF dt", "N*s", whole=True),
+    "rebound_velocity": Quantity("relative velocity after impact", "l\u2032", "m/s"),
+    "gain": Quantity("gain", "D_p", "N*s"),
+    "objective": Quantity("objective", "f", ""),
+}
+"""Every quantity that results, objectives, limits and sweeps speak of, by its name in code."""
+
+
+def words_for(name: str) -> str:
+    """Return the words for a name from code, those of the vocabulary where it has it.
+
+    Args:
+        name: such as `relative_velocity`.
+
+    Returns:
+        Such as `relative velocity at contact`.
+
+    Examples:
+        >>> words_for("largest_excursion"), words_for("natural_frequency")
+        ('largest excursion', 'natural frequency')
+    """
+    return QUANTITIES[name].words if name in QUANTITIES else name.replace("_", " ").replace("-", " ")
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a quantity of the vocabulary."""
+    return QUANTITIES[name].unit

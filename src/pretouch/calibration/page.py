@@ -1,0 +1,229 @@
+"""What a calibration says: whether it is usable, where, by which curve, and how well that is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, Paragraph, Picture, Section, Table
+from pretouch._core.units import format_quantity
+from pretouch._core.vocabulary import words_for
+
+from .result import CalibrationReport, Estimate, SensorFit
+
+__all__ = ["calibration_page", "fit_page", "fitted_blocks"]
+
+Row = tuple[Cell, ...]
+
+
+def calibration_page(report: CalibrationReport) -> Page:
+    """Describe a calibration.
+
+    Args:
+        report: a report of any verdict.
+
+    Returns:
+        Its page.
+    """
+    usable, best = report.verdict == "usable", report.best
+    first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
+    if best is None:
+        blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
+    else:
+        note = Paragraph(
+            text=f"The {best.model} curve, with the contact surface where the usable window starts.", quiet=True
+        )
+        blocks = (
+            _ranking(report),
+            Section(title="Parameters", titled=True, blocks=tuple(_parameters(fit, report) for fit in report.fits)),
+            Section(title="For the scenario file", blocks=(Code(text=_scenario_text(best)), note)),
+        )
+    return Page(
+        kind="Sensor calibration",
+        source=report.calibration.name,
+        headline=_headline(report),
+        status=f"verdict: {report.verdict}",
+        good=usable,
+        warnings=() if usable else report.reasons,
+        blocks=(_picture(report), *first, *blocks, Section(title="Provenance", blocks=tuple(_provenance(report)))),
+    )
+
+
+def fit_page(fit: SensorFit) -> Page:
+    """Describe one fit alone."""
+    low, high = (format_quantity(d, "m") for d in fit.sensor.valid_range)
+    headline = f"{fit.model}, {len(fit.distances)} distances, valid from {low} to {high}"
+    return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None).blocks)
+
+
+def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
+    """Return what a page says of the calibration that its sensor was fitted to.
+
+    Args:
+        report: the report of the fit.
+        open_lines: what it leaves open of the answer on the page.
+
+    Returns:
+        Blocks.
+    """
+    said = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
+    return (
+        Paragraph(text=_headline(report)),
+        Listing(items=report.reasons) if report.reasons else None,
+        Listing(items=said) if said else None,
+        _picture(report),
+        *_readings(report).blocks,
+        *_ranking(report).blocks,
+        *_provenance(report),
+    )
+
+
+def _headline(report: CalibrationReport) -> str:
+    name = report.calibration.name
+    if report.best is None:
+        return f"{name}: no usable signal; these readings do not determine a sensor curve."
+    low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
+    slope = report.best.middle_slope
+    spread = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
+    reserve = "" if report.verdict == "usable" else ", with reservations"
+    return (
+        f"{name}: usable from {low} to {high}{reserve}; the {report.best.model} curve ranks first, with a slope "
+        f"g = {slope.value:.4g}{spread} 1/m in the middle of the window."
+    )
+
+
+def _picture(report: CalibrationReport) -> Picture:
+    caption = (
+        "Readings with the levels that bound the signal; the signal above the offset on a logarithmic axis, which is "
+        "what the controller feels; its slope g beside differences of neighboring readings; and what the models leave "
+        "over."
+    )
+    name = "Readings, log signal, slope and residuals over the distance"
+    if report.best is None:
+        name, caption = "Readings over the distance", "The readings."
+    return Picture(figure="calibration", of=report, name=name, caption=caption)
+
+
+def _readings(report: CalibrationReport) -> Section:
+    rows = tuple(_reading_rows(report))
+    table = Table(head=("", "value", "why, or from where"), rows=rows, wraps=True, brief=True)
+    return Section(title="Window, offset and noise", blocks=(table,))
+
+
+def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
+    unit, window = report.calibration.unit, report.window
+    between = " to ".join(format_quantity(d, "m") for d in (window.l_min, window.l_max)) if window.distances else "none"
+    yield "window", between, ""
+    yield "it starts there because", "", window.start_reason
+    yield "it ends there because", "", window.end_reason
+    if report.offset is not None:
+        o = report.offset
+        spread = f"{o.value:.5g} \u00b1 {o.standard_error:.2g} {unit}".strip()
+        yield "offset (no-object level)", spread, f"{o.kind}; 95 % interval {_interval(o.low, o.high, unit)}"
+    if report.noise is not None:
+        n = report.noise
+        yield "noise of one reading", Measured(n.output, unit), n.output_source
+        yield "noise relative to the signal", f"{100 * n.relative:.3g} %", f"per reading, from {n.relative_source}"
+        length = f"of the mean, alike over {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
+        yield "misfit of the curve", f"{100 * n.misfit:.3g} %", length or "none beyond the noise"
+    if report.slope is not None:
+        near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])
+        worst = float(report.slope.uncertainty.max())
+        size = f"{100 * worst:.3g} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
+        yield "g is known to", size, f"from {near} to {far}, over all curves that the readings allow"
+    if report.noise is not None and report.noise.resolution > 0:
+        yield "resolution", Measured(report.noise.resolution, unit), "smallest step between outputs"
+    known = "below it a reading does not tell a signal from the offset"
+    yield "floor of the signal", Measured(float(window.floor), unit), known
+    if window.saturation is not None:
+        yield "clipping level", Measured(float(window.saturation), unit), "readings there are not used"
+    for text in report.left_out:
+        yield "left out", "", text
+
+
+def _ranking(report: CalibrationReport) -> Section:
+    head = (
+        "model",
+        "RMSE ln \u03be",
+        "RMSE g [1/m]",
+        "left out, ln \u03be",
+        "AICc",
+        "runs p",
+        "R\u00b2 on \u03be",
+    )
+    note = (
+        "Ranked by AICc. The controller feels ln \u03be and its slope, so these columns say how good a curve is; "
+        '"left out" is the error at distances that a fit had not seen. R\u00b2 on \u03be is there for comparison with '
+        "the letter and hides an offset left in. A small p of the runs test means that the residuals follow a pattern "
+        "that the curve does not."
+    )
+    table = Table(head=head, rows=tuple(map(_ranking_row, report.fits)), note=note, brief=True)
+    missing = tuple(f"{model}: not fitted. {reason}" for model, reason in report.not_fitted.items())
+    others = Listing(items=missing, brief=True) if missing else None
+    return Section(title="Ranking", blocks=(table if report.fits else None, others))
+
+
+def _ranking_row(fit: SensorFit) -> Row:
+    numbers = (fit.rmse_log_output, fit.rmse_log_slope, fit.cross_validation)
+    told = ("-" if v is None else form.format(v) for v, form in ((fit.aicc, "{:.2f}"), (fit.runs_p_value, "{:.2g}")))
+    return fit.model, *(Measured(v, "", 3) for v in numbers), *told, f"{fit.r_squared:.5f}"
+
+
+def _parameters(fit: SensorFit, report: CalibrationReport | None) -> Section:
+    unit, first = "" if report is None else report.calibration.unit, report is None or fit is report.best
+    rows = [_parameter_row(name, estimate, unit) for name, estimate in fit.parameters.items()]
+    rows.append(_parameter_row("slope g in the middle of the window", fit.middle_slope, ""))
+    table = Table(head=(fit.model, "value", "standard error", "95 % interval"), rows=tuple(rows), brief=first)
+    notes = (*fit.identifiable, *(w for w in fit.warnings if w not in fit.identifiable))
+    return Section(title=fit.model, blocks=(table, Listing(items=notes, brief=first) if notes else None))
+
+
+def _parameter_row(name: str, estimate: Estimate, output_unit: str) -> Row:
+    unit = estimate.unit or (output_unit if name == "scale" else "")
+    error = "unbounded" if math.isinf(estimate.standard_error) else Measured(estimate.standard_error, unit, 2)
+    return words_for(name), Measured(estimate.value, unit, 5), error, _interval(estimate.low, estimate.high, unit)
+
+
+def _interval(low: float, high: float, unit: str) -> str:
+    if not (math.isfinite(low) or math.isfinite(high)):
+        return "no bounds"
+    return " to ".join(format_quantity(v, unit, 5) for v in (low, high))
+
+
+def _scenario_text(fit: SensorFit) -> str:
+    """Write the best curve as it stands in a scenario file; the contact surface is where the window starts."""
+    lines = ["[sensor]", f'model = "{fit.model}"']
+    if fit.model == "table":
+        sensor: Any = fit.sensor
+        lines += [f"{key} = {[float(v) for v in getattr(sensor, key)]}" for key in ("distances", "outputs")]
+    lines += [f"{name} = {float(value)!r}" for name, value in fit.sensor.parameters.items()]
+    start, end = fit.window.l_min, fit.window.l_max
+    if start > 0:
+        lines.append(f"recess = {start!r}  # the sensor sits this far behind the contact surface [m]")
+    lines.append(f"maximum_distance = {end - start:.6g}  # from the contact surface [m]")
+    return "\n".join(lines)
+
+
+def _provenance(report: CalibrationReport) -> Iterator[Any]:
+    source = report.calibration.source
+    yield Table(rows=tuple(_source_rows(report)), wraps=True)
+    if source is not None and source.notes:
+        yield Listing(items=tuple(source.notes))
+
+
+def _source_rows(report: CalibrationReport) -> Iterator[Row]:
+    c = report.calibration
+    yield "readings", str(len(c.outputs))
+    yield "distances", str(len(c.distinct_distances))
+    yield "no-object readings", str(len(c.no_object))
+    if c.label:
+        yield "curve", c.label
+    if c.source is not None:
+        s = c.source
+        yield "file", s.file
+        yield "SHA-256", s.sha256
+        yield "columns", f"{s.distance_column} and {s.output_column}"
+        yield "rows, of which dropped", f"{s.rows}, {s.dropped}"
+        delimiter = {"\t": "tab", " ": "space"}.get(s.delimiter, s.delimiter)
+        yield "read as", f"{s.encoding}, columns separated by {delimiter}, decimal mark {s.decimal_mark}"

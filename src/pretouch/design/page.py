@@ -1,0 +1,373 @@
+"""What a design says: the answer, the contact that it leads to, and why it is believed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.blocks import Cell, Measured, Named, Page, Paragraph, Picture, Section, Table, named
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.units import format_quantity
+from pretouch._core.vocabulary import QUANTITIES, words_for
+from pretouch.motion import ContactResult, ContactStatus
+from pretouch.motion.contact import ContactState
+from pretouch.motion.describing import inputs_section, method_section
+
+from .certificate import ConstraintOutcome, DesignStatus, IdealDesign
+from .impact import ImpactModel
+from .objectives import Objective
+from .own_objective import OwnObjective
+from .quantities import quantity_of
+from .result import GainDesign
+
+__all__ = [
+    "gain_page",
+    "ideal_in_words",
+    "impact_rows",
+    "objective_rows",
+    "shows_equals",
+    "solved_on",
+    "traded_quantity",
+]
+
+Row = tuple[Cell, ...]
+
+_STATUS: Final = {
+    DesignStatus.OPTIMAL: "optimal gain found",
+    DesignStatus.INFEASIBLE: "infeasible: no gain within the bounds meets every constraint",
+    DesignStatus.NO_CONTACT: "no contact: no gain within the bounds ends in contact",
+}
+_AT: Final = {
+    "interior": "inside the bounds, where the objective is stationary",
+    "bound": "on a bound of the gain: a wider range may hold a better one",
+    "edge of contact": "where contact is just still made",
+    "corner": "inside the bounds, where the objective has a corner or a jump: no derivative holds there",
+}
+_NO_WAY_OUT: Final = {
+    DesignStatus.INFEASIBLE: (
+        "No gain within the bounds holds all of them. The value column is at the gain that exceeds the limits least. "
+        "What can be tried: a wider range of gains, a limit relaxed toward what is reachable, an earlier detection (a "
+        "sensor that reaches farther), or another admittance."
+    ),
+    DesignStatus.NO_CONTACT: (
+        "Without contact there is nothing to mitigate and no gain to choose. Check the signs (an approaching obstacle "
+        "has a negative velocity, the plant's is positive), the reference, and the range in which the sensor curve "
+        "holds."
+    ),
+}
+_NOT_AT_CONTACT: Final = ("closest_distance", "settling_distance", "impulse_residual", "distance", "gain", "objective")
+_WHOSE_MOTION: Final = {
+    "loop": " One run of the sampled loop, with the noise that all gains met.",
+    "other": " These motions are those of L(1) in continuous time: the function that the design was handed gives none.",
+}
+
+
+def gain_page(design: GainDesign) -> Page:
+    """Describe a design of the gain.
+
+    Args:
+        design: a design of any status.
+
+    Returns:
+        Its page.
+
+    Raises:
+        ResultUnavailableError: the design is that of many encounters, each of which has a page of its own.
+    """
+    if design.scenario.shape:
+        raise ResultUnavailableError("page: found designs of many encounters; choose one with .at(index)")
+    way_out = _NO_WAY_OUT.get(design.status)
+    return Page(
+        kind="Gain of preemptive impact mitigation",
+        headline=design.headline,
+        status=_STATUS[design.status],
+        good=design.status is DesignStatus.OPTIMAL,
+        key_figures=tuple(_key_figures(design)),
+        warnings=design.warnings,
+        blocks=(
+            _contact(design),
+            _constraints(design) if design.constraints else None,
+            None if way_out is None else Paragraph(text=way_out),
+            _trade_off(design),
+            _motion(design),
+            _together(design),
+            _evidence(design),
+            _sensitivities(design) if design.sensitivities else None,
+            inputs_section(design.scenario, design.sensor, *_searched(design)),
+            method_section(design.method, solved_on=solved_on(design)),
+        ),
+    )
+
+
+def _shown(design: GainDesign) -> ContactResult | None:
+    return design.result or design.nearest
+
+
+def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
+    run, before = _shown(design), design.no_mitigation
+    if run is None:
+        yield "nearest approach without mitigation", Measured(float(before.closest_distance), "m")
+        return
+    yield "gain D_p" if design.result else "nearest gain D_p", Measured(float(run.gain), "N*s")
+    speed = abs(float(run.end.relative_velocity))
+    yield words_for("relative_velocity"), Measured(speed, "m/s", 3)
+    if before.reached.all():
+        free = abs(float(before.end.relative_velocity))
+        yield "without mitigation", Measured(free, "m/s", 3)
+        yield "change of speed", f"{100 * (speed / free - 1):+.1f} %"
+    yield words_for("time"), Measured(float(run.end.time), "s", 3)
+
+
+def _contact(design: GainDesign) -> Section:
+    run = _shown(design)
+    runs = [r for r in (design.no_mitigation, run) if r is not None]
+    head: Row = ("", "without mitigation")
+    if run is not None:
+        gain = format_quantity(float(run.gain), "N*s")
+        head = (*head, f"{'optimal' if design.result else 'nearest'}, D_p = {gain}", "change")
+    note = (
+        "Predicted, not measured; x points away from the sensor, so an approach has a negative relative velocity "
+        'l\u2032, and mitigation withdraws the plant toward negative x. "Largest" means over the whole motion until '
+        "contact. Changes compare magnitudes."
+    )
+    table = Table(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
+    return Section(title="The contact", blocks=(table,))
+
+
+def _contact_rows(runs: list[ContactResult], impact: ImpactModel | None) -> Iterator[Row]:
+    blank = ("",) * (len(runs) - 1)
+    ended = all(run.reached.all() for run in runs)
+    if not ended:
+        yield ("ends with", *(words_for(ContactStatus(int(run.status)).label) for run in runs), *blank)
+        nearest = (Measured(float(run.closest_distance), "m") for run in runs)
+        yield (words_for("closest_distance"), *nearest, *blank)
+    for name in (*ContactState.names(), *(("drive_force", "impact_force") if impact is not None else ())):
+        if name in _NOT_AT_CONTACT:
+            continue
+        values = [float(quantity_of(name, run.end, impact)) for run in runs]
+        largest = max(abs(v) for v in values)
+        label = named(name)
+        if not ended:
+            words = label.words.replace("at contact", "at the end").replace("of contact", "of the end")
+            label = Named(words, label.symbol)
+        shown = [0.0 if abs(v) < max(1e-9 * largest, 1e-15) else v for v in values]
+        cells = [Measured(v, QUANTITIES[name].unit) for v in shown]
+        yield (label, *cells, *([_change(*values)] if len(values) > 1 else []))
+
+
+def _change(before: float, value: float) -> str:
+    if not np.isfinite([value, before]).all() or abs(before) < 1e-9 * max(abs(value), 1e-9):
+        return ""
+    return f"{100 * (abs(value) / abs(before) - 1):+.1f} %"
+
+
+def _constraints(design: GainDesign) -> Section:
+    head = ("constraint", "value", "limit", "margin", "state", "least that any gain reaches")
+    rows = tuple(map(_constraint_row, design.constraints))
+    return Section(title="Constraints", blocks=(Table(head=head, rows=rows, brief=True),))
+
+
+def _constraint_row(o: ConstraintOutcome) -> Row:
+    if o.best_value is None or o.best_gain is None:
+        state, least = "no contact", "-"
+    else:
+        least = f"{format_quantity(o.best_value, o.unit)} at {format_quantity(o.best_gain, 'N*s')}"
+        exceeded = o.margin is not None and o.margin < 0 and not o.active
+        state = "exceeded" if exceeded else "active" if o.active else "met"
+        state = state if o.achievable else "cannot be met"
+    return o.name, *(Measured(v, o.unit) for v in (o.value, o.limit, o.margin)), state, least
+
+
+def _trade_off(design: GainDesign) -> Section:
+    itemized = bool(design.objective_parts or not isinstance(design.definition, OwnObjective))
+    caption = (
+        f"Left: {'the objective and its terms' if itemized else 'the objective'} over the range of gains that was "
+        "searched; hatched gains break the named limit or end without contact. Right: what each gain leads to."
+    )
+    if shows_equals(design):
+        caption += (
+            " No gain reaches inside the dotted line of equal objective; the chosen one touches it unless a limit "
+            "holds it back."
+        )
+    name = "Objective over the gain, and relative velocity at contact against its price"
+    own = isinstance(design.definition, OwnObjective)
+    note = "" if own else "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in L(20) and L(22)."
+    terms = Table(
+        head=("term of the objective", "typical value", "weight", "value"),
+        rows=(*_valued_terms(design), ("sum f", "", "", Measured(design.objective, "", 5))),
+        note=note,
+        brief=design.objective is not None,
+    )
+    picture = Picture(figure="trade_off", of=design, name=name, caption=caption)
+    return Section(title="The trade-off", blocks=(picture, terms))
+
+
+def _valued_terms(design: GainDesign) -> Iterator[Row]:
+    definition, result = design.definition, design.result
+    if isinstance(definition, OwnObjective):
+        yield f"{definition.name}, an objective of the user's own", "", "", ""
+        for name, part in design.objective_parts.items():
+            yield words_for(name), "", "", Measured(part)
+        return
+    speed = abs(design.scenario.obstacle.velocity)
+    for term, row in zip(definition.terms, objective_rows(definition), strict=True):
+        yield *row, Measured(None if result is None else float(term.value(result.end, speed, design.impact)))
+
+
+def objective_rows(objective: Objective) -> Iterator[Row]:
+    """Say what an objective is made of, as far as that is known.
+
+    Args:
+        objective: what was minimized.
+
+    Yields:
+        Quantity, typical value and weight of each term; one row for an objective of a user's own.
+    """
+    if isinstance(objective, OwnObjective):
+        yield f"{objective.name}: an objective of the user's own", "", ""
+        return
+    for term in objective.terms:
+        own = words_for(term.scale) if isinstance(term.scale, str) else None
+        scale = own or Measured(abs(float(term.scale)), QUANTITIES[term.quantity].unit)
+        yield words_for(term.quantity), scale, Measured(term.weight)
+
+
+def traded_quantity(design: GainDesign) -> str:
+    """Return the quantity that the objective pays for a lower speed: its first term that is none."""
+    for term in design.definition.terms:
+        if term.quantity not in {"relative_velocity", "impact_force"} and term.weight > 0:
+            return term.quantity
+    return "largest_excursion"
+
+
+def shows_equals(design: GainDesign) -> bool:
+    """Tell whether the objective is of the two quantities of the plane alone, so that it is the same along a curve."""
+    quantities = sorted(t.quantity for t in design.definition.terms if t.weight > 0)
+    return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
+
+
+def _motion(design: GainDesign) -> Section:
+    caption = "The motion until contact (dot), with the gain and without mitigation. Dotted lines are limits."
+    name = "Distance, position, relative velocity and virtual force over time"
+    caption += _WHOSE_MOTION.get(solved_on(design), "")
+    return Section(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
+
+
+def solved_on(design: GainDesign) -> str:
+    """Tell what encounters were solved on: `loop`, `other` (a function of the user's) or `motion`, that of L(1)."""
+    if not design.on_evaluator:
+        return "motion"
+    return "loop" if design.method == "loop" else "other"
+
+
+def _together(design: GainDesign) -> Section | None:
+    """Say what the motion feels of gain and sensor together."""
+    run = _shown(design)
+    if run is None:
+        return None
+    gain, (low, high) = float(run.gain), design.sensor.valid_range
+    rows = []
+    for name, distance in (("at contact", 0.0), ("at the start", float(design.scenario.distance))):
+        if low <= distance <= high:
+            slope = float(design.sensor.log_slope(distance))
+            place = f"{name}, l = {format_quantity(distance, 'm')}"
+            rows.append((place, Measured(gain, "N*s"), Measured(slope, "1/m"), Measured(gain * slope, "N*s/m")))
+    note = (
+        "The virtual force is F_p = D_p g(l) l\u2032: a damper between plant and obstacle whose coefficient is D_p g. "
+        "This is what the motion feels. A gain alone says nothing across sensors: on a sensor with half the slope, "
+        "the same motion needs about twice the gain. A no-object offset left in the output lowers g and so weakens "
+        "the force."
+    )
+    head = ("distance", "gain D_p", "sensor slope g", "damping D_p g")
+    table = Table(head=head, rows=tuple(rows), note=note, brief=True)
+    return Section(title="Gain and sensor together", blocks=(table,)) if rows else None
+
+
+def _evidence(design: GainDesign) -> Section:
+    known = design.certificate
+    note = "The scan covers the whole range, so the optimum does not depend on a starting point."
+    if solved_on(design) != "loop":
+        note += " The impulse balance is an identity of L(1) and L(2) for every sensor curve: it certifies the motion."
+    found = Table(rows=tuple(_certificate_rows(design)), wraps=True, brief=known is not None, note=note)
+    minima = () if known is None or len(known.local_minima) < 2 else known.local_minima
+    others = Table(
+        head=("local minimum at D_p", "objective"),
+        rows=tuple((Measured(gain, "N*s"), Measured(value, "", 5)) for gain, value in minima),
+    )
+    return Section(title="How this is known", titled=True, blocks=(found, others if minima else None))
+
+
+def _certificate_rows(design: GainDesign) -> Iterator[Row]:
+    known, low_high = design.certificate, [format_quantity(b, "N*s") for b in design.bounds]
+    yield "searched", f"every gain from {low_high[0]} to {low_high[1]}"
+    if known is None:
+        yield "scan", f"{len(design.trade_off.gain)} gains"
+    else:
+        text = f"{known.scanned} gains; neighbors predict each to {known.resolution:.1e} of the objective's range"
+        yield "scan", text
+        yield "local minima found and refined", str(len(known.local_minima))
+        yield "the optimum lies", _AT.get(known.at, f"on the limit of the constraint {words_for(known.at)}")
+        low, high = (format_quantity(b, "N*s", 8) for b in sorted(known.bracket))
+        yield "enclosed between", f"{low} and {high}"
+        if known.stationarity is not None:
+            yield "first-order residual |df / d ln|D_p|| / f", f"{known.stationarity:.1e}"
+    if design.ideal is not None:
+        yield "ideal design, in continuous time", ideal_in_words(design.ideal)
+    run = _shown(design)
+    if run is not None and solved_on(design) != "loop":
+        residual = float(np.asarray(run.impulse_residual))
+        missing = "not defined for the uniform motion" if run.method == "uniform-motion" else "not known"
+        text = missing if math.isnan(residual) else f"met to {residual:.1e} of its largest term"
+        yield f"impulse balance of the motion ({run.method})", text
+
+
+def ideal_in_words(ideal: IdealDesign) -> str:
+    """Say what the gain of the ideal design comes to where another was designed.
+
+    Args:
+        ideal: the ideal design.
+
+    Returns:
+        Text such as `-0.7463 N s, which here is 24 % worse`.
+    """
+    text = f"{format_quantity(ideal.gain, 'N*s')}, which here "
+    if not math.isfinite(ideal.objective):
+        return text + "ends without contact"
+    share = abs(100 * ideal.loss)
+    text += f"is {share:.0f} % " if share >= 100 else f"is {share:.2g} % "
+    text += "worse" if ideal.loss >= 0 else "better"
+    return text if ideal.feasible else text + " and breaks a limit"
+
+
+def _sensitivities(design: GainDesign) -> Section:
+    """Return the inputs by their influence."""
+    ranked = sorted(design.sensitivities, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
+    largest = max(abs(s.gain_change_per_percent) for s in ranked)
+    rows = []
+    for s in ranked:
+        if abs(s.gain_change_per_percent) > 1e-6 * largest or (s.value == 0 and abs(s.gain_derivative) > 1e-9):
+            per_unit = f"N s per {s.unit}" if s.unit else "N s"
+            change = f"{s.gain_change_per_percent:+.2e} N s" if s.value else "-"
+            derivative = f"{s.gain_derivative:.4g} {per_unit}".replace("*", " ").replace("^2", "\u00b2")
+            rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
+    note = "Inputs without influence are left out; the scale of the sensor is one: it cancels in \u03be\u2032/\u03be."
+    caption = "How far the optimal gain moves when the magnitude of an input grows by 1 %; striped: less negative."
+    picture = Picture(figure="sensitivity", of=design, name="What moves the optimal gain", caption=caption)
+    head = ("how the optimum follows its inputs", "value", "gain change per +1 %", "dD_p / d input")
+    table = Table(head=head, rows=tuple(rows), note=note, brief=True)
+    return Section(title="What moves the optimum", blocks=(picture, table))
+
+
+def impact_rows(impact: ImpactModel | None) -> Iterator[Row]:
+    """Yield the physical properties of an impact, where they are given."""
+    if impact is not None:
+        yield "physical mass of the robot", Measured(impact.robot_mass, "kg")
+        yield "mass of the obstacle", Measured(impact.obstacle_mass, "kg")
+
+
+def _searched(design: GainDesign) -> Iterator[Row]:
+    yield "gain: bounds", " to ".join(format_quantity(b, "N*s") for b in design.bounds)
+    yield from impact_rows(design.impact)

@@ -1,0 +1,124 @@
+"""What every page says of an encounter: its inputs, its sensor, how its motion is solved, and what that assumes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, Final
+
+from pretouch._core.blocks import Block, Cell, Listing, Measured, Paragraph, Section, Table
+from pretouch._core.vocabulary import words_for
+from pretouch.sensors import SensorModel
+
+from .scenario import Scenario
+
+__all__ = ["METHODS", "inputs_section", "method_section", "scenario_rows", "sensor_rows"]
+
+Row = tuple[Cell, ...]
+
+METHODS: Final = {
+    "closed-form": "Closed form L(10)-(13), exact for a curve of constant slope g.",
+    "integration": "Integration of L(1) with L(2) for the sensor curve as it is, with the contact located as a root.",
+    "uniform-motion": (
+        "Uniform-motion solution L(16)-(19): one particular motion of the second-order exponential curve, which does "
+        "not start from the given state. It shifts the optimal gain by about 10 %."
+    ),
+    "loop": (
+        "The sampled loop: sensor chain, controller with a period of its own, and robot, run with every gain and the "
+        "same noise."
+    ),
+}
+"""How encounters were solved, by the name of the method."""
+
+_OF_THE_MOTION: Final = (
+    "The plant follows the virtual object exactly, x = x_v: the tracking error of the inner controller is neglected, "
+    "and so are friction and modeling errors (the letter's Section II). On the letter's hardware contact came later "
+    "than predicted, while the ranking of the gains was kept (Table III).",
+    "Up to contact no contact force acts; what happens after l = 0 is not modeled.",
+    "Time is continuous; the sensor has no delay, noise, quantization or filter, and its offset is removed before "
+    "\u03be is used. Reflectance cancels in \u03be\u2032/\u03be, an offset does not.",
+)
+_OF_THE_LOOP: Final = (
+    "Sensor chain, controller and robot are those of the loop that was given: its noise, delay and rate are "
+    "assumptions to be held against the real ones. What it leaves out (other axes, vibration, a part that fails) is "
+    "left out here.",
+    "Numbers are those until the first contact; the loop's own simulation says what follows.",
+)
+_OF_A_FUNCTION: Final = (
+    "Encounters were solved by a function that the design was handed: what that assumes is not known here.",
+)
+_OF_ALL: Final = (
+    "One dimension; obstacle and reference move with the uniform acceleration stated above, and the obstacle is not "
+    "moved by the robot.",
+    "Time starts when the object enters the detection range.",
+)
+_INTEGRATOR: Final = (
+    "This page predicts under these assumptions. Whether a robot cell is acceptable is for its integrator to assess, "
+    "with measurements on the real machine."
+)
+
+
+def scenario_rows(scenario: Scenario) -> Iterator[Row]:
+    """Yield every input of an encounter."""
+    a, o, p, r = (getattr(scenario, name) for name in ("admittance", "obstacle", "plant", "reference"))
+    yield "admittance: mass M_a", Measured(float(a.mass), "kg")
+    yield "admittance: damping D_a", Measured(float(a.damping), "N*s/m")
+    yield "admittance: stiffness K_a", Measured(float(a.stiffness), "N/m")
+    if a.stiffness > 0:
+        yield "natural frequency", Measured(float(a.natural_frequency), "rad/s")
+        yield "damping ratio", Measured(float(a.damping_ratio))
+    for name, body in (("obstacle", o), ("plant", p), ("reference", r)):
+        yield f"{name}: position", Measured(float(body.position), "m")
+        yield f"{name}: velocity", Measured(float(body.velocity), "m/s")
+        if hasattr(body, "acceleration"):
+            yield f"{name}: acceleration", Measured(float(body.acceleration), "m/s^2")
+    yield "distance at the start", Measured(float(scenario.distance), "m")
+
+
+def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
+    """Yield the parameters of a curve and where it holds."""
+    yield "curve", sensor.name
+    units: dict[str, str] = {}
+    part: Any = sensor
+    while part is not None:
+        units |= {f.name: f.metadata.get("unit", "m") for f in part.__dataclass_fields__.values()}
+        yield from [("recessed curve", part.sensor.name)] if hasattr(part, "sensor") else []
+        part = getattr(part, "sensor", None)
+    for name, value in sensor.parameters.items():
+        yield words_for(name), Measured(value, units.get(name, ""), 6)
+    low, high = sensor.valid_range
+    yield "valid from", Measured(low, "m")
+    yield "valid to", Measured(high, "m")
+
+
+def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Section:
+    """Return the section of a page that lists its inputs.
+
+    Args:
+        scenario: the encounter.
+        sensor: the sensor curve.
+        others: further rows beside those of the encounter.
+
+    Returns:
+        The section.
+    """
+    encounter = Table(rows=(*scenario_rows(scenario), *others))
+    curve = Table(rows=tuple(sensor_rows(sensor)), wraps=True)
+    blocks = (Section(title="Encounter", blocks=(encounter,)), Section(title="Sensor", blocks=(curve,)))
+    return Section(title="Inputs", blocks=blocks)
+
+
+def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> Section:
+    """Return the section of a page that says how its encounters were solved, and what that assumes.
+
+    Args:
+        method: a key of METHODS, or a method's own words.
+        solved_on: `motion`, that of L(1), `loop` or `other`, a function of the user's.
+        others: what a page has to say before.
+
+    Returns:
+        The section.
+    """
+    of = {"motion": _OF_THE_MOTION, "loop": _OF_THE_LOOP}.get(solved_on, _OF_A_FUNCTION)
+    known = Paragraph(text=METHODS.get(method, method))
+    blocks = (*others, known, Listing(items=(*of, *_OF_ALL)), Paragraph(text=_INTEGRATOR, quiet=True))
+    return Section(title="Method and assumptions", blocks=blocks)

@@ -69,7 +69,7 @@ VALUES = [
     ('"-10 N*s"', '"10 N*s"', "bounds", "gain.bounds", "from 10 N*s to -0.01 N*s", "the lower bound first"),
     ('"42.2 mm"', '"-1 mm"', "position", "obstacle.position", "-0.001 m", "must be positive"),
     ('"inverse-power"', '"inverse power"', "model", "sensor.model", '"inverse power"', 'did you mean "inverse-power"?'),
-    ('"inverse-power"', "3", "model", "sensor.model", "3", 'one of "inverse-power", "exponential-1"'),
+    ('"inverse-power"', "3", "model", "sensor.model", "3", 'one of "exponential-1", "exponential-2"'),
     ('"excursion"', '"tme"', "kind", "objective.kind", '"tme"', 'did you mean "time"?'),
 ]
 
@@ -98,7 +98,7 @@ KEYS = [
     ("exponent =", "color =", "color", "sensor.color", "found an unknown key, expected one of recess"),
     ("[gain]", "[colors]", "[colors]", "colors", "found an unknown section, expected one of [sensor], [admittance]"),
     ("velocity_scale", "weight", "weight", "objective.weight", "unknown key"),
-    ('model = "inverse-power"', "", "[sensor]", "sensor.model", 'missing, expected one of "inverse-power"'),
+    ('model = "inverse-power"', "", "[sensor]", "sensor.model", 'missing, expected one of "exponential-1"'),
     ("model =", "modle =", "modle", "sensor.modle", 'expected "model"'),
     ("exponent = 3.32", "", "[sensor]", "sensor.exponent", "missing, expected a number; add, for example: exponent = "),
     ('mass = "1 kg"', "", "[admittance]", "admittance.mass", 'add, for example: mass = "1 kg"'),

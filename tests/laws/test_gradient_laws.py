@@ -22,7 +22,7 @@ from pretouch.sensors import (
     Recessed,
     SensorModel,
 )
-from pretouch.sensors.change import curve_change, parameter_units
+from pretouch.sensors.change import curve_change
 from pretouch.sensors.model import parameter
 from properties import examples
 from sensor_samples import SAMPLES
@@ -168,7 +168,7 @@ def test_every_sensor_says_how_its_parameters_change_its_slope(cls: type[SensorM
     low, high = sensor.valid_range
     distance = np.linspace(low, min(high, low + 0.05), 7)[1:-1]
     slope = sensor.log_slope(distance)
-    for name in parameter_units(sensor):
+    for name in sensor.parameter_units:
         change = curve_change(sensor, name)
         inner = sensor.sensor if isinstance(sensor, Recessed) else sensor
         value = sensor.recess if name == "recess" else getattr(inner, name)

@@ -15,9 +15,9 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
+from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
-from .families import Family, InversePowerFamily
 from .family_fits import Problem, families_of, fit_free, lowest_offset
 from .knowledge import DrawnCurve
 from .many_fits import Fits
@@ -26,7 +26,6 @@ from .result import NoiseEstimate, OffsetEstimate
 __all__ = ["Course", "Courses", "find_courses"]
 
 _FORM: Final = 4.0  # for the offset of a curve that no family is quite
-_FLAT_TAIL: Final = 0.65  # of the logarithm of 2 / n
 _BENDS: Final = 6.0  # places at which a misfit bends freely, over a window
 _MOST_ALIKE: Final = 0.8  # of neighbors: more leaves no number of points to speak of
 _SPREAD: Final = np.sinh(np.linspace(-3.0, 3.0, 21)) / np.sinh(3.0) * 8.0  # standard errors, denser in the middle
@@ -215,7 +214,7 @@ def find_courses(
         problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
         start = np.repeat(free.x[:, :3], len(offsets), axis=0)
         found = problem.minimize(start)
-        prior = _flat_tail(family, found.x)
+        prior = family.prior(found.x)
         if known is not None and known.standard_error > 0:
             prior += ((offsets - known.value) / known.standard_error) ** 2
         parts.append(
@@ -239,16 +238,6 @@ def find_courses(
     return Courses(
         parts=tuple(parts), form=form, inflation=inflation, rise=float(stdtrit(freedom, 0.975)) ** 2 * inflation
     )
-
-
-def _flat_tail(family: Family, x: FloatArray) -> FloatArray:
-    """Return what a tail flatter than 1 / l^2 costs: light of a source of finite size does not fall so slowly.
-
-    Readings that ask for it get it: n = 1 costs 1.1, and no exponent more than 3.8, the square of a 95 % interval.
-    """
-    if not isinstance(family, InversePowerFamily):
-        return np.zeros(len(x))
-    return np.asarray(np.minimum((np.maximum(np.log(2 * x[:, 2]), 0.0) / _FLAT_TAIL) ** 2, 3.8))
 
 
 def _likeness(residuals: FloatArray, smooth: float) -> float:

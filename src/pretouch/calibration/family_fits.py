@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch.sensors import Family, known_curves
 
 from .averaging import AveragedCurve
-from .families import Family, InversePowerFamily, MittagLefflerFamily, SecondOrderFamily
 from .many_fits import Fits, minimize_many
 from .result import NoiseEstimate
 
-__all__ = ["HEAVIEST_KAPPA", "Problem", "families_of", "fit_free", "lowest_offset", "quick_families"]
-
-HEAVIEST_KAPPA: Final = 1 / 0.7
-"""1 / n of the flattest inverse power that is considered."""
-_EXPONENTIAL_KAPPA: Final = 1e-6
+__all__ = ["Problem", "families_of", "fit_free", "lowest_offset", "quick_families"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,18 +90,16 @@ def lowest_offset(curve: AveragedCurve) -> float:
 
 
 def families_of(curve: AveragedCurve) -> tuple[Family, ...]:
-    """Return the families of three parameters for the span of a curve."""
+    """Return the families that inform, for the span of a curve, the quick ones first."""
     first, last = float(curve.distance[0]), float(curve.distance[-1])
-    return (
-        InversePowerFamily(first=first, last=last, kappa_max=HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA),
-        SecondOrderFamily(first=first, last=last),
-        MittagLefflerFamily(first=first, last=last),
-    )
+    curves = sorted(known_curves().values(), key=lambda curve: curve.name, reverse=True)
+    ordered = [c for c in curves if c.family.quick] + [c for c in curves if not c.family.quick]
+    return tuple(c.family.at_large(c, first, last) for c in ordered if c.family.informs)
 
 
 def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:
     """Return those of the families that take a small part of the time: all but the Mittag-Leffler curve."""
-    return tuple(f for f in families_of(curve) if not isinstance(f, MittagLefflerFamily))
+    return tuple(f for f in families_of(curve) if f.quick)
 
 
 def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:

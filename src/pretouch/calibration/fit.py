@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TypeVar
+from dataclasses import fields, replace
+from typing import Final, TypeVar
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.sensors import Table
+from pretouch.sensors import Family, Table, known_curves
 
 from .averaging import AveragedCurve
 from .data import Calibration
 from .diagnostics import corrected_akaike, r_squared, root_mean_square, runs_p_value, slope_error
-from .families import FAMILIES, Family
 from .family_fits import Problem, fit_free
 from .many_fits import Fits
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
 from .uncertainty import estimates
 
-__all__ = ["MODELS", "check_models", "fit_prepared", "fit_sensor", "why_not"]
+__all__ = ["check_models", "fit_prepared", "fit_sensor", "model_names", "why_not"]
 
-MODELS = (*sorted(FAMILIES), "table")
+_TABLE: Final = "table"
 
 _Part = TypeVar("_Part")
-_POINT_SOURCE = 2.0  # the exponent of light from a point, far away
 
 
 def fit_sensor(
@@ -89,17 +87,17 @@ def check_models(models: tuple[str, ...]) -> None:
         InvalidInputError: a name is no model, or there is none.
     """
     for model in models:
-        if model not in MODELS:
-            raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(MODELS)}")
+        if model not in model_names():
+            raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")
     if not models:
-        raise InvalidInputError(f"models: found none, expected one or more of {', '.join(MODELS)}")
+        raise InvalidInputError(f"models: found none, expected one or more of {', '.join(model_names())}")
 
 
 def why_not(model: str, prepared: Prepared) -> str:
     """Say why a model cannot be fitted to readings that do carry a signal; nothing where it can."""
     used = prepared.used
     if model != "table":
-        count, size = len(used.distance), len(FAMILIES[model].parameter_names)
+        count, size = len(used.distance), _family(model, used).size
         return "" if count > size else f"It has {size} parameters, and only {count} distances stand above the floor."
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):
@@ -108,12 +106,22 @@ def why_not(model: str, prepared: Prepared) -> str:
     return f"The averaged output does not fall from {d[0]:g} to {d[1]:g} mm, and a table must fall strictly."
 
 
+def model_names() -> tuple[str, ...]:
+    """Return the names of all models, those of curves that a program has defined among them."""
+    return (*sorted(known_curves(fitted=True)), _TABLE)
+
+
+def _family(model: str, used: AveragedCurve) -> Family:
+    curve = known_curves()[model]
+    return curve.family(curve=curve, first=float(used.distance[0]), last=float(used.distance[-1]))
+
+
 def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
     """Fit one model to prepared readings."""
     used, offset, noise = prepared.used, _given(prepared.offset), _given(prepared.noise)
     if model == "table":
         return _fit_table(prepared, offset, noise)
-    family = FAMILIES[model](first=float(used.distance[0]), last=float(used.distance[-1]))
+    family = _family(model, used)
     best = fit_free(used, family, noise, offset.value)
     problem = Problem(curve=used, family=family, noise=noise, offsets=np.array([offset.value]))
     ends = np.array([o for o in (offset.low, offset.high) if o != offset.value])
@@ -177,10 +185,11 @@ def _with_units(
     parameters: dict[str, Estimate], fitted: dict[str, float], family: Family, output_unit: str
 ) -> dict[str, Estimate]:
     """Give every estimate its unit, and the very value that the sensor has."""
-    units = {"rate": "1/m", "distance_offset": "m", "curvature": "1/m^2", "scale": output_unit}
-    if family.name == "inverse-power":
-        units["scale"] = f"{output_unit} m^n".strip()
-    return {name: _clear(e, fitted[name], units.get(name, "")) for name, e in parameters.items()}
+    units = {}
+    for f in fields(family.curve):
+        of_output = f.metadata.get("of_output")
+        units[f.name] = f.metadata.get("unit", "") if of_output is None else f"{output_unit} {of_output}".strip()
+    return {name: _clear(e, fitted[name], units[name]) for name, e in parameters.items()}
 
 
 def _clear(estimate: Estimate, value: float, unit: str) -> Estimate:
@@ -191,23 +200,13 @@ def _clear(estimate: Estimate, value: float, unit: str) -> Estimate:
 def _warnings(
     shift: float, offset: OffsetEstimate, x: FloatArray, family: Family, parameters: dict[str, Estimate]
 ) -> tuple[str, ...]:
-    found = []
-    exponent = parameters.get("exponent")
-    if exponent is not None and exponent.value < _POINT_SOURCE:
-        sure = "ask for" if exponent.high < _POINT_SOURCE else "allow"
-        found.append(
-            f"The readings {sure} an exponent of {exponent.value:.3g}, below the 2 of a point of light. Light from a "
-            "large object, or from several emitters in a row, falls off so slowly; so does a pedestal that was not "
-            "subtracted."
-        )
+    low, high = family.bounds
+    at_bound = any(min(value - low[i], high[i] - value) < 1e-4 for i, value in enumerate(x))
+    found = list(family.remarks(parameters, at_bound=at_bound))
     if offset.kind == "fitted":
         found.append(
             f"The offset was fitted, not measured; one standard error of it moves the slope by {100 * shift:.2g} %."
         )
-    low, high = family.bounds
-    at = [i for i, value in enumerate(x) if min(value - low[i], high[i] - value) < 1e-4]
-    if at and family.name == "exponential-2":
-        found.append("The curvature is at the limit beyond which the curve would turn around inside the window.")
     return tuple(found)
 
 

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
 from .diagnostics import slope_weights
-from .families import Family, SecondOrderFamily
 from .family_fits import Problem, families_of
 from .many_fits import Fits
 from .result import NoiseEstimate, OffsetEstimate
@@ -125,9 +125,7 @@ def _fits(curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: Off
         offsets=None if value is None else np.full(count, value),
         weights=np.arange(len(curve.distance)) >= np.arange(count)[:, None],
     )
-    low, high = problem.bounds()
-    if isinstance(family, SecondOrderFamily):
-        high[2] = min(high[2], 0.0)  # never steeper farther away
+    low, high = family.easing(*problem.bounds())
     guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if value is None else value
     return problem.minimize_from(guess, count, (low, high))
 

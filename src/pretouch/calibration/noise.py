@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch.sensors import Family
 
 from .averaging import AveragedCurve, ReadingNoise, two_components
-from .families import Family
 from .family_fits import families_of, fit_free
 from .result import NoiseEstimate, OffsetEstimate
 

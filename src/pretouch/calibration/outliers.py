@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch.sensors import Family
 
 from .averaging import AveragedCurve, ReadingNoise
-from .families import Family
 from .family_fits import Problem, fit_free, quick_families
 from .noise import find_noise
 from .result import NoiseEstimate, OffsetEstimate

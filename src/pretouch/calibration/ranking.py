@@ -10,7 +10,7 @@ from pretouch._core.units import format_quantity
 
 from .averaging import average
 from .data import Calibration
-from .fit import MODELS, check_models, fit_prepared, why_not
+from .fit import check_models, fit_prepared, model_names, why_not
 from .knowledge import SlopeKnowledge
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit
@@ -28,7 +28,7 @@ _SMALL_FALL = 0.3  # of ln xi over the window: less tells hardly more than a slo
 
 def rank_models(
     calibration: Calibration,
-    models: tuple[str, ...] = MODELS,
+    models: tuple[str, ...] | None = None,
     *,
     offset: OffsetChoice = "auto",
     saturation: float | str | None = "auto",
@@ -41,7 +41,7 @@ def rank_models(
 
     Args:
         calibration: the readings.
-        models: names of the models.
+        models: names of the models; all of them where none are given.
         offset: as `fit_sensor` takes it.
         saturation: as `fit_sensor` takes it.
         near_field_peak: as `fit_sensor` takes it.
@@ -57,7 +57,7 @@ def rank_models(
         >>> report.verdict, report.best.model
         ('usable', 'exponential-1')
     """
-    models = tuple(dict.fromkeys(models))
+    models = model_names() if models is None else tuple(dict.fromkeys(models))
     check_models(models)
     prepared = prepare(
         calibration,

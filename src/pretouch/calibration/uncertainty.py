@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch._core.units import format_quantity
+from pretouch.sensors import Family
 
-from .families import Family
 from .family_fits import Problem
 from .many_fits import Fits, gradient, intervals
 from .result import Estimate, OffsetEstimate
 
 __all__ = ["Spread", "estimates"]
-
-_DOMAINS = {
-    "scale": (0.0, math.inf),
-    "rate": (-math.inf, 0.0),
-    "exponent": (0.0, math.inf),
-    "distance_offset": (-math.inf, math.inf),
-    "curvature": (-math.inf, math.inf),
-    "order": (0.0, 1.0),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,13 +79,13 @@ def estimates(
     log_slope = gradient(lambda u: every(u[None])[0, -1:], x)[0]
     slope_error = abs(slopes[0]) * math.hypot(math.sqrt(inflation * float(log_slope @ own @ log_slope)), shift)
     middle = Estimate(value=slopes[0], standard_error=slope_error, low=slopes[1], high=slopes[2], unit="1/m")
-    runaway = family.name == "inverse-power" and _runs_away(ends[2], family)
+    runaway = family.runs_away(ends)
     parameters = _parameters(family, center[:-1], ends[:-1], covariance, runaway=runaway)
     return Spread(
         parameters=parameters,
         covariance=covariance,
         middle_slope=middle,
-        identifiable=_identifiable(family, parameters, middle, runaway=runaway),
+        identifiable=family.told_apart(parameters, middle, runaway=runaway),
         slope_shift=shift,
     )
 
@@ -113,12 +103,6 @@ def _covariance(
     return np.asarray(np.where(np.isfinite(covariance), covariance, np.inf))
 
 
-def _runs_away(end: tuple[float, float, bool, bool], family: Family) -> bool:
-    """Tell whether kappa = 1 / n may be zero."""
-    low, _, reached, _ = end
-    return not reached or low <= math.log(1.05 * float(family.bounds[0][2]))
-
-
 def _parameters(
     family: Family,
     center: FloatArray,
@@ -128,8 +112,8 @@ def _parameters(
     runaway: bool,
 ) -> dict[str, Estimate]:
     """Map the intervals of the coordinates to those of the written parameters."""
-    values = family.parameters(center)
-    found = {}
+    values, found = family.parameters(center), {}
+    domains = {f.name: f.metadata["domain"] for f in fields(family.curve) if "unit" in f.metadata}
     for i, name in enumerate(family.parameter_names):
         mapped = []
         for k in (0, 1):
@@ -137,7 +121,7 @@ def _parameters(
             q[i] = ends[i][k]
             mapped.append((float(family.parameters(q)[i]), ends[i][2 + k]))
         (low, low_reached), (high, high_reached) = sorted(mapped)
-        domain = _DOMAINS[name]
+        domain = domains[name]
         low, high = low if low_reached else domain[0], high if high_reached else domain[1]
         if runaway:
             high = math.inf
@@ -150,24 +134,3 @@ def _parameters(
             high=min(high, domain[1]),
         )
     return found
-
-
-def _identifiable(
-    family: Family, parameters: dict[str, Estimate], middle: Estimate, *, runaway: bool
-) -> tuple[str, ...]:
-    """Say which parameters the readings cannot tell apart."""
-    if runaway:
-        at = format_quantity(family.middle, "m")
-        low = parameters["exponent"].low
-        return (
-            f"Only n / (l_0 + {at}) = {-middle.value:.4g} 1/m, the slope in the middle of the window, is known: "
-            f"n and l_0 run away together (n is above {low:.3g}, with no upper bound), and an exponential fits as "
-            "well.",
-        )
-    order = parameters.get("order")
-    if order is not None and order.high >= 1:
-        return (f"The order is not told from 1, a first-order exponential (95 % interval from {order.low:.3g} to 1).",)
-    curvature = parameters.get("curvature")
-    if curvature is not None and curvature.low <= 0 <= curvature.high:
-        return ("The curvature is not told from 0, a first-order exponential.",)
-    return ()

@@ -14,15 +14,7 @@ from pretouch.design.impact import HertzImpact, ImpactModel, SpringImpact
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
 from pretouch.motion.admittance import Admittance
 from pretouch.motion.scenario import Obstacle, Plant, Reference, Scenario
-from pretouch.sensors import (
-    ExponentialFirstOrder,
-    ExponentialSecondOrder,
-    InversePower,
-    MittagLeffler,
-    Recessed,
-    SensorModel,
-    Table,
-)
+from pretouch.sensors import Recessed, SensorModel, known_curves
 from pretouch.uncertainty.reservations import recess_in_words
 
 from .document import Document, Mistake
@@ -51,13 +43,6 @@ __all__ = ["Builder"]
 
 T = TypeVar("T")
 
-_CURVES: Mapping[str, Callable[..., SensorModel]] = {
-    "inverse-power": InversePower,
-    "exponential-1": ExponentialFirstOrder,
-    "exponential-2": ExponentialSecondOrder,
-    "mittag-leffler": MittagLeffler,
-    "table": Table,
-}
 _FROM_SURFACE = ("minimum_distance", "maximum_distance")
 _SHORT: Mapping[str, str] = {
     "position": "displacement",
@@ -101,10 +86,12 @@ class Builder:
         given = section.model_dump(exclude_none=True, exclude={"model", "recess"})
         model = self.document.data["sensor"]["model"]
         if section.recess is None:
-            return self.attempt("sensor", lambda: _CURVES[model](**given)), None
+            return self.attempt("sensor", lambda: known_curves()[model](**given)), None
         limits = {key: given.pop(key) for key in _FROM_SURFACE if key in given}
         recess = section.recess
-        return self.attempt("sensor", lambda: Recessed(sensor=_CURVES[model](**given), recess=recess, **limits)), None
+        return self.attempt(
+            "sensor", lambda: Recessed(sensor=known_curves()[model](**given), recess=recess, **limits)
+        ), None
 
     def _calibrated(self, section: CalibratedSensor) -> tuple[SensorModel | None, CalibrationReport | None]:
         found = self.document.data["sensor"]

@@ -13,7 +13,6 @@ from .quantities import shown
 from .robust_sections import uncertainty_section
 from .schema import REQUIRED, SECTIONS, keys_of, quantity_of_key
 from .section import Section, nearest, one_of
-from .sensor_sections import SENSOR_SECTIONS
 
 __all__ = ["read_sections"]
 
@@ -85,7 +84,8 @@ def _variant(name: str, found: Mapping[str, Any]) -> type[Section] | tuple[KeyPa
     if name == "sensor":
         if "calibration" in found:
             return variants["calibration"]
-        return _named(name, "model", found, SENSOR_SECTIONS, ', or calibration = "sensor.csv"')
+        models = {key: kind for key, kind in variants.items() if key != "calibration"}
+        return _named(name, "model", found, models, ', or calibration = "sensor.csv"')
     if name in _BY_KIND:
         return _named(name, "kind", found, variants, "")
     if name == "uncertainty":

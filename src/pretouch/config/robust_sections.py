@@ -7,6 +7,7 @@ file has that section: most have not, and should not wait for them.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import lru_cache
 from typing import Annotated, Any, Final, Self
 
@@ -14,6 +15,7 @@ from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.motion.inputs import SCENARIO_INPUTS
+from pretouch.sensors import known_curves
 from pretouch.uncertainty.sampling import SAMPLINGS
 
 from .quantities import Quantity, UnfitValueError, shown
@@ -32,14 +34,6 @@ MEASURES: Final = ("expected", "quantile", "tail-mean", "worst-case")
 FROM_CALIBRATION: Final = "parameters"
 """The key of [uncertainty] `sensor` that takes the covariance of the calibration."""
 
-_SENSOR_INPUTS: Final[Mapping[str, str]] = {
-    "rate": "1/m",
-    "curvature": "1/m^2",
-    "distance_offset": "m",
-    "exponent": "",
-    "order": "",
-    "recess": "m",
-}
 _KINDS: Final = ("normal", "uniform", "interval", "samples")
 _EXAMPLES: Final[Mapping[str, str]] = {
     "kg": '"1 kg", "0.1 kg"',
@@ -90,7 +84,7 @@ def _known(unit: str) -> type[KnownInput]:
     """Make the model of an input of a unit."""
     one = Quantity(unit=unit, example="")
     what = f"quantities in {unit}" if unit else "numbers"
-    example = f"[{_EXAMPLES[unit]}]"
+    example = f"[{_EXAMPLES.get(unit, _EXAMPLES[''])}]"
     pair = list_of(2, 2, f"a list of two {what}, the smaller one first")
     mean = list_of(2, 2, f"a list of two {what}, mean and standard deviation, such as {example}")
     cut = Annotated[float, Quantity(unit=unit, example="", infinite=True)]
@@ -127,7 +121,7 @@ def _table_of(what: str) -> BeforeValidator:
 _PARTS: Final = {
     part: {name.split(".")[1]: unit for name, unit in SCENARIO_INPUTS.items() if name.startswith(f"{part}.")}
     for part in ("admittance", "obstacle", "plant", "reference")
-} | {"sensor": dict(_SENSOR_INPUTS)}
+}
 _FIRST: Final = {
     "admittance": 'damping = { interval = ["9 N*s/m", "11 N*s/m"] }',
     "obstacle": 'velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
@@ -137,11 +131,19 @@ _FIRST: Final = {
 }
 
 
+def _inputs(part: str) -> dict[str, str]:
+    """Return the inputs of a part with their units: of a sensor those of all curves, but for the scale, which cancels."""
+    if part != "sensor":
+        return _PARTS[part]
+    known = [f for curve in known_curves().values() for f in fields(curve) if "unit" in f.metadata]
+    return {f.name: f.metadata["unit"] for f in known if f.metadata["of_output"] is None} | {"recess": "m"}
+
+
 def _part(name: str) -> type[Section]:
-    fields: dict[str, Any] = {key: (_known(unit) | None, None) for key, unit in _PARTS[name].items()}
+    keys: dict[str, Any] = {key: (_known(unit) | None, None) for key, unit in _inputs(name).items()}
     if name == "sensor":
-        fields[FROM_CALIBRATION] = (Annotated[str | None, BeforeValidator(_from_calibration)], None)
-    return create_model(f"Uncertain{name.title()}", __base__=Section, **fields)
+        keys[FROM_CALIBRATION] = (Annotated[str | None, BeforeValidator(_from_calibration)], None)
+    return create_model(f"Uncertain{name.title()}", __base__=Section, **keys)
 
 
 class UncertaintySection(Section):
@@ -154,10 +156,16 @@ class UncertaintySection(Section):
     sensor: Any = None
 
 
-@lru_cache(maxsize=1)
 def uncertainty_section() -> type[UncertaintySection]:
     """Make the model of [uncertainty] with every input in its unit."""
-    fields: dict[str, Any] = {name: (Annotated[_part(name) | None, _table_of(name)], None) for name in _PARTS}
+    return _uncertainty_section(tuple(known_curves()))
+
+
+@lru_cache(maxsize=4)
+def _uncertainty_section(_curves: tuple[str, ...]) -> type[UncertaintySection]:
+    fields: dict[str, Any] = {
+        name: (Annotated[_part(name) | None, _table_of(name)], None) for name in (*_PARTS, "sensor")
+    }
     return create_model("UncertaintySection", __base__=UncertaintySection, **fields)
 
 

@@ -19,7 +19,7 @@ from .objective_sections import OBJECTIVE_SECTIONS
 from .quantities import Quantity, UnfitValueError
 from .robust_sections import RobustSection, UncertaintySection
 from .section import ACCELERATION, LENGTH, SPEED, Section, list_of, name_of
-from .sensor_sections import SENSOR_SECTIONS, CalibratedSensor
+from .sensor_sections import SENSOR_SECTIONS
 
 __all__ = [
     "REQUIRED",
@@ -184,7 +184,7 @@ class ParetoSection(Section):
 
 
 SECTIONS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
-    "sensor": {**SENSOR_SECTIONS, "calibration": CalibratedSensor},
+    "sensor": SENSOR_SECTIONS,
     "admittance": {"damping": DampedAdmittance, "natural_frequency": FrequencyAdmittance},
     "obstacle": {"": ObstacleSection},
     "plant": {"": PlantSection},

@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from functools import cache
 from typing import Annotated, Any, Final
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, create_model
+
+from pretouch.sensors import SensorModel, known_curves
 
 from .quantities import Quantity, UnfitValueError
-from .section import LENGTH, Section, list_of, name_of, text
+from .section import LENGTH, Section, list_of, one_of, text
 
-__all__ = [
-    "SENSOR_SECTIONS",
-    "CalibratedSensor",
-    "ExponentialFirstOrderSensor",
-    "ExponentialSecondOrderSensor",
-    "InversePowerSensor",
-    "MittagLefflerSensor",
-    "SensorSection",
-    "TableSensor",
-]
+__all__ = ["SENSOR_SECTIONS", "CalibratedSensor", "SensorSection", "SensorSections"]
 
-_SCALE: Final = Quantity(unit="output", example="1.0", sign="positive")
-_RATE: Final = Quantity(unit="1/m", example='"-61 1/m"', sign="negative")
+CALIBRATION: Final = "calibration"
 _OUTPUT: Final = Quantity(unit="output", example="0.12")
 _SEARCHED: Final = ("auto", "none")
-_MODELS: Final = ("inverse-power", "exponential-1", "exponential-2", "mittag-leffler", "table")
+
+
+def _model(value: Any) -> str:
+    names = tuple(known_curves())
+    if not isinstance(value, str) or value not in names:
+        raise UnfitValueError(one_of(value, names))
+    return value
 
 
 def _labels(value: Any) -> dict[str, str | int | float]:
@@ -80,61 +80,46 @@ class SensorSection(Section):
     maximum_distance: Annotated[float | None, Quantity(unit="m", example='"0.1 m"', infinite=True)] = None
 
 
-class InversePowerSensor(SensorSection):
-    """`model = "inverse-power"`, L(3)."""
+@cache
+def section_of(curve: type[SensorModel]) -> type[SensorSection]:
+    """Make the section of a curve from the fields of its class: its parameters and its points, each in its unit.
 
-    model: str
-    scale: Annotated[float, _SCALE]
-    distance_offset: Annotated[float, Quantity(unit="m", example='"41.9 mm"')]
-    exponent: Annotated[float, Quantity(unit="", example="3.32", sign="positive")]
+    Args:
+        curve: the class.
 
-
-class ExponentialFirstOrderSensor(SensorSection):
-    """`model = "exponential-1"`, L(5)."""
-
-    model: str
-    scale: Annotated[float, _SCALE]
-    rate: Annotated[float, _RATE]
-
-
-class ExponentialSecondOrderSensor(SensorSection):
-    """`model = "exponential-2"`, L(6)."""
-
-    model: str
-    scale: Annotated[float, _SCALE]
-    rate: Annotated[float, _RATE]
-    curvature: Annotated[float, Quantity(unit="1/m^2", example='"474 1/m^2"')]
-
-
-class MittagLefflerSensor(SensorSection):
-    """`model = "mittag-leffler"`."""
-
-    model: str
-    scale: Annotated[float, _SCALE]
-    rate: Annotated[float, _RATE]
-    order: Annotated[float, Quantity(unit="", example="0.9", sign="positive")]
+    Returns:
+        The section, `model = "..."` with these keys.
+    """
+    found: dict[str, Any] = {"model": (str, ...)}
+    for f in fields(curve):
+        if "unit" in f.metadata:
+            of_output = f.metadata["of_output"] is not None
+            unit, sign, example = (
+                ("output" if of_output else f.metadata["unit"]),
+                f.metadata["sign"],
+                f.metadata["example"],
+            )
+            found[f.name] = (Annotated[float, Quantity(unit=unit, example=example, sign=sign)], ...)
+        elif "points" in f.metadata:
+            found[f.name] = (_points(f.metadata["points"]), ...)
+    return create_model(f"{curve.__name__}Sensor", __base__=SensorSection, **found)
 
 
-class TableSensor(SensorSection):
-    """`model = "table"`."""
-
-    model: str
-    distances: Annotated[
-        list[Annotated[float, Quantity(unit="m", example='["0 mm", "10 mm"]')]],
-        list_of(2, None, "a list of two or more quantities in m"),
-    ]
-    outputs: Annotated[
-        list[Annotated[float, Quantity(unit="output", example='["2 V", "1 V"]', sign="positive")]],
-        list_of(2, None, "a list of two or more sensor outputs"),
-        BeforeValidator(_one_unit),
-    ]
+def _points(unit: str) -> Any:
+    """Return the type of a list of distances or of outputs."""
+    if unit == "output":
+        output = Quantity(unit=unit, example="", sign="positive")
+        what = list_of(2, None, "a list of two or more sensor outputs")
+        return Annotated[list[Annotated[float, output]], what, BeforeValidator(_one_unit)]
+    what = list_of(2, None, f"a list of two or more quantities in {unit}")
+    return Annotated[list[Annotated[float, Quantity(unit=unit, example="")]], what]
 
 
 class CalibratedSensor(SensorSection):
     """`calibration = "sensor.csv"`, fitted when the file is read."""
 
     calibration: Annotated[str, text('"sensor.csv"')]
-    model: Annotated[str | None, name_of(*_MODELS)] = None
+    model: Annotated[str | None, BeforeValidator(_model)] = None
     select: Annotated[dict[str, str | int | float], BeforeValidator(_labels)] = Field(default_factory=dict)
     columns: Annotated[dict[str, str | int], BeforeValidator(_columns)] = Field(default_factory=dict)
     labels: Annotated[list[str | int] | None, BeforeValidator(_names)] = None
@@ -147,17 +132,17 @@ class CalibratedSensor(SensorSection):
     floor_sigmas: Annotated[float, Quantity(unit="", example="3.0", sign="positive")] = 3.0
 
 
-SENSOR_SECTIONS: Final[dict[str, type[SensorSection]]] = dict(
-    zip(
-        _MODELS,
-        (
-            InversePowerSensor,
-            ExponentialFirstOrderSensor,
-            ExponentialSecondOrderSensor,
-            MittagLefflerSensor,
-            TableSensor,
-        ),
-        strict=True,
-    )
-)
-"""The variant that each `model` takes."""
+class SensorSections(Mapping[str, type[SensorSection]]):
+    """The variants of [sensor]: one for each curve that a program knows, and one for a calibration."""
+
+    def __getitem__(self, name: str) -> type[SensorSection]:
+        return CalibratedSensor if name == CALIBRATION else section_of(known_curves()[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*known_curves(), CALIBRATION))
+
+    def __len__(self) -> int:
+        return len(known_curves()) + 1
+
+
+SENSOR_SECTIONS: Final = SensorSections()

@@ -22,7 +22,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
-from pretouch.sensors.change import CurveChange, curve_change, parameter_units
+from pretouch.sensors.change import CurveChange, curve_change
 
 from .contact import ContactStatus
 from .contact_algebra import DERIVATIVES, Change
@@ -72,7 +72,7 @@ def input_names(sensor: SensorModel) -> tuple[str, ...]:
     Returns:
         The names, the gain first.
     """
-    return (*_INPUTS, *(f"sensor.{name}" for name in parameter_units(sensor)))
+    return (*_INPUTS, *(f"sensor.{name}" for name in sensor.parameter_units))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -155,7 +155,7 @@ class ContactGradients(Value):
         solution = self.solution
         below = _INPUTS.get(by)
         if below is None:
-            below = parameter_units(solution.request.sensor)[by.removeprefix("sensor.")]
+            below = solution.request.sensor.parameter_units[by.removeprefix("sensor.")]
         above = _QUANTITIES[quantity]
         if not below:
             return above

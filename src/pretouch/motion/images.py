@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.sensors import Recessed, SensorModel
+from pretouch.sensors import SensorModel
 from pretouch.sensors.change import curve_change
 
 __all__ = ["Images", "find_images"]
@@ -47,10 +47,9 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
     Returns:
         The images; None where a parameter changes more than scale and shift.
     """
-    curve, recess = sensor, np.zeros(1)
-    if isinstance(sensor, Recessed):
-        curve, recess = sensor.sensor, np.asarray(values.get("recess", sensor.recess))
-        values = {name: value for name, value in values.items() if name != "recess"}
+    curve, own = sensor.bare
+    recess = np.atleast_1d(values.get("recess", own))
+    values = {name: value for name, value in values.items() if name != "recess"}
     scale, count = np.ones(1), len(next(iter(values.values()), recess))
     for name, value in values.items():
         power = _power_of_stretch(curve, name, value)

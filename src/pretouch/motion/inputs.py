@@ -9,8 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch.sensors import Recessed, SensorModel
-from pretouch.sensors.change import parameter_units
+from pretouch.sensors import SensorModel
 
 from .admittance import Admittance
 from .scenario import Scenario
@@ -47,7 +46,7 @@ def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
     Returns:
         The units by name.
     """
-    return {f"sensor.{name}": unit for name, unit in parameter_units(sensor).items()}
+    return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
@@ -60,11 +59,7 @@ def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel
     Returns:
         The changed copy.
     """
-    if not isinstance(sensor, Recessed):
-        return replace(sensor, **values)
-    curve = {name: value for name, value in values.items() if name != "recess"}
-    inner = replace(sensor.sensor, **curve) if curve else sensor.sensor
-    return Recessed(sensor=inner, recess=values.get("recess", sensor.recess))
+    return sensor.with_parameters(values)
 
 
 def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:

@@ -17,7 +17,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
-from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, Recessed, SensorModel
+from pretouch.sensors import SensorModel
 
 from .contact import ContactResult
 from .scenario import Scenario
@@ -159,67 +159,12 @@ def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distanc
     Returns:
         The likeness, or None where there is none, or where a curve does not hold from the start to contact.
     """
-    curve = sensor.sensor if isinstance(sensor, Recessed) else sensor
-    recess = np.asarray(values.get("recess", getattr(sensor, "recess", 0.0)))
+    curve, own = sensor.bare
+    recess = np.asarray(values.get("recess", own))
     low, high = curve.valid_range
     if not (np.all(low - recess <= 0) and np.all(np.asarray(distance) <= high - recess)):
         return None
-    if type(curve) is ExponentialFirstOrder:
-        return _first_order(curve, values)
-    if type(curve) is ExponentialSecondOrder and curve.curvature != 0:
-        return _second_order(curve, values, recess, distance)
-    return _power(curve, values, recess) if type(curve) is InversePower else None
-
-
-def _first_order(curve: ExponentialFirstOrder, values: Mapping[str, FloatArray]) -> Likeness | None:
-    rate = np.asarray(values.get("rate", curve.rate))
-    if not np.all(rate < 0):
+    alike = curve._alike(values, recess, distance)
+    if alike is None:
         return None
-    return Likeness(
-        sensor=replace(curve, minimum_distance=0.0, maximum_distance=np.inf),
-        length=1.0,
-        gain=rate / curve.rate,
-        parameters={"rate": (0.0, 1 / rate)},
-    )
-
-
-def _second_order(
-    curve: ExponentialSecondOrder, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any
-) -> Likeness | None:
-    """Return the likeness of curves g = c + 2 b (l + recess) = 2 b (l - l*)."""
-    b = np.asarray(values.get("curvature", curve.curvature))
-    c = np.asarray(values.get("rate", curve.rate)) + 2 * b * recess
-    if not (np.all(b * curve.curvature > 0) and np.all(c < 0) and np.all(c + 2 * b * np.asarray(distance) < 0)):
-        return None
-    own = float(np.median(-c / (2 * b)))  # l* of the one
-    length = own * (-2 * b / c)
-    rate = -2 * curve.curvature * own
-    return Likeness(
-        sensor=replace(curve, rate=rate, minimum_distance=0.0, maximum_distance=np.inf),
-        length=length,
-        gain=c / rate,
-        parameters={
-            "rate": (-1 / c, 1 / c),
-            "curvature": (1 / b - 2 * recess / c, 2 * recess / c),
-            "recess": (-2 * b / c, 2 * b / c),
-        },
-    )
-
-
-def _power(curve: InversePower, values: Mapping[str, FloatArray], recess: FloatArray) -> Likeness | None:
-    offset = np.asarray(values.get("distance_offset", curve.distance_offset)) + recess
-    exponent = np.asarray(values.get("exponent", curve.exponent))
-    if not (np.all(offset > 0) and np.all(exponent > 0)):
-        return None
-    own = float(np.median(offset))
-    length = own / offset
-    return Likeness(
-        sensor=replace(curve, minimum_distance=0.0, maximum_distance=np.inf, distance_offset=own),
-        length=length,
-        gain=length * (exponent / curve.exponent),
-        parameters={
-            "exponent": (0.0, 1 / exponent),
-            "distance_offset": (-1 / offset, -1 / offset),
-            "recess": (-1 / offset, -1 / offset),
-        },
-    )
+    return Likeness(sensor=alike.curve, length=alike.length, gain=alike.gain, parameters=alike.parameters)

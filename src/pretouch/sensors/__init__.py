@@ -3,7 +3,9 @@
 from .conformance import LawCheck, SensorConformance, check_sensor
 from .custom import CustomSensor
 from .exponential import ExponentialFirstOrder, ExponentialSecondOrder
+from .family import Family
 from .inverse_power import InversePower
+from .known import known_curves
 from .mittag_leffler import MittagLeffler, mittag_leffler
 from .model import SensorModel, parameter
 from .recessed import Recessed
@@ -13,6 +15,7 @@ __all__ = [
     "CustomSensor",
     "ExponentialFirstOrder",
     "ExponentialSecondOrder",
+    "Family",
     "InversePower",
     "LawCheck",
     "MittagLeffler",
@@ -21,6 +24,7 @@ __all__ = [
     "SensorModel",
     "Table",
     "check_sensor",
+    "known_curves",
     "mittag_leffler",
     "parameter",
 ]

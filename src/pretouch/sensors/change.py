@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-if TYPE_CHECKING:
-    from .model import SensorModel
-
-__all__ = ["CurveChange", "curve_change", "parameter_units"]
+__all__ = ["CurveChange", "curve_change"]
 
 SlopeChange: TypeAlias = Callable[[FloatArray], FloatArray]
 
@@ -46,23 +43,7 @@ class CurveChange:
     nearest: float = 0.0
 
 
-def parameter_units(sensor: SensorModel) -> dict[str, str]:
-    """Return the SI unit of each parameter of a curve, that of a recess among them, by its name.
-
-    Args:
-        sensor: the curve.
-
-    Returns:
-        The units; the empty text for pure numbers.
-    """
-    found = {f.name: f.metadata["unit"] for f in fields(sensor) if "unit" in f.metadata}
-    inner = getattr(sensor, "sensor", None)
-    if inner is None or not hasattr(sensor, "recess"):
-        return found
-    return {**parameter_units(inner), "recess": "m"}
-
-
-def curve_change(sensor: SensorModel, name: str) -> CurveChange:
+def curve_change(sensor: Any, name: str) -> CurveChange:
     """Return how a parameter changes a curve.
 
     Where the class of the curve does not say it, dg/d(parameter) is that of the polynomial through eleven curves with
@@ -71,7 +52,7 @@ def curve_change(sensor: SensorModel, name: str) -> CurveChange:
 
     Args:
         sensor: the curve.
-        name: the parameter, a key of `parameter_units`.
+        name: the parameter, a key of its `parameter_units`.
 
     Returns:
         The change.
@@ -79,9 +60,9 @@ def curve_change(sensor: SensorModel, name: str) -> CurveChange:
     Raises:
         InvalidInputError: the curve has no such parameter, or none with another value of it can be made.
     """
-    if name not in parameter_units(sensor):
+    if name not in sensor.parameter_units:
         raise InvalidInputError(
-            f"parameter: found {name!r}, expected one of {', '.join(parameter_units(sensor)) or 'none at all'}"
+            f"parameter: found {name!r}, expected one of {', '.join(sensor.parameter_units) or 'none at all'}"
         )
     known = sensor._change_by(name) if _knows_itself(type(sensor)) else None
     return known if known is not None else CurveChange(slope=_by_differences(sensor, name))
@@ -93,7 +74,7 @@ def _knows_itself(cls: type) -> bool:
     return issubclass(first["_change_by"], first["_log_slope"])
 
 
-def _by_differences(sensor: SensorModel, name: str) -> SlopeChange:
+def _by_differences(sensor: Any, name: str) -> SlopeChange:
     """Return dg/d(parameter) from curves with other values of it."""
     value = float(getattr(sensor, name))
     half = _WINDOW * abs(value) or 1e-3
@@ -113,9 +94,8 @@ def _by_differences(sensor: SensorModel, name: str) -> SlopeChange:
     raise InvalidInputError(f"{name}: found {value:g}, beside which the curve has no derivative: {error}")
 
 
-def _with(sensor: SensorModel, name: str, value: float) -> SensorModel:
-    changed: SensorModel = replace(sensor, **{name: value})
-    return changed
+def _with(sensor: Any, name: str, value: float) -> Any:
+    return replace(sensor, **{name: value})
 
 
 def _weights(at: float) -> FloatArray:

@@ -3,21 +3,101 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar, Final
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.numbers import FloatArray
 
+from .alike import Alike
 from .change import CurveChange
+from .family import Family
 from .model import SensorModel, parameter
 
 __all__ = ["ExponentialFirstOrder", "ExponentialSecondOrder"]
 
 _STRAIGHT: Final = 1e-6  # curvature over rate [1/m] that is not felt in a kilometer
 _FEW_DIGITS: Final = 100.0  # how many times itself a difference of terms may be
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstOrderFamily(Family):
+    """u = (ln xi(l_m), ln -c_1)."""
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        reach = -math.log(self.span)
+        return np.array([-np.inf, reach - 12]), np.array([np.inf, reach + 7])
+
+    def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:  # noqa: ARG002
+        return np.array([log_middle, math.log(-slope)])
+
+    def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        return np.asarray(u[..., 0, None] - np.exp(u[..., 1, None]) * (distance - self.middle))
+
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        return np.asarray(-np.exp(u[..., 1, None]) + np.zeros_like(distance))
+
+    def coordinates(self, u: FloatArray) -> FloatArray:
+        return np.array([u[0] + math.exp(u[1]) * self.middle, -math.exp(u[1])])
+
+    def parameters(self, coordinates: FloatArray) -> FloatArray:
+        with np.errstate(over="ignore"):
+            return np.array([np.exp(coordinates[0]), coordinates[1]])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondOrderFamily(Family):
+    """u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first distance).
+
+    The curve falls over the whole window whatever u is, and c_2, its slope at l = 0, stays negative by the upper bound.
+    """
+
+    informs: ClassVar[bool] = True
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        reach = -math.log(self.span)
+        steepest = math.log(self.last / self.first) - 1e-6 if self.first > 0 else 5.0
+        return np.array([-np.inf, reach - 12, -9.0]), np.array([np.inf, reach + 7, min(5.0, steepest)])
+
+    def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
+        first = min(slope - curvature * self.span / 2, 0.2 * slope)
+        last = min(slope + curvature * self.span / 2, 0.2 * slope)
+        return np.array([log_middle, math.log(-first), math.log(last / first)])
+
+    def coordinates(self, u: FloatArray) -> FloatArray:
+        first = -np.exp(u[..., 1])
+        b = first * np.expm1(u[..., 2]) / (2 * self.span)
+        c = first - 2 * b * self.first
+        return np.stack([u[..., 0] - (b * self.middle + c) * self.middle, c, b], axis=-1)
+
+    def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        log_scale, c, b = np.moveaxis(self.coordinates(u), -1, 0)[..., None]
+        return np.asarray(log_scale + (b * distance + c) * distance)
+
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        _, c, b = np.moveaxis(self.coordinates(u), -1, 0)[..., None]
+        return np.asarray(2 * b * distance + c)
+
+    def parameters(self, coordinates: FloatArray) -> FloatArray:
+        with np.errstate(over="ignore"):
+            return np.array([np.exp(coordinates[0]), coordinates[1], coordinates[2]])
+
+    def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return low, np.where(np.arange(len(high)) == 2, np.minimum(high, 0.0), high)
+
+    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+        told = not parameters["curvature"].low <= 0 <= parameters["curvature"].high
+        return () if told else ("The curvature is not told from 0, a first-order exponential.",)
+
+    def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
+        if not at_bound:
+            return ()
+        return ("The curvature is at the limit beyond which the curve would turn around inside the window.",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,15 +115,11 @@ class ExponentialFirstOrder(SensorModel):
         -61.0
     """
 
-    scale: float = parameter("a_1", "")
-    rate: float = parameter("c_1", "1/m")
+    scale: float = parameter("a_1", "", sign="positive", example="1.0", of_output="")
+    rate: float = parameter("c_1", "1/m", sign="negative", example='"-61 1/m"')
 
     name: ClassVar[str] = "exponential-1"
-
-    def __post_init__(self) -> None:
-        SensorModel.__post_init__(self)
-        positive(self.scale, "scale")
-        _negative(self.rate, "rate")
+    family: ClassVar[type[Family]] = FirstOrderFamily
 
     @property
     def constant_log_slope(self) -> float | None:
@@ -58,6 +134,18 @@ class ExponentialFirstOrder(SensorModel):
 
     def _log_slope(self, distance: FloatArray) -> FloatArray:
         return np.full_like(distance, self.rate)
+
+    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
+        """A constant slope needs no other length: only g D_p counts."""
+        rate = np.asarray(values.get("rate", self.rate))
+        if not np.all(rate < 0):
+            return None
+        return Alike(
+            curve=replace(self, minimum_distance=0.0, maximum_distance=np.inf),
+            length=1.0,
+            gain=rate / self.rate,
+            parameters={"rate": (0.0, 1 / rate)},
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,17 +168,15 @@ class ExponentialSecondOrder(SensorModel):
         0.07806
     """
 
-    scale: float = parameter("a_2", "")
-    rate: float = parameter("c_2", "1/m")
-    curvature: float = parameter("b_2", "1/m^2")
+    scale: float = parameter("a_2", "", sign="positive", example="1.0", of_output="")
+    rate: float = parameter("c_2", "1/m", sign="negative", example='"-61 1/m"')
+    curvature: float = parameter("b_2", "1/m^2", example='"474 1/m^2"')
 
     name: ClassVar[str] = "exponential-2"
+    family: ClassVar[type[Family]] = SecondOrderFamily
 
     def __post_init__(self) -> None:
         SensorModel.__post_init__(self)
-        positive(self.scale, "scale")
-        _negative(self.rate, "rate")
-        finite(self.curvature, "curvature", "1/m^2")
         low, high = self.valid_range
         if not low < high:
             raise InvalidInputError(
@@ -135,10 +221,23 @@ class ExponentialSecondOrder(SensorModel):
         # at the turning point the sum may round to just above zero
         return np.asarray(np.minimum(2 * self.curvature * distance + self.rate, 0.0))
 
-
-def _negative(value: float, name: str) -> None:
-    checked = finite(value, name, "1/m")
-    if not checked < 0:
-        raise InvalidInputError(
-            f"{name}: found {checked:g} 1/m, which must be negative: the output grows as the object comes near"
+    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:
+        """Curves c + 2 b (l + recess) = 2 b (l - l*) are one, in other units of length, s = L* / l*."""
+        if self.curvature == 0:
+            return None
+        b = np.asarray(values.get("curvature", self.curvature))
+        c = np.asarray(values.get("rate", self.rate)) + 2 * b * recess
+        if not (np.all(b * self.curvature > 0) and np.all(c < 0) and np.all(c + 2 * b * np.asarray(distance) < 0)):
+            return None
+        own = float(np.median(-c / (2 * b)))  # l* of the one
+        rate = -2 * self.curvature * own
+        return Alike(
+            curve=replace(self, rate=rate, minimum_distance=0.0, maximum_distance=np.inf),
+            length=own * (-2 * b / c),
+            gain=c / rate,
+            parameters={
+                "rate": (-1 / c, 1 / c),
+                "curvature": (1 / b - 2 * recess / c, 2 * recess / c),
+                "recess": (-2 * b / c, 2 * b / c),
+            },
         )

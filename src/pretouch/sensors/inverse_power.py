@@ -1,19 +1,126 @@
-"""The inverse power curve, L(3)."""
+"""The inverse power curve, L(3), and how it is fitted."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
 
+from .alike import Alike
 from .change import CurveChange
+from .family import Family
 from .model import SensorModel, parameter
 
 __all__ = ["InversePower"]
+
+_HEAVIEST_KAPPA: Final = 1 / 0.7
+"""1 / n of the flattest inverse power that is considered."""
+_EXPONENTIAL_KAPPA: Final = 1e-6
+_FLAT_TAIL: Final = 0.65  # of the logarithm of 2 / n
+_POINT_SOURCE: Final = 2.0  # the exponent of a point of light
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InversePowerFamily(Family):
+    """u = (ln xi(l_m), ln r_1, kappa), r_1 = -1 / g at the first distance.
+
+    g = -1 / (r + kappa (l - l_m)) with kappa = 1 / n and r = (l_m + l_0) / n contains the exponential as kappa -> 0.
+    """
+
+    kappa_max: float = 10.0
+    kappa_floor: float = 0.0
+
+    informs: ClassVar[bool] = True
+
+    @property
+    def kappa_min(self) -> float:
+        """The smallest 1 / n: below, the curve is an exponential, and its scale would overflow if it were asked for."""
+        return self.kappa_floor or next(
+            (1 / n for n in (200, 100, 50) if n * abs(math.log(n * self.span)) < 500), 1 / 20
+        )
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        reach = math.log(self.span)
+        low = [-np.inf, reach - 12, self.kappa_min]
+        return np.array(low), np.array([np.inf, reach + 6, self.kappa_max])
+
+    def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
+        kappa = min(max(curvature / slope**2, 0.05), 0.9 * self.kappa_max)
+        first = max(-1 / slope - kappa * (self.middle - self.first), 0.1 * self.span)
+        return np.array([log_middle, math.log(first), kappa])
+
+    def _radius(self, u: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(u[..., 1]) + u[..., 2] * (self.middle - self.first))
+
+    def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        kappa, radius = u[..., 2, None], self._radius(u)[..., None]
+        return np.asarray(u[..., 0, None] - np.log1p(kappa * (distance - self.middle) / radius) / kappa)
+
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        return np.asarray(-1 / (self._radius(u)[..., None] + u[..., 2, None] * (distance - self.middle)))
+
+    def coordinates(self, u: FloatArray) -> FloatArray:
+        inverse = float(u[2] / self._radius(u))  # 1 / (l_m + l_0)
+        return np.array([u[0] - math.log(inverse) / u[2], math.log(inverse), math.log(u[2])])
+
+    def parameters(self, coordinates: FloatArray) -> FloatArray:
+        q = np.asarray(coordinates, dtype=np.float64)
+        with np.errstate(over="ignore", divide="ignore"):
+            return np.array([np.exp(q[0]), np.exp(-q[1]) - self.middle, np.exp(-q[2])])
+
+    def written(self, u: FloatArray) -> FloatArray:
+        q = self.coordinates(u)
+        while abs(q[0]) > 600 and q[2] < 0:  # a nearly constant slope far beyond the window: keep g(l_m), raise kappa
+            kappa = 2 * math.exp(q[2])
+            radius = float(self._radius(u)) - kappa * (self.middle - self.first)
+            u = np.array([u[0], math.log(max(radius, 1e-3 * self.span)), kappa])
+            q = self.coordinates(u)
+        return self.parameters(q)
+
+    @classmethod
+    def at_large(cls, curve: Any, first: float, last: float) -> InversePowerFamily:
+        return cls(curve=curve, first=first, last=last, kappa_max=_HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA)
+
+    def prior(self, u: FloatArray) -> FloatArray:
+        """Return what a tail flatter than 1 / l^2 costs: light of a source of finite size does not fall so slowly.
+
+        Readings that ask for it get it: n = 1 costs 1.1, and no exponent more than 3.8, the square of a 95 % interval.
+        """
+        return np.asarray(np.minimum((np.maximum(np.log(2 * u[:, 2]), 0.0) / _FLAT_TAIL) ** 2, 3.8))
+
+    def runs_away(self, ends: Any) -> bool:
+        """Tell whether kappa = 1 / n may be zero."""
+        low, _, reached, _ = ends[2]
+        return bool(not reached or low <= math.log(1.05 * float(self.bounds[0][2])))
+
+    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:
+        if not runaway:
+            return ()
+        at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
+        return (
+            f"Only n / (l_0 + {at}) = {-slope.value:.4g} 1/m, the slope in the middle of the window, is known: "
+            f"n and l_0 run away together (n is above {low:.3g}, with no upper bound), and an exponential fits as "
+            "well.",
+        )
+
+    def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
+        exponent = parameters["exponent"]
+        if not exponent.value < _POINT_SOURCE:
+            return ()
+        sure = "ask for" if exponent.high < _POINT_SOURCE else "allow"
+        return (
+            f"The readings {sure} an exponent of {exponent.value:.3g}, below the 2 of a point of light. Light from a "
+            "large object, or from several emitters in a row, falls off so slowly; so does a pedestal that was not "
+            "subtracted.",
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,17 +140,16 @@ class InversePower(SensorModel):
         -79.236
     """
 
-    scale: float = parameter("alpha beta psi", "")
-    distance_offset: float = parameter("l_0", "m")
-    exponent: float = parameter("n", "")
+    scale: float = parameter("alpha beta psi", "", sign="positive", example="1.0", of_output="m^n")
+    distance_offset: float = parameter("l_0", "m", example='"41.9 mm"')
+    exponent: float = parameter("n", "", sign="positive", example="3.32")
 
     name: ClassVar[str] = "inverse-power"
+    family: ClassVar[type[Family]] = InversePowerFamily
 
     def __post_init__(self) -> None:
         SensorModel.__post_init__(self)
-        positive(self.scale, "scale")
-        positive(self.exponent, "exponent")
-        offset = finite(self.distance_offset, "distance_offset", "m")
+        offset = self.distance_offset
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
                 f"distance_offset: found {offset:g} m, which must exceed minus the minimum distance "
@@ -63,3 +169,22 @@ class InversePower(SensorModel):
 
     def _log_slope(self, distance: FloatArray) -> FloatArray:
         return np.asarray(-self.exponent / (distance + self.distance_offset))
+
+    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
+        """Curves -n / (l + l_0) are one, in other units of length, s = L_0 / l_0, and with s n / N times the gain."""
+        offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
+        exponent = np.asarray(values.get("exponent", self.exponent))
+        if not (np.all(offset > 0) and np.all(exponent > 0)):
+            return None
+        own = float(np.median(offset))
+        length = own / offset
+        return Alike(
+            curve=replace(self, minimum_distance=0.0, maximum_distance=np.inf, distance_offset=own),
+            length=length,
+            gain=length * (exponent / self.exponent),
+            parameters={
+                "exponent": (0.0, 1 / exponent),
+                "distance_offset": (-1 / offset, -1 / offset),
+                "recess": (-1 / offset, -1 / offset),
+            },
+        )

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.numbers import FloatArray
 
 from .change import CurveChange
-from .exponential import _negative
+from .family import Family
 from .model import SensorModel, parameter
 
 __all__ = ["MittagLeffler", "mittag_leffler"]
@@ -26,6 +27,7 @@ _NODES: Final = 18
 _NEAR_ONE: Final = 0.68  # with poles at |Im v| = pi (1 - alpha), inside d = alpha pi / 2 only for alpha > 2 / 3
 _ROUNDING: Final = 1e-13 / math.e  # of that sum, absolute: E(-1) keeps 1e-13 of itself
 _STEP: Final = 0.15  # leaves exp(-2 pi d / step) < 1e-19: the integrand is bounded for |Im v| <= d
+_ACCURACY: Final = 1e-9  # of a curve that is fitted
 _CHUNK: Final = 1024  # arguments at a time: one needs some 350 nodes
 
 
@@ -109,6 +111,56 @@ def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MittagLefflerFamily(Family):
+    """u = (ln xi(l_m), ln -c, alpha)."""
+
+    informs: ClassVar[bool] = True
+    quick: ClassVar[bool] = False
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        reach = -math.log(self.span)
+        return np.array([-np.inf, reach - 6, 0.05]), np.array([np.inf, reach + 6, 1.0])  # beyond, c is lost in a
+
+    def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
+        bend = max(curvature, 0.0) * self.span / -slope
+        return np.array([log_middle, math.log(-slope * (1 + bend)), 1 / (1 + 0.2 * bend)])
+
+    def _relative(self, u: FloatArray, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ln E_alpha(c l) and its derivative by c l."""
+        argument = -np.exp(u[..., 1, None]) * distance
+        order = np.minimum(u[..., 2], 1.0).ravel()
+        value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)
+        value = np.clip(value, 1e-300, 1.0)  # trial steps may go where the curve underflows
+        return np.log(value), derivative / value
+
+    def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        relative, _ = self._relative(u, np.append(distance, self.middle))
+        return np.asarray(u[..., 0, None] + relative[..., :-1] - relative[..., -1:])
+
+    def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
+        return np.asarray(-np.exp(u[..., 1, None]) * self._relative(u, distance)[1])
+
+    def coordinates(self, u: FloatArray) -> FloatArray:
+        at_middle, _ = self._relative(u, np.array([self.middle]))
+        return np.array([u[0] - float(at_middle[0]), u[1], u[2]])
+
+    def parameters(self, coordinates: FloatArray) -> FloatArray:
+        with np.errstate(over="ignore"):
+            return np.array([np.exp(coordinates[0]), -np.exp(coordinates[1]), coordinates[2]])
+
+    def written(self, u: FloatArray) -> FloatArray:
+        scale, rate, order = self.parameters(self.coordinates(u))
+        return np.array([scale, rate, min(order, 1.0)])
+
+    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+        order = parameters["order"]
+        if order.high < 1:
+            return ()
+        return (f"The order is not told from 1, a first-order exponential (95 % interval from {order.low:.3g} to 1).",)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MittagLeffler(SensorModel):
     """Mittag-Leffler curve xi = a E_alpha(c l), which is L(5) at alpha = 1 and decays algebraically below it.
 
@@ -124,18 +176,15 @@ class MittagLeffler(SensorModel):
         0.547465
     """
 
-    scale: float = parameter("a", "")
-    rate: float = parameter("c", "1/m")
-    order: float = parameter("alpha", "")
+    scale: float = parameter("a", "", sign="positive", example="1.0", of_output="")
+    rate: float = parameter("c", "1/m", sign="negative", example='"-61 1/m"')
+    order: float = parameter("alpha", "", sign="positive", example="0.9", largest=1.0)
 
     name: ClassVar[str] = "mittag-leffler"
+    family: ClassVar[type[Family]] = MittagLefflerFamily
 
     def __post_init__(self) -> None:
         SensorModel.__post_init__(self)
-        positive(self.scale, "scale")
-        _negative(self.rate, "rate")
-        if not 0 < finite(self.order, "order") <= 1:
-            raise InvalidInputError(f"order: found {self.order:g}, which must lie in (0, 1]")
         if self.minimum_distance < 0:
             raise InvalidInputError(
                 f"minimum_distance: found {self.minimum_distance:g} m, which must not be negative for this curve"

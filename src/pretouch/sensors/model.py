@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -14,23 +15,40 @@ from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray, FloatArray, finite
 
+from .alike import Alike
 from .change import CurveChange
+from .family import Family, PlainFamily
 
 __all__ = ["SensorModel", "parameter"]
 
 
-def parameter(symbol: str, unit: str, default: Any = None) -> Any:
-    """Declare a dataclass field that is a parameter of the curve, with its symbol and SI unit.
+def parameter(
+    symbol: str,
+    unit: str,
+    default: Any = None,
+    *,
+    sign: str = "any",
+    example: str = "",
+    of_output: str | None = None,
+    largest: float = math.inf,
+) -> Any:
+    """Declare a dataclass field that is a parameter of the curve: all that fits, files and messages ask of it.
 
     Args:
         symbol: how the literature writes it.
         unit: its SI unit; the empty text for a pure number, or one that follows the output's.
         default: its value where none is given; None where one must be.
+        sign: "any", "positive" or "negative": checked.
+        example: a value as a scenario file has it, for messages.
+        of_output: for a scale: its unit over that of the output; None for all others.
+        largest: what it may be at most.
 
     Returns:
-        The field; its value is checked to be one finite number.
+        The field; its value is checked to be one finite number of that sign.
     """
-    metadata = {"symbol": symbol, "unit": unit}
+    domain = (0.0 if sign == "positive" else -math.inf, 0.0 if sign == "negative" else largest)
+    told = {"symbol": symbol, "unit": unit, "sign": sign, "example": example}
+    metadata = {**told, "of_output": of_output, "domain": domain}
     return field(metadata=metadata) if default is None else field(metadata=metadata, default=default)
 
 
@@ -51,11 +69,15 @@ class SensorModel(ABC):
     maximum_distance: float = math.inf
 
     name: ClassVar[str] = ""
+    family: ClassVar[type[Family]] = PlainFamily
+    """How it is fitted: by the general way, which needs `fit_start`, or by one of its own."""
 
     def __post_init__(self) -> None:
         for f in fields(self):
             if "unit" in f.metadata:
-                object.__setattr__(self, f.name, _number(getattr(self, f.name), f.name, f.metadata["unit"]))
+                value = _number(getattr(self, f.name), f.name, f.metadata["unit"])
+                _check_domain(value, f.name, f.metadata)
+                object.__setattr__(self, f.name, value)
         low = _number(self.minimum_distance, "minimum_distance", "m")
         high = _limit(self.maximum_distance, "maximum_distance")
         object.__setattr__(self, "minimum_distance", low)
@@ -92,6 +114,38 @@ class SensorModel(ABC):
     def parameters(self) -> dict[str, float]:
         """The parameters of the curve by name, in SI."""
         return {f.name: getattr(self, f.name) for f in fields(self) if "unit" in f.metadata}
+
+    @property
+    def bare(self) -> tuple[SensorModel, float]:
+        """The curve over the distance from the sensor's own zero, and how far that lies behind the surface [m]."""
+        return self, 0.0
+
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """The SI unit of each parameter by its name; the empty text for pure numbers."""
+        return {f.name: f.metadata["unit"] for f in fields(self) if "unit" in f.metadata}
+
+    def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
+        """Return the curve with other values of parameters, in SI."""
+        return replace(self, **values)
+
+    @classmethod
+    def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float] | None:  # noqa: ARG003
+        """Return parameters, but for the scale, of a curve near what readings say: where a fit starts.
+
+        Args:
+            slope: g in the middle of the window [1/m].
+            curvature: dg/dl there [1/m^2].
+            middle: the distance there [m].
+
+        Returns:
+            The parameters by name, in SI; None for a curve that is not fitted.
+        """
+        return None
+
+    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
+        """Return how curves with other parameters and recesses [m] are one, from the distances [m] where they start."""
+        return None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve as one JSON object, in SI."""
@@ -174,6 +228,16 @@ class SensorModel(ABC):
                 f"the shape {np.shape(distance)}, expected the same"
             )
         return float(result) if result.ndim == 0 else result
+
+
+def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
+    """Check that a parameter has the sign that its declaration says, and is not too large."""
+    sign, (_, most) = metadata["sign"], metadata["domain"]
+    if (sign != "positive" or value > 0) and (sign != "negative" or value < 0) and value <= most:
+        return
+    found = f"{value:g} {metadata['unit']}".strip()
+    must = f"must lie in (0, {most:g}]" if sign == "positive" and math.isfinite(most) else f"must be {sign}"
+    raise InvalidInputError(f"{name}: found {found}, which {must}")
 
 
 def _number(value: Any, name: str, unit: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
@@ -69,6 +70,22 @@ class Recessed(SensorModel):
     def parameters(self) -> dict[str, float]:
         """The parameters of the curve and the recess, in SI."""
         return {**self.sensor.parameters, "recess": self.recess}
+
+    @property
+    def bare(self) -> tuple[SensorModel, float]:
+        """The curve and its recess [m]."""
+        return self.sensor, self.recess
+
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """The units of the curve's parameters and of the recess."""
+        return {**self.sensor.parameter_units, "recess": "m"}
+
+    def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
+        """Return the recessed curve with other parameters; the curve's own range decides where it holds."""
+        curve = {name: value for name, value in values.items() if name != "recess"}
+        inner = self.sensor.with_parameters(curve) if curve else self.sensor
+        return Recessed(sensor=inner, recess=values.get("recess", self.recess))
 
     @property
     def knots(self) -> tuple[float, ...]:

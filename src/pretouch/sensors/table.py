@@ -39,8 +39,8 @@ class Table(SensorModel):
         2.0
     """
 
-    distances: tuple[float, ...] = field()
-    outputs: tuple[float, ...] = field()
+    distances: tuple[float, ...] = field(metadata={"points": "m"})
+    outputs: tuple[float, ...] = field(metadata={"points": "output"})
     minimum_distance: float = -np.inf
 
     name: ClassVar[str] = "table"

@@ -132,7 +132,7 @@ _FIRST: Final = {
 
 
 def _inputs(part: str) -> dict[str, str]:
-    """Return the inputs of a part with their units: of a sensor those of all curves, but for the scale, which cancels."""
+    """Return the inputs of a part with their units: of a sensor those of all curves but the scale, which cancels."""
     if part != "sensor":
         return _PARTS[part]
     known = [f for curve in known_curves().values() for f in fields(curve) if "unit" in f.metadata]

@@ -15,7 +15,7 @@ import pretouch as pt
 from pretouch.calibration import Calibration, rank_models
 from pretouch.calibration.fit import model_names
 from pretouch.config.schema import keys_of
-from pretouch.config.sensor_sections import section_of
+from pretouch.config.sensor_sections import section_of_curve
 from pretouch.motion.inputs import sensor_inputs
 from pretouch.sensors import SensorModel, known_curves, parameter
 
@@ -70,7 +70,7 @@ def curve() -> Iterator[type[SensorModel]]:
     made = planted()
     yield made
     del made
-    section_of.cache_clear()
+    section_of_curve.cache_clear()
     gc.collect()
 
 

@@ -29,7 +29,6 @@ from .schema import (
     GainSection,
     HertzSection,
     MotionSection,
-    ObstacleSection,
     ParetoSection,
     SpringSection,
 )
@@ -181,7 +180,7 @@ class Builder:
         section, obstacle = self.sections.get("objective"), self.sections.get("obstacle")
         if section is None:
             return None
-        still = isinstance(obstacle, ObstacleSection) and obstacle.velocity == 0
+        still = obstacle is not None and getattr(obstacle, "velocity", None) == 0
         terms = _terms(section)
         for quantity_path, scale_path, term in terms:
             self._needs_impact(term["quantity"], quantity_path)

@@ -11,10 +11,10 @@ from pretouch._core.units import format_quantity
 
 from .building import Builder
 from .document import Document, listed
-from .loop_sections import LOOP_SECTIONS
 from .problem import DesignProblem
 from .reading import read_sections
 from .robust import robust_request
+from .schema import LOOP_SECTIONS
 from .sensor_sections import CalibratedSensor
 from .source import ScenarioSource
 

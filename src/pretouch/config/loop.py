@@ -16,14 +16,11 @@ from pretouch.simulation import (
     ClosedLoop,
     ContactModel,
     GainLimit,
-    HuntCrossley,
     IdealPlant,
-    ImpedancePlant,
     PlantModel,
     PositionPlant,
     SensorChain,
     SensorPart,
-    SpringDamper,
     chain_of_fit,
     gain_limit,
     timing_of,
@@ -31,9 +28,9 @@ from pretouch.simulation import (
 from pretouch.simulation.stability import passed_distances
 
 from .loop_law import controller_of, refuse_a_curve_below_the_floor
-from .loop_sections import LOOP_SECTIONS, ChainSection, ContactSection, ControllerSection, LoopSection, RobotSection
+from .loop_sections import CONTACTS, PLANTS, ChainSection, ControllerSection, KindSection, LoopSection
 from .output_units import refuse_mixed_units
-from .schema import SECTIONS
+from .schema import LOOP_SECTIONS, SECTIONS
 from .section import nearest, one_of
 from .sensor_sections import CalibratedSensor
 
@@ -44,12 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LoopRequest", "loop_request"]
 
-_PLANTS: Final[dict[str, type[PlantModel]]] = {
-    "ideal": IdealPlant,
-    "impedance": ImpedancePlant,
-    "position": PositionPlant,
-}
-_CONTACTS: Final[dict[str, type[ContactModel]]] = {"hunt-crossley": HuntCrossley, "spring-damper": SpringDamper}
 _FITTED: Final = ("noise", "relative_noise", "misfit", "misfit_length", "offset")
 _NEEDED: Final = {"chain": 'part = "VCNL4010" or rate = "250 Hz"', "controller": 'rate = "1 kHz"'}
 
@@ -201,11 +192,11 @@ def _plant(builder: Builder) -> PlantModel | None:
     if "robot" not in builder.document.data:
         return IdealPlant()
     section = builder.sections.get("robot")
-    if not isinstance(section, RobotSection):
+    if not isinstance(section, KindSection):
         return None
 
     def make() -> PlantModel:
-        plant = _PLANTS[section.kind](**section.model_dump(exclude={"kind"}))
+        plant = PLANTS[section.kind](**section.model_dump(exclude={"kind"}))
         plant.coefficients()  # its checks of what does not go together
         return plant
 
@@ -222,9 +213,9 @@ def _contact(builder: Builder) -> ContactModel | None:
             "found a contact of an ideal robot, which has no mass that a force could act on, expected [robot] with "
             'kind = "impedance" or kind = "position"',
         )
-    if not isinstance(section, ContactSection):
+    if not isinstance(section, KindSection):
         return None
-    kind = _CONTACTS[section.kind]
+    kind = CONTACTS[section.kind]
     return builder.attempt("contact", lambda: kind(**section.model_dump(exclude={"kind"})))
 
 

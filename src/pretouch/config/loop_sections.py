@@ -5,49 +5,35 @@ Their validators are built when a file has such a section: most have none, and s
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Annotated, Any, Final, Self
 
-from pydantic import BeforeValidator, ConfigDict, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, ValidationInfo, field_validator, model_validator
 
+from pretouch._core.declared import declared
 from pretouch._core.errors import UnitError
 from pretouch._core.magnitudes import has_workable_magnitude
 from pretouch._core.units import parse_unit
+from pretouch.control import Conditioning, Limits, VirtualDamper
+from pretouch.simulation.chain import SensorChain
+from pretouch.simulation.contact import ContactModel, HuntCrossley, SpringDamper
+from pretouch.simulation.plant import IdealPlant, ImpedancePlant, PlantModel, PositionPlant
 
 from .quantities import Quantity, UnfitValueError
-from .section import Section, text, truth, whole
+from .section import Section, section_of, text, whole
 
 __all__ = [
-    "CONTACT_SECTIONS",
-    "LOOP_SECTIONS",
-    "ROBOT_SECTIONS",
+    "CONTACTS",
+    "LOOP_VARIANTS",
+    "PLANTS",
     "ChainSection",
-    "ContactSection",
     "ControllerSection",
-    "HuntCrossleySection",
-    "IdealSection",
-    "ImpedanceSection",
+    "KindSection",
     "LoopSection",
-    "PositionSection",
-    "RobotSection",
-    "SpringDamperSection",
 ]
 
-LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")
-"""The sections of which a file has the first two, or none."""
-
-_OUTPUT: Final = Quantity(unit="output", example="0.0")
-_SPREAD: Final = Quantity(unit="output", example="10.0", sign="nonnegative")
-_END: Final = Quantity(unit="output", example="65535.0", infinite=True)
 _RATE: Final = Quantity(unit="Hz", example='"1 kHz"', sign="positive")
-_TIME: Final = Quantity(unit="s", example='"1 ms"', sign="nonnegative")
 _SPAN: Final = Quantity(unit="s", example='"1 ms"', sign="positive")
-_LENGTH: Final = Quantity(unit="m", example='"1 mm"', sign="nonnegative")
-_SHARE: Final = Quantity(unit="", example="0.0", sign="nonnegative")
-_MASS: Final = Quantity(unit="kg", example='"4 kg"', sign="positive")
-_STIFFNESS: Final = Quantity(unit="N/m", example='"10 kN/m"', sign="positive")
-_DAMPING: Final = Quantity(unit="N*s/m", example='"100 N*s/m"', sign="nonnegative")
 _FORCE: Final = Quantity(unit="N", example='"20 N"', sign="positive")
 _POWER_LAW: Final = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\w*N)/(\w*m)(?:\^(\d+\.?\d*))?\s*", re.I
@@ -60,61 +46,29 @@ class DeferredSection(Section):
     model_config = ConfigDict(defer_build=True)
 
 
-class ChainSection(DeferredSection):
-    """What lies between the distance and the controller's readings; None as the part or the calibration has it."""
-
+class _Chain(DeferredSection):
     part: Annotated[str | None, text('"VCNL4010"')] = None
-    rate: Annotated[float | None, _RATE] = None
     phase: Annotated[float | str, Quantity(unit="s", example='"random"', sign="nonnegative", words=("random",))] = (
         "random"
     )
-    exposure: Annotated[float | None, _TIME] = None
-    delay: Annotated[float | None, _TIME] = None
-    jitter: Annotated[float | None, _TIME] = None
-    noise: Annotated[float | None, _SPREAD] = None
-    relative_noise: Annotated[float | None, _SHARE] = None
-    misfit: Annotated[float | None, _SHARE] = None
-    misfit_length: Annotated[float | None, _LENGTH] = None
-    offset: Annotated[float | None, _OUTPUT] = None
-    crosstalk: Annotated[float | None, _OUTPUT] = None
-    drift: Annotated[float | None, Quantity(unit="output/s", example="0.0")] = None
-    lowest: Annotated[float | None, _END] = None
-    highest: Annotated[float | None, _END] = None
-    resolution: Annotated[float | None, _SPREAD] = None
-    dropout: Annotated[float | None, _SHARE] = None
-    reports_distance: Annotated[bool | None, BeforeValidator(truth)] = None
-    distance_noise: Annotated[float | None, _LENGTH] = None
-    distance_resolution: Annotated[float | None, _LENGTH] = None
 
     @model_validator(mode="after")
     def _how_often(self) -> Self:
-        if self.part is None and self.rate is None:
+        if self.part is None and self.rate is None:  # type: ignore[attr-defined]
             raise UnfitValueError('missing rate, expected rate = "250 Hz", or part = "VCNL4010", which has one')
         return self
 
 
-class ControllerSection(DeferredSection):
-    """The sampled law; its virtual admittance is that of [admittance]."""
+ChainSection: Any = section_of(SensorChain, base=_Chain, optional=True, without=("phase", "random_phase"))
+"""[chain], what lies between the distance and the controller's readings; None as the part or the calibration has it."""
 
+
+class _Controller(DeferredSection):
     rate: Annotated[float | None, _RATE] = None
     period: Annotated[float | None, _SPAN] = None
     floor: Annotated[float | None, Quantity(unit="output", example="30.0", sign="positive")] = None
-    offset: Annotated[float | None, _OUTPUT] = None
-    saturation: Annotated[float | None, _OUTPUT] = None
-    median_window: Annotated[int, whole(1, "3")] = 1
-    low_pass_order: Annotated[int, whole(0, "2")] = 0
-    cutoff: Annotated[float | None, _RATE] = None
-    timeout: Annotated[float | None, _SPAN] = None
-    fade_time: Annotated[float | None, _TIME] = None
-    largest_rate: Annotated[float | None, Quantity(unit="1/s", example='"100 1/s"', sign="positive")] = None
-    approach_only: Annotated[bool, BeforeValidator(truth)] = False
-    release: Annotated[float, _SHARE] = 0.0
-    ramp_time: Annotated[float, _TIME] = 0.0
-    largest_force: Annotated[float | None, _FORCE] = None
-    largest_speed: Annotated[float | None, Quantity(unit="m/s", example='"1 m/s"', sign="positive")] = None
-    largest_acceleration: Annotated[float | None, Quantity(unit="m/s^2", example='"10 m/s^2"', sign="positive")] = None
-    largest_excursion: Annotated[float | None, Quantity(unit="m", example='"0.2 m"', sign="positive")] = None
-    contact_gain: Annotated[float | None, _SHARE] = None
+    offset: Annotated[float | None, Quantity(unit="output", example="0.0")] = None
+    contact_gain: Annotated[float | None, Quantity(unit="", example="0.0", sign="nonnegative")] = None
     contact_threshold: Annotated[float, _FORCE] = 1.0
     gain: Annotated[float | None, Quantity(unit="N*s", example='"-0.7 N*s"')] = None
 
@@ -128,52 +82,25 @@ class ControllerSection(DeferredSection):
         return self
 
 
-class RobotSection(DeferredSection):
-    """The robot that follows the virtual object."""
+ControllerSection: Any = section_of(
+    *(Conditioning, VirtualDamper, Limits),
+    base=_Controller,
+    without=("floor", "offset", "sensor_period", "gain"),
+    renamed={f.name: f"largest_{f.name}" for f in declared(Limits)},
+)
+"""[controller], the sampled law; its virtual admittance is that of [admittance]."""
+
+
+class KindSection(DeferredSection):
+    """A section whose `kind` names the class that it describes."""
 
     kind: str
 
 
-class IdealSection(RobotSection):
-    """`kind = "ideal"`: x = x_v, without a mass."""
+class _HuntCrossley(KindSection):
+    exponent: Annotated[float, Quantity(unit="", example="1.5", sign="positive")] = 1.5  # read before the stiffness
 
-
-class ImpedanceSection(RobotSection):
-    """`kind = "impedance"`: a mass that an impedance controller pulls after the virtual object."""
-
-    mass: Annotated[float, _MASS]
-    stiffness: Annotated[float, _STIFFNESS]
-    damping: Annotated[float, _DAMPING]
-    bandwidth: Annotated[float, Quantity(unit="Hz", example='"100 Hz"', sign="positive", infinite=True)] = math.inf
-    viscous_friction: Annotated[float, _DAMPING] = 0.0
-    coulomb_friction: Annotated[float, Quantity(unit="N", example='"1 N"', sign="nonnegative")] = 0.0
-    friction_speed: Annotated[float, Quantity(unit="m/s", example='"1 mm/s"', sign="positive")] = 1e-3
-    feedforward: Annotated[bool, BeforeValidator(truth)] = True
-
-
-class PositionSection(RobotSection):
-    """`kind = "position"`: a position-controlled robot, a lag of second order."""
-
-    mass: Annotated[float, _MASS]
-    bandwidth: Annotated[float, Quantity(unit="Hz", example='"20 Hz"', sign="positive")]
-    damping_ratio: Annotated[float, Quantity(unit="", example="1.0", sign="positive")] = 1.0
-
-
-class ContactSection(DeferredSection):
-    """The contact force between robot and obstacle."""
-
-    kind: str
-    obstacle_mass: Annotated[float, Quantity(unit="kg", example='"inf"', sign="positive", infinite=True)] = math.inf
-
-
-class HuntCrossleySection(ContactSection):
-    """`kind = "hunt-crossley"`: F = k d^n (1 + a d'). The unit of k follows from the exponent, which is read first."""
-
-    exponent: Annotated[float, Quantity(unit="", example="1.5", sign="positive")] = 1.5
-    stiffness: Annotated[float, Quantity(unit="N/m^n", example='"1e6 N/m^1.5"', sign="positive")]
-    dissipation: Annotated[float, Quantity(unit="s/m", example='"0.5 s/m"', sign="nonnegative")] = 0.0
-
-    @field_validator("stiffness", mode="before")
+    @field_validator("stiffness", mode="before", check_fields=False)
     @classmethod
     def _in_its_power(cls, value: Any, info: ValidationInfo) -> Any:
         """Turn text such as "1e6 N/m^1.5" into SI, where its power is that of the exponent."""
@@ -192,20 +119,13 @@ class HuntCrossleySection(ContactSection):
         raise UnfitValueError(f'expected a positive quantity in N/m^{exponent:g}, such as "1e6 N/m^{exponent:g}"')
 
 
-class SpringDamperSection(ContactSection):
-    """`kind = "spring-damper"`: F = max(0, k d + c d')."""
-
-    stiffness: Annotated[float, _STIFFNESS]
-    damping: Annotated[float, _DAMPING] = 0.0
-
-
 class LoopSection(DeferredSection):
     """How the loop is run, and how far from instability the gain is to stay."""
 
     runs: Annotated[int, whole(1, "1000")] = 1000
     seed: Annotated[int, whole(0, "0")] = 0
     horizon: Annotated[float, _SPAN] = 10.0
-    follow: Annotated[float, _TIME] = 0.2
+    follow: Annotated[float, Quantity(unit="s", example='"1 ms"', sign="nonnegative")] = 0.2
     stability_margin: Annotated[float | None, Quantity(unit="", example="2.0", sign="positive")] = None
 
     @model_validator(mode="after")
@@ -219,13 +139,22 @@ class LoopSection(DeferredSection):
         return self
 
 
-ROBOT_SECTIONS: Final[dict[str, type[Section]]] = {
-    "ideal": IdealSection,
-    "impedance": ImpedanceSection,
-    "position": PositionSection,
+PLANTS: Final[dict[str, type[PlantModel]]] = {
+    plant.kind: plant for plant in (IdealPlant, ImpedancePlant, PositionPlant)
 }
-CONTACT_SECTIONS: Final[dict[str, type[Section]]] = {
-    "hunt-crossley": HuntCrossleySection,
-    "spring-damper": SpringDamperSection,
+"""The robots that a file may name by their kind."""
+
+CONTACTS: Final[dict[str, type[ContactModel]]] = {contact.kind: contact for contact in (HuntCrossley, SpringDamper)}
+"""The contacts that a file may name by their kind."""
+
+LOOP_VARIANTS: Final[dict[str, dict[str, type[Section]]]] = {
+    "chain": {"": ChainSection},
+    "controller": {"": ControllerSection},
+    "robot": {kind: section_of(plant, base=KindSection) for kind, plant in PLANTS.items()},
+    "contact": {
+        kind: section_of(contact, base=_HuntCrossley if contact is HuntCrossley else KindSection, without=("exponent",))
+        for kind, contact in CONTACTS.items()
+    },
+    "loop": {"": LoopSection},
 }
-"""The variants that each `kind` takes."""
+"""The sections of a loop in their variants."""

@@ -6,22 +6,25 @@ This is the one place where they are named: messages and the test of docs/scenar
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final, Self
 
 from pydantic import BeforeValidator, create_model, model_validator
 
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch.motion.admittance import Admittance
+from pretouch.motion.scenario import Obstacle, Plant, Reference
 
-from .loop_sections import CONTACT_SECTIONS, ROBOT_SECTIONS, ChainSection, ControllerSection, LoopSection
 from .objective_sections import OBJECTIVE_SECTIONS
 from .quantities import Quantity, UnfitValueError
 from .robust_sections import RobustSection, UncertaintySection
-from .section import ACCELERATION, LENGTH, SPEED, Section, list_of, name_of
+from .section import Section, list_of, name_of, section_of
 from .sensor_sections import SENSOR_SECTIONS
 
 __all__ = [
+    "BODIES",
+    "LOOP_SECTIONS",
     "REQUIRED",
     "SECTIONS",
     "DampedAdmittance",
@@ -30,10 +33,7 @@ __all__ = [
     "HertzSection",
     "ImpactSection",
     "MotionSection",
-    "ObstacleSection",
     "ParetoSection",
-    "PlantSection",
-    "ReferenceSection",
     "SpringSection",
     "keys_of",
     "quantity_of_key",
@@ -75,12 +75,8 @@ class AdmittanceSection(Section):
         return self
 
 
-class DampedAdmittance(AdmittanceSection):
-    """Mass, damping and stiffness of L(1)."""
-
-    mass: Annotated[float, _MASS]
-    damping: Annotated[float, Quantity(unit="N*s/m", example='"10 N*s/m"', sign="nonnegative")]
-    stiffness: Annotated[float, Quantity(unit="N/m", example='"25 N/m"', sign="nonnegative")]
+DampedAdmittance: Final = section_of(Admittance, base=AdmittanceSection)
+"""Mass, damping and stiffness of L(1)."""
 
 
 class FrequencyAdmittance(AdmittanceSection):
@@ -89,29 +85,6 @@ class FrequencyAdmittance(AdmittanceSection):
     mass: Annotated[float, _MASS]
     natural_frequency: Annotated[float, _FREQUENCY, BeforeValidator(_angular)]
     damping_ratio: Annotated[float, _RATIO] = 1.0
-
-
-class ObstacleSection(Section):
-    """The object's contact surface when it enters the detection range."""
-
-    position: Annotated[float, Quantity(unit="m", example='"42.2 mm"')]
-    velocity: Annotated[float, SPEED] = 0.0
-    acceleration: Annotated[float, ACCELERATION] = 0.0
-
-
-class PlantSection(Section):
-    """The robot's contact surface at that moment."""
-
-    position: Annotated[float, LENGTH] = 0.0
-    velocity: Annotated[float, SPEED] = 0.0
-
-
-class ReferenceSection(Section):
-    """The task's reference."""
-
-    position: Annotated[float, LENGTH] = 0.0
-    velocity: Annotated[float, SPEED] = 0.0
-    acceleration: Annotated[float, ACCELERATION] = 0.0
 
 
 class GainSection(Section):
@@ -183,12 +156,13 @@ class ParetoSection(Section):
         return self
 
 
-SECTIONS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
+BODIES: Final = {"obstacle": Obstacle, "plant": Plant, "reference": Reference}
+"""What moves in an encounter, by its section."""
+
+_ALWAYS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
     "sensor": SENSOR_SECTIONS,
     "admittance": {"damping": DampedAdmittance, "natural_frequency": FrequencyAdmittance},
-    "obstacle": {"": ObstacleSection},
-    "plant": {"": PlantSection},
-    "reference": {"": ReferenceSection},
+    **{name: {"": section_of(body, base=Section)} for name, body in BODIES.items()},
     "objective": OBJECTIVE_SECTIONS,
     "gain": {"": GainSection},
     "constraints": {"": ConstraintsSection},
@@ -197,12 +171,29 @@ SECTIONS: Final[Mapping[str, Mapping[str, type[Section]]]] = {
     "pareto": {"": ParetoSection},
     "uncertainty": {"": UncertaintySection},
     "robust": {"": RobustSection},
-    "chain": {"": ChainSection},
-    "controller": {"": ControllerSection},
-    "robot": ROBOT_SECTIONS,
-    "contact": CONTACT_SECTIONS,
-    "loop": {"": LoopSection},
 }
+LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")
+"""The sections of which a file has the first two, or none."""
+
+
+class _Sections(Mapping[str, Mapping[str, type[Section]]]):
+    """Those of a loop load the simulation, for which most files should not wait."""
+
+    def __getitem__(self, name: str) -> Mapping[str, type[Section]]:
+        if name not in LOOP_SECTIONS:
+            return _ALWAYS[name]
+        from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415
+
+        return LOOP_VARIANTS[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*_ALWAYS, *LOOP_SECTIONS))
+
+    def __len__(self) -> int:
+        return len(_ALWAYS) + len(LOOP_SECTIONS)
+
+
+SECTIONS: Final = _Sections()
 """Every section in its variants, each variant by what distinguishes it."""
 
 REQUIRED: Final[Mapping[str, str]] = {

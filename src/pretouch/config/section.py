@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields
+from typing import Annotated, Any, Final, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model
 
 from .quantities import Quantity, UnfitValueError
 
 __all__ = [
-    "ACCELERATION",
     "LENGTH",
-    "SPEED",
     "WEIGHT",
     "Section",
     "list_of",
     "name_of",
     "nearest",
     "one_of",
+    "section_of",
     "text",
     "truth",
     "whole",
@@ -31,8 +32,6 @@ class Section(BaseModel):
 
 
 LENGTH: Final = Quantity(unit="m", example='"0 m"')
-SPEED: Final = Quantity(unit="m/s", example='"0 m/s"')
-ACCELERATION: Final = Quantity(unit="m/s^2", example='"0 m/s^2"')
 WEIGHT: Final = Quantity(unit="", example="1.0", sign="nonnegative")
 
 
@@ -136,3 +135,59 @@ def list_of(least: int, most: int | None, what: str) -> BeforeValidator:
         return value
 
     return BeforeValidator(check)
+
+
+S = TypeVar("S", bound=Section)
+
+
+def section_of(
+    *classes: Any,
+    base: type[S],
+    optional: bool = False,
+    without: Iterable[str] = (),
+    renamed: Mapping[str, str] | None = None,
+) -> type[S]:
+    """Make a section whose keys are the declared fields of dataclasses, each in its unit.
+
+    Args:
+        classes: the classes; what they have beside quantities, flags and counts is left out.
+        base: the section that it extends, whose own keys come first.
+        optional: whether every key may be left out, for a default that is not known here.
+        without: fields that are no keys.
+        renamed: keys for fields that are called otherwise in a file.
+
+    Returns:
+        The section, named after the first class.
+    """
+    keys: dict[str, Any] = {}
+    for f in (f for cls in classes for f in fields(cls) if f.name not in without):
+        kind = _type_of(f)
+        if kind is None:
+            continue
+        default = None if optional else f.default
+        required = default is MISSING
+        keys[(renamed or {}).get(f.name, f.name)] = (
+            kind if required else _or_none(kind, default),
+            ... if required else default,
+        )
+    return create_model(f"{classes[0].__name__}Section", __base__=base, **keys)
+
+
+def _type_of(f: Any) -> Any:
+    """Return what a declared field takes in a file; None for a field that is not declared."""
+    told = f.metadata
+    if "unit" in told:
+        unit = told["unit"] if told.get("of_output") is None else "output"
+        return Annotated[
+            float, Quantity(unit=unit, example=told["example"], sign=told["sign"], infinite=told["infinite"])
+        ]
+    if "flag" in told:
+        return Annotated[bool, BeforeValidator(truth)]
+    return Annotated[int, whole(told["least"], told["example"])] if "least" in told else None
+
+
+def _or_none(kind: Any, default: Any) -> Any:
+    if default is not None:
+        return kind
+    plain, check = kind.__origin__, kind.__metadata__[0]
+    return Annotated[plain | None, check]

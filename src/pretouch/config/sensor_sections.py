@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, create_model
 from pretouch.sensors import SensorModel, known_curves
 
 from .quantities import Quantity, UnfitValueError
-from .section import LENGTH, Section, list_of, one_of, text
+from .section import LENGTH, Section, list_of, one_of, section_of, text
 
 __all__ = ["SENSOR_SECTIONS", "CalibratedSensor", "SensorSection", "SensorSections"]
 
@@ -81,28 +81,19 @@ class SensorSection(Section):
 
 
 @cache
-def section_of(curve: type[SensorModel]) -> type[SensorSection]:
-    """Make the section of a curve from the fields of its class: its parameters and its points, each in its unit.
+def section_of_curve(curve: type[SensorModel]) -> type[SensorSection]:
+    """Make the section of a curve, `model = "..."` with its parameters and its points as keys.
 
     Args:
         curve: the class.
 
     Returns:
-        The section, `model = "..."` with these keys.
+        The section.
     """
-    found: dict[str, Any] = {"model": (str, ...)}
-    for f in fields(curve):
-        if "unit" in f.metadata:
-            of_output = f.metadata["of_output"] is not None
-            unit, sign, example = (
-                ("output" if of_output else f.metadata["unit"]),
-                f.metadata["sign"],
-                f.metadata["example"],
-            )
-            found[f.name] = (Annotated[float, Quantity(unit=unit, example=example, sign=sign)], ...)
-        elif "points" in f.metadata:
-            found[f.name] = (_points(f.metadata["points"]), ...)
-    return create_model(f"{curve.__name__}Sensor", __base__=SensorSection, **found)
+    own = section_of(curve, base=SensorSection)
+    points = {f.name: (_points(f.metadata["points"]), ...) for f in fields(curve) if "points" in f.metadata}
+    keys: dict[str, Any] = {"model": (str, ...), **points}
+    return create_model(own.__name__, __base__=own, **keys)
 
 
 def _points(unit: str) -> Any:
@@ -136,7 +127,7 @@ class SensorSections(Mapping[str, type[SensorSection]]):
     """The variants of [sensor]: one for each curve that a program knows, and one for a calibration."""
 
     def __getitem__(self, name: str) -> type[SensorSection]:
-        return CalibratedSensor if name == CALIBRATION else section_of(known_curves()[name])
+        return CalibratedSensor if name == CALIBRATION else section_of_curve(known_curves()[name])
 
     def __iter__(self) -> Iterator[str]:
         return iter((*known_curves(), CALIBRATION))

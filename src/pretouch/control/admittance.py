@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import nonnegative, positive
+from pretouch._core.declared import ONE_ROBOT, check_declared, quantity
 
 from .structures import AdmittanceNumbers
 
@@ -30,14 +29,12 @@ class VirtualAdmittance:
         VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
     """
 
-    mass: float
-    damping: float
-    stiffness: float
+    mass: float = quantity("kg", sign="positive")
+    damping: float = quantity("N*s/m", sign="nonnegative")
+    stiffness: float = quantity("N/m", sign="nonnegative")
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", _single(positive(self.mass, "mass", "kg"), "mass"))
-        object.__setattr__(self, "damping", _single(nonnegative(self.damping, "damping", "N*s/m"), "damping"))
-        object.__setattr__(self, "stiffness", _single(nonnegative(self.stiffness, "stiffness", "N/m"), "stiffness"))
+        check_declared(self, instead=ONE_ROBOT)
 
 
 def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumbers:
@@ -94,9 +91,3 @@ def _differences(p: float, q: float) -> tuple[float, float]:
     sinc = math.sin(angle) / angle if angle > 0 else 1.0
     decay = math.exp(p / 2)
     return decay * sinc, (1.0 - decay * (math.cos(angle) - p / 2 * sinc)) / q
-
-
-def _single(value: object, name: str) -> float:
-    if not isinstance(value, float):
-        raise InvalidInputError(f"{name}: found an array, expected one number: a controller runs one robot")
-    return value

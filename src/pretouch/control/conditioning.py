@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pretouch._core.declared import ONE_ROBOT, OUTPUT, check_declared, count, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite, nonnegative, positive
 
 from .butterworth import design_low_pass
 from .structures import Section, SensingNumbers
@@ -46,31 +46,19 @@ class Conditioning:
         0.001
     """
 
-    floor: float
-    offset: float = 0.0
-    saturation: float | None = None
-    sensor_period: float | None = None
-    median_window: int = 1
-    low_pass_order: int = 0
-    cutoff: float | None = None
-    timeout: float | None = None
-    fade_time: float | None = None
-    largest_rate: float | None = None
+    floor: float = quantity(OUTPUT, sign="positive", example="30.0")
+    offset: float = quantity(OUTPUT, 0.0)
+    saturation: float | None = quantity(OUTPUT, None)
+    sensor_period: float | None = quantity("s", None, sign="positive")
+    median_window: int = count(1, 1, "3")
+    low_pass_order: int = count(0, 0, "2")
+    cutoff: float | None = quantity("Hz", None, sign="positive")
+    timeout: float | None = quantity("s", None, sign="positive")
+    fade_time: float | None = quantity("s", None, sign="nonnegative")
+    largest_rate: float | None = quantity("1/s", None, sign="positive")
 
     def __post_init__(self) -> None:
-        checked = {
-            "floor": positive(self.floor, "floor"),
-            "offset": finite(self.offset, "offset"),
-            "saturation": None if self.saturation is None else finite(self.saturation, "saturation"),
-            "sensor_period": None if self.sensor_period is None else positive(self.sensor_period, "sensor_period", "s"),
-            "timeout": None if self.timeout is None else positive(self.timeout, "timeout", "s"),
-            "fade_time": None if self.fade_time is None else nonnegative(self.fade_time, "fade_time", "s"),
-            "largest_rate": None if self.largest_rate is None else positive(self.largest_rate, "largest_rate", "1/s"),
-        }
-        for name, value in checked.items():
-            if not isinstance(value, float | None):
-                raise InvalidInputError(f"{name}: found an array, expected one number: a controller runs one robot")
-            object.__setattr__(self, name, value)
+        check_declared(self, instead=ONE_ROBOT)
         if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
             raise InvalidInputError(
                 f"saturation: found {self.saturation:g}, which must exceed offset and floor together, "

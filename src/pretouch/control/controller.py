@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, NamedTuple, Protocol
 
+from pretouch._core.declared import ONE_ROBOT, check_declared, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite, nonnegative, positive
+from pretouch._core.numbers import finite
 from pretouch._core.structures import Structure
 
 from .admittance import VirtualAdmittance, discretize
@@ -83,23 +84,16 @@ class Controller:
         -6.965
     """
 
-    period: float
-    conditioning: Conditioning
-    law: Law
-    admittance: VirtualAdmittance
+    period: float = quantity("s", sign="positive")
+    conditioning: Conditioning = field()
+    law: Law = field()
+    admittance: VirtualAdmittance = field()
     limits: Limits = field(default_factory=Limits)
-    contact_gain: float = 0.0
-    contact_threshold: float = 1.0
+    contact_gain: float = quantity("", 0.0, sign="nonnegative")
+    contact_threshold: float = quantity("N", 1.0, sign="positive")
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("period", positive(self.period, "period", "s")),
-            ("contact_gain", nonnegative(self.contact_gain, "contact_gain")),
-            ("contact_threshold", positive(self.contact_threshold, "contact_threshold", "N")),
-        ):
-            if not isinstance(value, float):
-                raise InvalidInputError(f"{name}: found an array, expected one number: a controller runs one robot")
-            object.__setattr__(self, name, value)
+        check_declared(self, instead=ONE_ROBOT)
         if self.contact_gain > 1:
             raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a share from 0 to 1")
         self.conditioning.numbers(self.period)  # its checks against the period

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from pretouch._core.declared import ONE_ROBOT, check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite, nonnegative
 
 from .steps import CompiledStep
 from .structures import DamperNumbers, DamperState
@@ -31,20 +31,13 @@ class VirtualDamper:
         DamperNumbers(gain=-0.7, release=0.0, ramp_step=1.0, approach_only=0)
     """
 
-    gain: float
-    approach_only: bool = False
-    release: float = 0.0
-    ramp_time: float = 0.0
+    gain: float = quantity("N*s", example='"-0.7 N*s"')
+    approach_only: bool = flag(False)
+    release: float = quantity("", 0.0, sign="nonnegative")
+    ramp_time: float = quantity("s", 0.0, sign="nonnegative")
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("gain", finite(self.gain, "gain", "N*s")),
-            ("release", nonnegative(self.release, "release")),
-            ("ramp_time", nonnegative(self.ramp_time, "ramp_time", "s")),
-        ):
-            if not isinstance(value, float):
-                raise InvalidInputError(f"{name}: found an array, expected one number: a controller runs one robot")
-            object.__setattr__(self, name, value)
+        check_declared(self, instead=ONE_ROBOT)
         if not abs(self.gain) <= 1e6:
             raise InvalidInputError(f"gain: found {self.gain:g} N*s, which must be within 1e6 N*s")
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pretouch._core.declared import ONE_ROBOT, check_declared, quantity, units_of_fields
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import positive
 
 from .structures import MotionLimits
 
@@ -37,22 +37,20 @@ class Limits:
         Limits(force=20.0, speed=0.5, acceleration=None, excursion=None)
     """
 
-    force: float | None = None
-    speed: float | None = None
-    acceleration: float | None = None
-    excursion: float | None = None
+    force: float | None = quantity("N", None, sign="positive")
+    speed: float | None = quantity("m/s", None, sign="positive")
+    acceleration: float | None = quantity("m/s^2", None, sign="positive")
+    excursion: float | None = quantity("m", None, sign="positive")
 
     def __post_init__(self) -> None:
-        for name, unit in (("force", "N"), ("speed", "m/s"), ("acceleration", "m/s^2"), ("excursion", "m")):
+        check_declared(self, before="largest ", instead=ONE_ROBOT)
+        for name, unit in units_of_fields(Limits).items():
             value = getattr(self, name)
-            if value is not None:
-                checked = positive(value, f"largest {name}", unit)
-                if not isinstance(checked, float) or checked > NO_LIMIT:
-                    raise InvalidInputError(
-                        f"largest {name}: found {value!r}, expected one number up to {NO_LIMIT:g} {unit}; "
-                        "leave it out for no limit"
-                    )
-                object.__setattr__(self, name, checked)
+            if value is not None and value > NO_LIMIT:
+                raise InvalidInputError(
+                    f"largest {name}: found {value!r}, expected one number up to {NO_LIMIT:g} {unit}; "
+                    "leave it out for no limit"
+                )
 
 
 def stopping_distance(limits: MotionLimits, speed: float) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import nonnegative, positive
 from pretouch._core.values import Value
@@ -29,14 +30,12 @@ class Admittance(Value):
         1.0
     """
 
-    mass: Any
-    damping: Any
-    stiffness: Any
+    mass: Any = quantity("kg", sign="positive", example='"1 kg"')
+    damping: Any = quantity("N*s/m", sign="nonnegative", example='"10 N*s/m"')
+    stiffness: Any = quantity("N/m", sign="nonnegative", example='"25 N/m"')
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", positive(self.mass, "mass", "kg"))
-        object.__setattr__(self, "damping", nonnegative(self.damping, "damping", "N*s/m"))
-        object.__setattr__(self, "stiffness", nonnegative(self.stiffness, "stiffness", "N/m"))
+        check_declared(self, arrays=True)
 
     @classmethod
     def from_natural_frequency(

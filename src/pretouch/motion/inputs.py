@@ -8,32 +8,27 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.declared import units_of_fields
 from pretouch._core.errors import InvalidInputError
 from pretouch.sensors import SensorModel
 
 from .admittance import Admittance
-from .scenario import Scenario
+from .scenario import Obstacle, Plant, Reference, Scenario
 
 __all__ = ["SCENARIO_INPUTS", "map_fields", "scenario_with", "sensor_inputs", "sensor_with"]
 
+_PARTS: Final = {"admittance": Admittance, "obstacle": Obstacle, "plant": Plant, "reference": Reference}
+_FREQUENCY: Final = {"admittance.natural_frequency": "rad/s", "admittance.damping_ratio": ""}
 SCENARIO_INPUTS: Final[dict[str, str]] = {
-    "admittance.mass": "kg",
-    "admittance.damping": "N*s/m",
-    "admittance.stiffness": "N/m",
-    "admittance.natural_frequency": "rad/s",
-    "admittance.damping_ratio": "",
-    "obstacle.position": "m",
-    "obstacle.velocity": "m/s",
-    "obstacle.acceleration": "m/s^2",
-    "plant.position": "m",
-    "plant.velocity": "m/s",
-    "reference.position": "m",
-    "reference.velocity": "m/s",
-    "reference.acceleration": "m/s^2",
+    name: unit
+    for part, cls in _PARTS.items()
+    for name, unit in (
+        *((f"{part}.{name}", unit) for name, unit in units_of_fields(cls).items()),
+        *(_FREQUENCY.items() if part == "admittance" else ()),
+    )
 }
 """The inputs of a scenario with their SI units; those that differ from encounter to encounter within one call."""
 
-_OF_FREQUENCY: Final = {"admittance.natural_frequency", "admittance.damping_ratio"}
 _OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
 
 
@@ -115,7 +110,7 @@ def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 def _admittance_with(admittance: Admittance, given: dict[str, Any]) -> Admittance:
     names = {f"admittance.{name}" for name in given}
-    if not names & _OF_FREQUENCY:
+    if not names & _FREQUENCY.keys():
         return replace(admittance, **given)
     if names & _OF_DAMPING:
         found = ", ".join(sorted(names - {"admittance.mass"}))

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
 from .admittance import Admittance
 
 __all__ = ["Obstacle", "Plant", "Reference", "Scenario"]
 
-_UNITS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body(Value):
     def __post_init__(self) -> None:
-        for f in fields(self):
-            name = f"{type(self).__name__.lower()} {f.name}"
-            object.__setattr__(self, f.name, finite(getattr(self, f.name), name, _UNITS[f.name]))
+        check_declared(self, arrays=True, before=f"{type(self).__name__.lower()} ")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +33,9 @@ class Obstacle(_Body):
         acceleration: x_o'' [m/s^2], constant.
     """
 
-    position: Any
-    velocity: Any = 0.0
-    acceleration: Any = 0.0
+    position: Any = quantity("m", example='"42.2 mm"')
+    velocity: Any = quantity("m/s", 0.0)
+    acceleration: Any = quantity("m/s^2", 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +47,8 @@ class Plant(_Body):
         velocity: x' at t = 0 [m/s].
     """
 
-    position: Any = 0.0
-    velocity: Any = 0.0
+    position: Any = quantity("m", 0.0)
+    velocity: Any = quantity("m/s", 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,9 +61,9 @@ class Reference(_Body):
         acceleration: x_d'' [m/s^2], constant.
     """
 
-    position: Any = 0.0
-    velocity: Any = 0.0
-    acceleration: Any = 0.0
+    position: Any = quantity("m", 0.0)
+    velocity: Any = quantity("m/s", 0.0)
+    acceleration: Any = quantity("m/s^2", 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.declared import Sign, quantity
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray, FloatArray, finite
@@ -27,7 +28,7 @@ def parameter(
     unit: str,
     default: Any = None,
     *,
-    sign: str = "any",
+    sign: Sign = "any",
     example: str = "",
     of_output: str | None = None,
     largest: float = math.inf,
@@ -47,9 +48,8 @@ def parameter(
         The field; its value is checked to be one finite number of that sign.
     """
     domain = (0.0 if sign == "positive" else -math.inf, 0.0 if sign == "negative" else largest)
-    told = {"symbol": symbol, "unit": unit, "sign": sign, "example": example}
-    metadata = {**told, "of_output": of_output, "domain": domain}
-    return field(metadata=metadata) if default is None else field(metadata=metadata, default=default)
+    told: dict[str, Any] = {"symbol": symbol, "of_output": of_output, "domain": domain}
+    return quantity(unit, MISSING if default is None else default, sign=sign, example=example, **told)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # a subclass compares all of its own fields, or itself

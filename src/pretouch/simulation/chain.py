@@ -3,30 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, Final
+from dataclasses import dataclass
 
+from pretouch._core.declared import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite
 from pretouch.calibration import SensorFit
 
 __all__ = ["SensorChain", "chain_of_fit"]
-
-_POSITIVE: Final = ("rate",)
-_UNITS: Final = {
-    "rate": "Hz",
-    "phase": "s",
-    "exposure": "s",
-    "delay": "s",
-    "jitter": "s",
-    "drift": "unit of xi per s",
-    "distance_noise": "m",
-    "distance_resolution": "m",
-    "relative_noise": "",
-    "misfit": "",
-    "misfit_length": "m",
-    "dropout": "",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,46 +54,30 @@ class SensorChain:
         0.002
     """
 
-    rate: float
-    phase: float = 0.0
-    random_phase: bool = False
-    exposure: float = 0.0
-    delay: float = 0.0
-    jitter: float = 0.0
-    noise: float = 0.0
-    relative_noise: float = 0.0
-    misfit: float = 0.0
-    misfit_length: float = 0.0
-    offset: float = 0.0
-    crosstalk: float = 0.0
-    drift: float = 0.0
-    lowest: float = -math.inf
-    highest: float = math.inf
-    resolution: float = 0.0
-    dropout: float = 0.0
-    reports_distance: bool = False
-    distance_noise: float = 0.0
-    distance_resolution: float = 0.0
+    rate: float = quantity("Hz", sign="positive", example='"1 kHz"')
+    phase: float = quantity("s", 0.0, sign="nonnegative")
+    random_phase: bool = flag(False)
+    exposure: float = quantity("s", 0.0, sign="nonnegative")
+    delay: float = quantity("s", 0.0, sign="nonnegative")
+    jitter: float = quantity("s", 0.0, sign="nonnegative")
+    noise: float = quantity(OUTPUT, 0.0, sign="nonnegative")
+    relative_noise: float = quantity("", 0.0, sign="nonnegative")
+    misfit: float = quantity("", 0.0, sign="nonnegative")
+    misfit_length: float = quantity("m", 0.0, sign="nonnegative")
+    offset: float = quantity(OUTPUT, 0.0)
+    crosstalk: float = quantity(OUTPUT, 0.0)
+    drift: float = quantity(OUTPUT_RATE, 0.0)
+    lowest: float = quantity(OUTPUT, -math.inf, infinite=True)
+    highest: float = quantity(OUTPUT, math.inf, infinite=True)
+    resolution: float = quantity(OUTPUT, 0.0, sign="nonnegative")
+    dropout: float = quantity("", 0.0, sign="nonnegative")
+    reports_distance: bool = flag(False)
+    distance_noise: float = quantity("m", 0.0, sign="nonnegative")
+    distance_resolution: float = quantity("m", 0.0, sign="nonnegative")
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            if f.name in {"reports_distance", "random_phase"} or (
-                f.name in {"lowest", "highest"} and not math.isnan(self._of(f.name))
-            ):
-                continue
-            unit = _UNITS.get(f.name, "unit of xi")
-            value = finite(self._of(f.name), f.name, unit)
-            if not isinstance(value, float):
-                raise InvalidInputError(f"{f.name}: found an array, expected one number")
-            object.__setattr__(self, f.name, value)
-            signed = f.name in {"offset", "crosstalk", "drift"}
-            if not signed and (value < 0 or (f.name in _POSITIVE and value == 0)):
-                rule = "be positive" if f.name in _POSITIVE else "not be negative"
-                raise InvalidInputError(f"{f.name}: found {value:g} {unit}, which must {rule}")
+        check_declared(self)
         self._check_together()
-
-    def _of(self, name: str) -> Any:
-        return getattr(self, name)
 
     def _check_together(self) -> None:
         if self.exposure > self.period * (1 + 1e-9):

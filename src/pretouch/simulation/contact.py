@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
+from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite, nonnegative, positive
 
 __all__ = ["ContactModel", "HuntCrossley", "SpringDamper"]
 
@@ -21,11 +22,13 @@ class ContactModel(ABC):
             the acceleration of the scenario, and the contact force comes on top.
     """
 
-    obstacle_mass: float = math.inf
+    kind: ClassVar[str] = ""
+    """What a scenario file calls it."""
+
+    obstacle_mass: float = quantity("kg", math.inf, sign="positive", infinite=True)
 
     def __post_init__(self) -> None:
-        if self.obstacle_mass != math.inf:
-            object.__setattr__(self, "obstacle_mass", _single(positive, self.obstacle_mass, "obstacle_mass", "kg"))
+        check_declared(self)
 
     @abstractmethod
     def numbers(self) -> tuple[float, float, float, bool, float]:
@@ -51,15 +54,14 @@ class HuntCrossley(ContactModel):
         1.5
     """
 
-    stiffness: float
-    dissipation: float = 0.0
-    exponent: float = 1.5
+    kind: ClassVar[str] = "hunt-crossley"
+
+    stiffness: float = quantity("N/m^n", sign="positive", example='"1e6 N/m^1.5"')
+    dissipation: float = quantity("s/m", 0.0, sign="nonnegative")
+    exponent: float = quantity("", 1.5, sign="positive")
 
     def __post_init__(self) -> None:
         ContactModel.__post_init__(self)
-        object.__setattr__(self, "stiffness", _single(positive, self.stiffness, "stiffness", "N/m^n"))
-        object.__setattr__(self, "dissipation", _single(nonnegative, self.dissipation, "dissipation", "s/m"))
-        object.__setattr__(self, "exponent", _single(finite, self.exponent, "exponent", ""))
         if not self.exponent >= 1:
             raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
 
@@ -85,21 +87,11 @@ class SpringDamper(ContactModel):
         0.0
     """
 
-    stiffness: float
-    damping: float = 0.0
+    kind: ClassVar[str] = "spring-damper"
 
-    def __post_init__(self) -> None:
-        ContactModel.__post_init__(self)
-        object.__setattr__(self, "stiffness", _single(positive, self.stiffness, "stiffness", "N/m"))
-        object.__setattr__(self, "damping", _single(nonnegative, self.damping, "damping", "N*s/m"))
+    stiffness: float = quantity("N/m", sign="positive", example='"10 kN/m"')
+    damping: float = quantity("N*s/m", 0.0, sign="nonnegative")
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
         """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
-
-
-def _single(rule: object, value: object, name: str, unit: str) -> float:
-    number = rule(value, name, unit)  # type: ignore[operator]
-    if not isinstance(number, float):
-        raise InvalidInputError(f"{name}: found an array, expected one number")
-    return number

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
+from pretouch._core.declared import check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite, nonnegative, positive
+from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import Admittance
 
 __all__ = ["COEFFICIENTS", "IdealPlant", "ImpedancePlant", "PlantModel", "PositionPlant", "linear_plant"]
@@ -37,6 +38,9 @@ class PlantModel(ABC):
 
     __slots__ = ()
 
+    kind: ClassVar[str] = ""
+    """What a scenario file calls it."""
+
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""
@@ -48,6 +52,8 @@ class IdealPlant(PlantModel):
 
     It has no physical mass, so that a run ends at contact: no force follows from it.
     """
+
+    kind: ClassVar[str] = "ideal"
 
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""
@@ -73,22 +79,19 @@ class ImpedancePlant(PlantModel):
         2.0
     """
 
-    mass: float
-    stiffness: float
-    damping: float
-    bandwidth: float = math.inf
-    viscous_friction: float = 0.0
-    coulomb_friction: float = 0.0
-    friction_speed: float = 1e-3
-    feedforward: bool = True
+    kind: ClassVar[str] = "impedance"
+
+    mass: float = quantity("kg", sign="positive", example='"4 kg"')
+    stiffness: float = quantity("N/m", sign="positive", example='"10 kN/m"')
+    damping: float = quantity("N*s/m", sign="nonnegative", example='"100 N*s/m"')
+    bandwidth: float = quantity("Hz", math.inf, sign="positive", infinite=True)
+    viscous_friction: float = quantity("N*s/m", 0.0, sign="nonnegative")
+    coulomb_friction: float = quantity("N", 0.0, sign="nonnegative")
+    friction_speed: float = quantity("m/s", 1e-3, sign="positive")
+    feedforward: bool = flag(True)
 
     def __post_init__(self) -> None:
-        _check(self, {"mass": "kg", "stiffness": "N/m", "friction_speed": "m/s"}, positive)
-        _check(self, {"damping": "N*s/m", "viscous_friction": "N*s/m", "coulomb_friction": "N"}, nonnegative)
-        if not math.isinf(self.bandwidth):
-            _check(self, {"bandwidth": "Hz"}, positive)
-        elif self.bandwidth < 0:
-            raise InvalidInputError("bandwidth: found -inf Hz, which must be positive")
+        check_declared(self)
 
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""
@@ -117,25 +120,19 @@ class PositionPlant(PlantModel):
         1.0
     """
 
-    mass: float
-    bandwidth: float
-    damping_ratio: float = 1.0
+    kind: ClassVar[str] = "position"
+
+    mass: float = quantity("kg", sign="positive", example='"4 kg"')
+    bandwidth: float = quantity("Hz", sign="positive", example='"20 Hz"')
+    damping_ratio: float = quantity("", 1.0, sign="positive")
 
     def __post_init__(self) -> None:
-        _check(self, {"mass": "kg", "bandwidth": "Hz", "damping_ratio": ""}, positive)
+        check_declared(self)
 
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""
         omega = 2 * math.pi * self.bandwidth
         return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
-
-
-def _check(value: object, units: dict[str, str], rule: object) -> None:
-    for name, unit in units.items():
-        number = rule(getattr(value, name), name, unit)  # type: ignore[operator]
-        if not isinstance(number, float):
-            raise InvalidInputError(f"{name}: found an array, expected one number")
-        object.__setattr__(value, name, number)
 
 
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:

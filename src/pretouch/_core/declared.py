@@ -1,0 +1,114 @@
+"""Fields that say all of themselves once: unit, sign, example; checks, scenario files and pages read it from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import MISSING, Field, field, fields
+from functools import cache
+from typing import Any, Final, Literal, TypeAlias
+
+from .errors import InvalidInputError
+from .numbers import finite, nonnegative, positive
+
+__all__ = [
+    "ONE_ROBOT",
+    "OUTPUT",
+    "OUTPUT_RATE",
+    "Sign",
+    "check_declared",
+    "count",
+    "declared",
+    "flag",
+    "quantity",
+    "units_of_fields",
+]
+
+Sign: TypeAlias = Literal["any", "positive", "nonnegative", "negative", "nonzero"]
+
+OUTPUT: Final = "output"
+"""The unit of a sensor output: V, counts, or none."""
+
+ONE_ROBOT: Final = ": a controller runs one robot"
+"""Why a controller takes no arrays."""
+
+OUTPUT_RATE: Final = "output/s"
+"""The unit of a change of a sensor output."""
+
+_RULES: Final[dict[str, Callable[..., Any]]] = {"positive": positive, "nonnegative": nonnegative}
+_TOLD: Final = {OUTPUT: "unit of xi", OUTPUT_RATE: "unit of xi per s"}
+
+
+def quantity(
+    unit: str,
+    default: Any = MISSING,
+    *,
+    sign: Sign = "any",
+    example: str = "",
+    infinite: bool = False,
+    **others: Any,
+) -> Any:
+    """Declare a field that is a number, or an array of them, in SI.
+
+    Args:
+        unit: its SI unit; the empty text for a pure number; OUTPUT or OUTPUT_RATE for a sensor output.
+        default: its value where none is given; None where it may be left out.
+        sign: what must hold.
+        example: a value as a scenario file has it.
+        infinite: whether it may be infinite.
+        others: further metadata.
+
+    Returns:
+        The field.
+    """
+    told = {"unit": unit, "sign": sign, "example": example, "infinite": infinite, **others}
+    return field(metadata=told) if default is MISSING else field(default=default, metadata=told)
+
+
+def flag(default: bool) -> Any:
+    """Declare a field that is true or false."""
+    return field(default=default, metadata={"flag": True})
+
+
+def count(least: int, default: int, example: str) -> Any:
+    """Declare a field that is a whole number from some number on; the class checks it."""
+    return field(default=default, metadata={"least": least, "example": example})
+
+
+@cache
+def declared(cls: Any) -> tuple[Field[Any], ...]:
+    """Return the fields of a dataclass that are quantities."""
+    return tuple(f for f in fields(cls) if "unit" in f.metadata)
+
+
+def units_of_fields(cls: Any) -> dict[str, str]:
+    """Return the SI units of the quantities of a dataclass, by name."""
+    return {f.name: f.metadata["unit"] for f in declared(cls)}
+
+
+def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
+    """Check every quantity of a frozen dataclass, and keep it as a float; called in its `__post_init__`.
+
+    Args:
+        value: the instance.
+        arrays: whether arrays will do.
+        before: what stands before the name in messages.
+        instead: why an array will not do, for the message.
+
+    Raises:
+        InvalidInputError: a quantity is missing, no number, infinite where it must not be, or of another sign.
+    """
+    kind: Any = type(value)
+    for f in declared(kind):
+        given, told = getattr(value, f.name), f.metadata
+        if given is None and f.default is None:
+            continue
+        if told["infinite"] and isinstance(given, float) and math.isinf(given):
+            if given < 0 and told["sign"] == "positive":
+                raise InvalidInputError(f"{before}{f.name}: found -inf {told['unit']}, which must be positive")
+            continue
+        unit = _TOLD.get(told["unit"], told["unit"])
+        number = _RULES.get(told["sign"], finite)(given, f"{before}{f.name}", unit)
+        if not arrays and not isinstance(number, float):
+            raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}")
+        object.__setattr__(value, f.name, number)

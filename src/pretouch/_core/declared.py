@@ -76,7 +76,7 @@ def count(least: int, default: int, example: str) -> Any:
 
 
 @cache
-def declared(cls: Any) -> tuple[Field[Any], ...]:
+def declared(cls: Any) -> tuple[Any, ...]:
     """Return the fields of a dataclass that are quantities."""
     return tuple(f for f in fields(cls) if "unit" in f.metadata)
 
@@ -99,16 +99,34 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
         InvalidInputError: a quantity is missing, no number, infinite where it must not be, or of another sign.
     """
     kind: Any = type(value)
-    for f in declared(kind):
-        given, told = getattr(value, f.name), f.metadata
-        if given is None and f.default is None:
-            continue
-        if told["infinite"] and isinstance(given, float) and math.isinf(given):
-            if given < 0 and told["sign"] == "positive":
-                raise InvalidInputError(f"{before}{f.name}: found -inf {told['unit']}, which must be positive")
-            continue
-        unit = _TOLD.get(told["unit"], told["unit"])
-        number = _RULES.get(told["sign"], finite)(given, f"{before}{f.name}", unit)
-        if not arrays and not isinstance(number, float):
-            raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}")
-        object.__setattr__(value, f.name, number)
+    for name, least, above, full in _quick(kind):
+        given = getattr(value, name)
+        if type(given) is not float or not (given > least or (given == least and not above)) or given == math.inf:
+            _check_one(value, full, arrays=arrays, before=before, instead=instead)
+
+
+@cache
+def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
+    """Return of each quantity its name, what a finite float must exceed or reach, which of the two, and its field."""
+    ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
+    found = []
+    for f in declared(cls):
+        least, above = ends.get(f.metadata["sign"], (-math.inf, True))
+        found.append((f.name, least, above, f))
+    return tuple(found)
+
+
+def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead: str) -> None:
+    """Check what is not simply a finite float of the right sign."""
+    given, told = getattr(value, f.name), f.metadata
+    if given is None and f.default is None:
+        return
+    if told["infinite"] and isinstance(given, float) and math.isinf(given):
+        if given < 0 and told["sign"] == "positive":
+            raise InvalidInputError(f"{before}{f.name}: found -inf {told['unit']}, which must be positive")
+        return
+    unit = _TOLD.get(told["unit"], told["unit"])
+    number = _RULES.get(told["sign"], finite)(given, f"{before}{f.name}", unit)
+    if not arrays and not isinstance(number, float):
+        raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}")
+    object.__setattr__(value, f.name, number)

@@ -94,9 +94,6 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
         arrays: whether arrays will do.
         before: what stands before the name in messages.
         instead: why an array will not do, for the message.
-
-    Raises:
-        InvalidInputError: a quantity is missing, no number, infinite where it must not be, or of another sign.
     """
     kind: Any = type(value)
     for name, least, above, full in _quick(kind):
@@ -126,7 +123,8 @@ def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead:
             raise InvalidInputError(f"{before}{f.name}: found -inf {told['unit']}, which must be positive")
         return
     unit = _TOLD.get(told["unit"], told["unit"])
-    number = _RULES.get(told["sign"], finite)(given, f"{before}{f.name}", unit)
+    rule: Callable[..., Any] = _RULES.get(told["sign"], finite)
+    number = rule(given, f"{before}{f.name}", unit)
     if not arrays and not isinstance(number, float):
         raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}")
     object.__setattr__(value, f.name, number)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any, ClassVar, TypeAlias
 
 from .values import Value
@@ -19,7 +18,6 @@ __all__ = [
     "Block",
     "Cell",
     "Code",
-    "Described",
     "Listing",
     "Measured",
     "Named",
@@ -29,7 +27,6 @@ __all__ = [
     "Section",
     "Table",
     "named",
-    "page_of",
     "tables_of",
 ]
 
@@ -185,42 +182,6 @@ class Page(Value):
     def with_blocks(self, *blocks: Block | None) -> Page:
         """Return the page with blocks at its end."""
         return replace(self, blocks=(*self.blocks, *blocks))
-
-
-class Described:
-    """A result that has a page: its text, and what a notebook shows of it.
-
-    A class names the function that describes it by text, so that no result imports its description.
-    """
-
-    __slots__ = ()
-
-    page: ClassVar[str]
-    """Module and function, such as `pretouch.design.page:gain_page`."""
-
-    def __str__(self) -> str:
-        from .block_text import page_as_text  # noqa: PLC0415 - only for who reads it
-
-        return page_as_text(page_of(self))
-
-    def _repr_html_(self) -> str | None:
-        from .block_html import page_as_excerpt  # noqa: PLC0415
-
-        return page_as_excerpt(page_of(self))
-
-
-def page_of(result: Described) -> Page:
-    """Describe a result.
-
-    Args:
-        result: a result whose class names its description.
-
-    Returns:
-        Its page.
-    """
-    module, _, name = result.page.partition(":")
-    page: Page = getattr(import_module(module), name)(result)
-    return page
 
 
 def named(name: str, *, magnitude: bool = False) -> Named:

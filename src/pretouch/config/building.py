@@ -22,7 +22,7 @@ from .fitting import FitRequest, OutputValue, fit_sensor_of, read_output
 from .objective_sections import CustomObjective
 from .placing import place
 from .positions import KeyPath
-from .problem import DEFAULT_QUANTITIES
+from .requests import DEFAULT_QUANTITIES
 from .schema import (
     DampedAdmittance,
     FrequencyAdmittance,

@@ -13,6 +13,7 @@ from .building import Builder
 from .document import Document, listed
 from .problem import DesignProblem
 from .reading import read_sections
+from .requests import LoopRequest
 from .robust import robust_request
 from .schema import LOOP_SECTIONS
 from .sensor_sections import CalibratedSensor
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
     from pretouch.motion.scenario import Scenario
     from pretouch.sensors import SensorModel
-
-    from .loop import LoopRequest
 
 __all__ = ["load_scenario"]
 

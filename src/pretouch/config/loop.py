@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError
-from pretouch.control import Controller
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import (
     PARTS,
     ClosedLoop,
     ContactModel,
-    GainLimit,
     IdealPlant,
     PlantModel,
     PositionPlant,
     SensorChain,
     SensorPart,
     chain_of_fit,
-    gain_limit,
-    timing_of,
 )
-from pretouch.simulation.stability import passed_distances
 
 from .loop_law import controller_of, refuse_a_curve_below_the_floor
 from .loop_sections import CONTACTS, PLANTS, ChainSection, ControllerSection, KindSection, LoopSection
 from .output_units import refuse_mixed_units
+from .requests import LoopRequest
 from .schema import LOOP_SECTIONS, SECTIONS
 from .section import nearest, one_of
 from .sensor_sections import CalibratedSensor
@@ -39,81 +34,10 @@ if TYPE_CHECKING:
 
     from .building import Builder
 
-__all__ = ["LoopRequest", "loop_request"]
+__all__ = ["loop_request"]
 
 _FITTED: Final = ("noise", "relative_noise", "misfit", "misfit_length", "offset")
 _NEEDED: Final = {"chain": 'part = "VCNL4010" or rate = "250 Hz"', "controller": 'rate = "1 kHz"'}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopRequest:
-    """The sampled loop of a scenario file, and what is asked of it.
-
-    Args:
-        loop: the loop without its encounter; its law has the gain of the file, or 0 where that names none.
-        gain: the gain to be checked [N s]; None for the one that is designed.
-        runs: how often an encounter is repeated.
-        part: the sensor part that the chain starts from, where the file names one.
-        stability_margin: by how much the gain must be able to grow until the loop is unstable; None: not asked for.
-    """
-
-    loop: ClosedLoop
-    gain: float | None
-    runs: int
-    part: SensorPart | None
-    stability_margin: float | None
-
-    def seeded(self, seed: int | None) -> ClosedLoop:
-        """Return the loop with another seed of its noise; None: as it is."""
-        return self.loop if seed is None else replace(self.loop, seed=seed)
-
-    def stability_limit(self, scenario: Scenario, sensor: SensorModel) -> GainLimit:
-        """Find the strongest stable gain at the distances that an encounter passes, from its start to contact.
-
-        Args:
-            scenario: the encounter.
-            sensor: the sensor curve.
-
-        Returns:
-            The limit; some milliseconds of work.
-        """
-        controller = cast("Controller", self.loop.law)  # a file has no other law
-        return gain_limit(
-            sensor,
-            scenario.admittance,
-            timing_of(self.loop.chain, controller),
-            distance=passed_distances(sensor, float(scenario.distance)),
-            plant=self.loop.plant,
-        )
-
-    def stable_bounds(
-        self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel
-    ) -> tuple[float, float]:
-        """Cut the bounds of the gain so that it keeps the margin to instability that is asked for.
-
-        Args:
-            bounds: gains D_p [N s].
-            scenario: the encounter.
-            sensor: the sensor curve.
-
-        Returns:
-            The bounds [N s]; as they are where no margin is asked for.
-
-        Raises:
-            InvalidInputError: nothing is left of them.
-        """
-        margin = self.stability_margin
-        if margin is None:
-            return bounds
-        strongest = self.stability_limit(scenario, sensor).strongest / margin
-        low, high = max(bounds[0], strongest), min(bounds[1], -strongest)
-        if not low < high:
-            raise InvalidInputError(
-                f"stability_margin: found {margin:g}, which allows gains up to {strongest:.4g} N*s, but [gain] has "
-                f"bounds from {bounds[0]:g} to {bounds[1]:g} N*s, expected a smaller margin, weaker gains, a faster "
-                "sensor or a larger virtual mass"
-            )
-        return low, high
 
 
 def loop_request(

@@ -13,7 +13,7 @@ from pretouch.design.objectives import Objective
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 
-from .robust import RobustRequest
+from .requests import LoopRequest, RobustRequest
 from .source import ScenarioSource
 
 if TYPE_CHECKING:
@@ -29,12 +29,7 @@ if TYPE_CHECKING:
     from pretouch.uncertainty import Reservations
     from pretouch.verification import SimulatedEncounter, Verdict
 
-    from .loop import LoopRequest
-
-__all__ = ["DEFAULT_QUANTITIES", "DesignProblem"]
-
-DEFAULT_QUANTITIES: Final = ("displacement", "relative_velocity")
-"""What is traded where a file names nothing: L(20)'s two."""
+__all__ = ["DesignProblem"]
 
 NOTHING_UNCERTAIN: Final = (
     "found no section [uncertainty], expected what is known of inputs, such as "

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.values import Value
 from pretouch.design.constraints import Constraint
 from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
 from pretouch.motion.inputs import sensor_inputs
@@ -28,6 +26,7 @@ from pretouch.uncertainty import (
 )
 
 from .positions import KeyPath
+from .requests import RobustRequest
 from .robust_sections import FROM_CALIBRATION, KnownInput, RobustSection, UncertaintySection
 
 if TYPE_CHECKING:
@@ -35,32 +34,7 @@ if TYPE_CHECKING:
 
     from .building import Builder
 
-__all__ = ["RobustRequest", "robust_request"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RobustRequest(Value):
-    """What is asked of a robust gain.
-
-    Args:
-        uncertainty: what is known of the inputs; empty where the file says nothing of it.
-        measure: what is made of the objectives of all encounters.
-        constraints: the limits, each with the probability with which it must hold.
-        samples: how many encounters the measure is taken over.
-        validation: how many fresh ones the gain is held against.
-        seed: of all samples.
-        sampling: how samples are drawn.
-        confidence: of the intervals.
-    """
-
-    uncertainty: Uncertainty = field(default_factory=dict)
-    measure: Measure = field(default_factory=Expected)
-    constraints: tuple[Required, ...] = ()
-    samples: int = 4096
-    validation: int = 4096
-    seed: int = 0
-    sampling: str = "sobol"
-    confidence: float = 0.95
+__all__ = ["robust_request"]
 
 
 def robust_request(

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pretouch._core.blocks import Described
+from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity

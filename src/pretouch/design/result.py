@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from pretouch._core.blocks import Described
+from pretouch._core.described import Described
 from pretouch._core.json_text import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value

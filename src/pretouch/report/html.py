@@ -16,7 +16,8 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.block_html import blocks_as_html, page_top
-from pretouch._core.blocks import Code, Described, Page, Paragraph, Picture, Section, page_of
+from pretouch._core.blocks import Code, Page, Paragraph, Picture, Section
+from pretouch._core.described import Described, page_of
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import sign, write_text
 from pretouch.calibration.page import fitted_blocks

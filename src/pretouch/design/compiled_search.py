@@ -72,7 +72,7 @@ def known_terms(problem: Problem) -> list[tuple[float, float, float, float]] | N
         problem: the problem.
 
     Returns:
-        A row per term, as the core's pretouchfind_gains takes it; None where the search does not know the problem.
+        A row per term, as the core's pretouch_find_gains takes it; None where the search does not know the problem.
     """
     if problem.evaluator is not None or problem.constraints or problem.sensor.valid_range[0] > 0:
         return None

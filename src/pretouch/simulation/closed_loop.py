@@ -16,13 +16,14 @@ from pretouch._core.values import Value
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
+from .asked import Loop
 from .chain import SensorChain
 from .contact import ContactModel
 from .law import TunableLaw
 from .layout import RESULT_COLUMNS
 from .plant import IdealPlant, PlantModel
 from .result import SimulationResult
-from .running import FOLLOW, HORIZON, Loop, check_loop, result_of, run_loop, runs_of, whole
+from .running import FOLLOW, HORIZON, check_loop, result_of, run_loop, runs_of, whole
 
 __all__ = ["ClosedLoop"]
 

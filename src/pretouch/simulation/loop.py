@@ -9,12 +9,13 @@ import numpy as np
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
+from .asked import Loop
 from .chain import SensorChain
 from .contact import ContactModel
 from .law import SampledLaw
 from .plant import IdealPlant, PlantModel
 from .result import SimulationResult
-from .running import FOLLOW, HORIZON, Loop, check_loop, result_of, runs_of
+from .running import FOLLOW, HORIZON, check_loop, result_of, runs_of
 
 __all__ = ["simulate"]
 

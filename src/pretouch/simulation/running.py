@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -11,23 +11,18 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, nonnegative, positive
-from pretouch._core.values import Value
 from pretouch.control.steps import as_step
-from pretouch.motion import Scenario
 from pretouch.motion.parallel import for_stretches
-from pretouch.sensors import SensorModel
 
-from .chain import SensorChain
-from .contact import ContactModel
+from .asked import Loop
 from .curve_table import curve_table
-from .law import SampledLaw
 from .layout import CONTACT_COLUMNS, FIRST_CONTACT, RESULT_COLUMNS, TRACE_COLUMNS
 from .native_loop import Laws, Runs
 from .plant import IdealPlant, PlantModel
 from .result import LoopTrace, SimulationResult
 from .size import TOUCHES, refuse_endless_runs, refuse_too_many_runs, rows_until
 
-__all__ = ["FOLLOW", "HORIZON", "Loop", "check_loop", "result_of", "run_loop", "runs_of", "whole"]
+__all__ = ["FOLLOW", "HORIZON", "check_loop", "result_of", "run_loop", "runs_of", "whole"]
 
 HORIZON: Final = 10.0
 """How long runs wait for contact where nothing else is said [s]."""
@@ -41,41 +36,6 @@ _BEYOND: Final = 4.0  # times the farthest start: from there on a curve without 
 _LEAST_STRETCH: Final = 16
 _MOST_STRETCH: Final = 512
 _NO_CONTACT: Final = (0.0, 0.0, 1.0, False, 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loop(Value):
-    """All that the runs of a loop are made of, so that any of them can be run again.
-
-    Args:
-        scenario: the encounter, or an array of them.
-        sensors: the sensor curves.
-        sensor_of: which of them each encounter meets, of the shape of the runs.
-        laws: the controllers, with one period and one step.
-        law_of: which of them runs each encounter, of the shape of the runs.
-        noise_of: which run's noise each encounter meets, of the shape of the runs.
-        chain: what lies between xi and the law's readings.
-        plant: the robot.
-        contact: the contact force, where given.
-        horizon: how long to wait for contact [s].
-        follow: how long to go on after the first contact [s].
-        seed: of the noise.
-        shape: of the runs.
-    """
-
-    scenario: Scenario
-    sensors: tuple[SensorModel, ...]
-    sensor_of: IntArray
-    laws: tuple[SampledLaw, ...]
-    law_of: IntArray
-    noise_of: IntArray
-    chain: SensorChain
-    plant: PlantModel
-    contact: ContactModel | None
-    horizon: float
-    follow: float
-    seed: int
-    shape: tuple[int, ...]
 
 
 def check_loop(loop: Loop) -> Loop:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 
+from .asked import Loop
 from .layout import CONTACT_COLUMNS, RESULT_COLUMNS
 from .native_loop import contact_step
-
-if TYPE_CHECKING:
-    from .running import Loop
 
 __all__ = ["MOST_RUNS", "TOUCHES", "refuse_endless_runs", "refuse_too_many_runs", "rows_until"]
 

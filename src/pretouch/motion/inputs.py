@@ -15,7 +15,7 @@ from pretouch.sensors import SensorModel
 from .admittance import Admittance
 from .scenario import Obstacle, Plant, Reference, Scenario
 
-__all__ = ["SCENARIO_INPUTS", "map_fields", "scenario_with", "sensor_inputs", "sensor_with"]
+__all__ = ["SCENARIO_INPUTS", "input_units", "map_fields", "scenario_with", "sensor_inputs", "sensor_with"]
 
 _PARTS: Final = {"admittance": Admittance, "obstacle": Obstacle, "plant": Plant, "reference": Reference}
 _FREQUENCY: Final = {"admittance.natural_frequency": "rad/s", "admittance.damping_ratio": ""}
@@ -42,6 +42,18 @@ def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
         The units by name.
     """
     return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
+
+
+def input_units(sensor: SensorModel) -> dict[str, str]:
+    """Return the SI unit of every input of encounters with a sensor, by name.
+
+    Args:
+        sensor: the curve.
+
+    Returns:
+        The units.
+    """
+    return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:

@@ -11,6 +11,11 @@ FIGURES: Final[dict[str, str]] = {
     "calibration": "calibration_figures:calibration_figure",
     "motion": "design_figures:motion_figure",
     "sensitivity": "design_figures:sensitivity_figure",
+    "simulation": "simulation_figures:simulation_figure",
     "trade_off": "design_figures:trade_off_figure",
+    "verdict": "verdict_figures:verdict_figure",
+    "verdict_gain": "verdict_gains:verdict_gain_figure",
+    "verdict_run": "verdict_figures:verdict_run_figure",
+    "verdict_stability": "verdict_gains:verdict_stability_figure",
 }
 """Module and function of each."""

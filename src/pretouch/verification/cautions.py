@@ -16,7 +16,6 @@ from pretouch.simulation import ClosedLoop, SimulationResult
 from .draws import Draws
 from .parts import Comparison
 from .problem import mean_and_error
-from .wording import full_stop
 
 __all__ = ["cautions_of"]
 
@@ -58,7 +57,7 @@ def cautions_of(
     """
     result, unmitigated = runs
     said = [
-        "" if design.gain is not None else f"The ideal design has no gain. {full_stop(design.headline)}",
+        "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",
         _other_admittance(loop, draws.scenario),
         _recession(loop),
         *_detection(loop, draws, result),

@@ -9,7 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch.design import QUANTITY_UNITS, ImpactModel, quantity_of
+from pretouch._core.vocabulary import unit_of, words_for
+from pretouch.design import ImpactModel, quantity_of
 from pretouch.design.robust import Required
 from pretouch.design.robust.validation import least_probability
 from pretouch.motion import ContactResult
@@ -17,7 +18,7 @@ from pretouch.simulation import ClosedLoop, SimulationResult
 
 from .parts import Comparison, LimitCheck, Reached, Spread
 from .problem import Outcomes
-from .simulated import QUANTITY_WORDS, source_of
+from .simulated import source_of
 
 __all__ = ["check_limits", "check_reached", "compare_quantities", "spread_of"]
 
@@ -53,8 +54,8 @@ def compare_quantities(
         simulated = [spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in both]
         return Comparison(
             name=name,
-            label=QUANTITY_WORDS[name],
-            unit=QUANTITY_UNITS.get(name, "N"),
+            label=words_for(name),
+            unit=unit_of(name),
             predicted=values[0],
             predicted_unmitigated=values[1],
             simulated=simulated[0],

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Any, Final
 
 from pretouch._core.values import Value
+from pretouch._core.vocabulary import words_for
 from pretouch.design.robust import Required
 from pretouch.simulation import GainLimit
-
-from .simulated import QUANTITY_WORDS
 
 __all__ = [
     "Comparison",
@@ -126,6 +125,10 @@ class Effect(Value):
         """Whether contact is softer with mitigation, by more than two standard errors and rounding."""
         return -self.difference > self._chance
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the effect as one JSON object, in SI."""
+        return {**asdict(self), "is_harder": self.is_harder}
+
     @property
     def _chance(self) -> float:
         chance = _ERRORS * self.standard_error if math.isfinite(self.standard_error) else 0.0
@@ -178,12 +181,18 @@ class LimitCheck(Value):
     @property
     def label(self) -> str:
         """What is limited, in words."""
-        return QUANTITY_WORDS[self.required.constraint.quantity]
+        return words_for(self.required.constraint.quantity)
 
     @property
     def statement(self) -> str:
-        """The limit in words, such as `speed at contact <= 0.1 m/s`."""
+        """The limit in words, such as `largest excursion <= 0.1 m`."""
         return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the check as one JSON object, in SI."""
+        names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
+        told = {name: getattr(self, name) for name in names}
+        return {**told, "probability": self.required.probability, "held_at_least": self.low}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,3 +245,16 @@ class StabilityCheck(Value):
     def frequency(self) -> float:
         """At which the loop oscillates at its limit [Hz]; NaN where there is none."""
         return self.limit.damping.frequency
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the check as one JSON object, in SI."""
+        own = (
+            "margin",
+            "strongest",
+            "critical_distance",
+            "frequency",
+            "rate",
+            "lowest_rate",
+            "lowest_rate_with_margin",
+        )
+        return {**{name: getattr(self, name) for name in own}, "distance": self.limit.distance, "gain": self.limit.gain}

@@ -1,9 +1,9 @@
-"""What simulated runs say of the quantities that objectives and limits speak of, and what these are called."""
+"""What simulated runs say of the quantities that objectives and limits speak of."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -13,27 +13,7 @@ from pretouch.design import ImpactModel
 from pretouch.motion import ContactState
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-__all__ = ["QUANTITY_WORDS", "simulated_quantity", "simulated_state", "source_of"]
-
-QUANTITY_WORDS: Final[dict[str, str]] = {
-    "time": "time of contact",
-    "position": "position at contact",
-    "velocity": "robot velocity at contact",
-    "acceleration": "robot acceleration at contact",
-    "displacement": "deviation from the reference at contact",
-    "relative_velocity": "speed at contact",
-    "virtual_force": "virtual force at contact",
-    "largest_excursion": "largest excursion",
-    "largest_travel": "largest travel",
-    "largest_speed": "largest robot speed",
-    "largest_acceleration": "largest robot acceleration",
-    "largest_virtual_force": "largest virtual force",
-    "drive_force": "largest drive force",
-    "impact_force": "impact force",
-    "peak_force": "largest contact force",
-    "gain": "gain",
-}
-"""What a verdict calls the magnitude of each quantity, in its text and on its page."""
+__all__ = ["simulated_quantity", "simulated_state", "source_of"]
 
 
 def simulated_quantity(
@@ -42,7 +22,7 @@ def simulated_quantity(
     """Read a quantity of every run.
 
     Args:
-        name: the quantity, a key of QUANTITY_WORDS.
+        name: the quantity, one of those of objectives and limits, or `peak_force`.
         result: the runs.
         gain: D_p of the runs [N s].
         loop: what they ran on.

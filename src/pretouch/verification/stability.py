@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
 from pretouch.control import Controller
 from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
@@ -14,7 +15,14 @@ from pretouch.simulation import ClosedLoop, GainLimit, LoopTiming, gain_limit, l
 from .parts import StabilityCheck
 from .timing import chain_at, controller_at, told_period
 
-__all__ = ["acts_as_damper", "check_stability", "limit_of", "stability_margin"]
+__all__ = [
+    "acts_as_damper",
+    "check_stability",
+    "limit_of",
+    "no_stability_in_words",
+    "stability_in_words",
+    "stability_margin",
+]
 
 _PROBE: Final = 1e-3  # change of ln xi: small beside any limit of the force, large beside rounding
 _WAIT: Final = 0.5  # s before and after the change, for ramps and filters to settle
@@ -123,3 +131,62 @@ def check_stability(
 def _own(law: Controller) -> Admittance:
     a = law.admittance
     return Admittance(mass=a.mass, damping=a.damping, stiffness=a.stiffness)
+
+
+def stability_in_words(check: StabilityCheck) -> str:
+    """Say whether the sensor is fast enough.
+
+    Args:
+        check: the margin to instability and the rates.
+
+    Returns:
+        One or two sentences.
+    """
+    if math.isinf(check.margin) and math.isfinite(check.strongest):
+        strongest = format_quantity(check.strongest, "N*s")
+        return f"Without a gain nothing can oscillate; {strongest} would be the strongest stable one."
+    if math.isinf(check.margin):
+        return "No gain makes this loop unstable: the sensor is fast enough."
+    if check.strongest == 0:
+        return (
+            f"No gain is stable on this loop, however weak: its own oscillation at {check.frequency:.3g} Hz is "
+            "undamped or grows, and the virtual force comes too late to damp it."
+        )
+    enough = (
+        "not fast enough" if check.margin < 1 else "fast enough, but only just" if check.margin < 2 else "fast enough"
+    )
+    text = f"The sensor is {enough}: it reads {check.rate:.6g} times a second, and {_rates(check)}."
+    frequency = "" if math.isnan(check.frequency) else f" at {check.frequency:.3g} Hz"
+    return text + (
+        f" The loop begins to oscillate{frequency} from D_p = {format_quantity(check.strongest, 'N*s')} on, "
+        f"{check.margin:.3g} times the gain, first at a distance of {format_quantity(check.critical_distance, 'm')}."
+    )
+
+
+def _rates(check: StabilityCheck) -> str:
+    if math.isinf(check.lowest_rate):
+        return "no rate is high enough for this gain: delay, filters or robot forbid it"
+    text = f"this gain needs {check.lowest_rate:.3g} at the limit"
+    if check.margin >= 1 and check.lowest_rate > check.rate:
+        text += " (below that it is stable at some rates, as at this one, and unstable at others)"
+    if math.isinf(check.lowest_rate_with_margin):
+        return text + "; no rate is high enough for a margin of 2"
+    return text + f", {check.lowest_rate_with_margin:.3g} for a margin of 2"
+
+
+def no_stability_in_words(gain: float, damper: bool) -> str:
+    """Say why nothing is said of stability.
+
+    Args:
+        gain: D_p [N s].
+        damper: whether the law acts as a damper.
+
+    Returns:
+        A sentence.
+    """
+    if not damper:
+        return (
+            "How far the loop is from oscillating is not known: the limit is that of an impulse of D_p times the "
+            "change of ln xi, which this law does not make."
+        )
+    return f"Nothing is said of stability: D_p = {format_quantity(gain, 'N*s')} does not mitigate."

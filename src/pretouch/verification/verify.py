@@ -30,8 +30,7 @@ from .parts import VerdictStatus
 from .problem import LoopProblem
 from .request import Request, check_horizon, checked_request
 from .result import Verdict
-from .stability import acts_as_damper, check_stability, limit_of
-from .wording import no_stability_in_words, stability_in_words
+from .stability import acts_as_damper, check_stability, limit_of, no_stability_in_words, stability_in_words
 
 __all__ = ["verify_gain"]
 

@@ -13,7 +13,7 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion import ContactResult, solve_motion
 from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
-from pretouch.verification.simulated import simulated_quantity
+from pretouch.verification.appraisal import simulated_quantity
 
 from .panels import Curve, Mark, Panel, panel_figure
 from .share_panels import share_panel

@@ -36,7 +36,8 @@ def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
     """Yield what a loop is made of in a sentence for each part, in plain text."""
     yield f"Sensor: {_joined(chain_rows(loop.chain))}; noise is normal, and independent from reading to reading."
     yield f"Controller: {_joined(controller_rows(loop.law))}."
-    for rows in (loop.plant.rows(), contact_rows(loop.contact)):
+    follow = () if loop.contact is None else (("followed for", Measured(loop.follow, "s")),)
+    for rows in (loop.plant.rows(), (*contact_rows(loop.contact), *follow)):
         (name, kind), *others = rows
         yield f"{name.capitalize()}: {'; '.join(part for part in (cell_as_text(kind), _joined(others)) if part)}."
 
@@ -56,10 +57,8 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
 def chain_rows(chain: SensorChain) -> Iterator[Row]:
     """Yield the parameters of a sensor chain, those that are zero and need not be left out."""
     yield "readings", f"{format_quantity(chain.rate, 'Hz')}, one every {format_quantity(chain.period, 's')}"
-    if chain.random_phase:
-        yield "first exposure", "at another instant of the period in each run"
-    elif chain.phase:
-        yield "first exposure", f"after {format_quantity(chain.phase, 's')}"
+    start = f"after {format_quantity(chain.phase, 's')} in every run"
+    yield "first exposure", "at another instant of the period in each run" if chain.random_phase else start
     yield "exposure", Measured(chain.exposure, "s")
     yield "delay after the exposure", Measured(chain.delay, "s")
     yield "age of a new reading", f"{format_quantity(chain.latency, 's')}, from the middle of its exposure"
@@ -109,15 +108,15 @@ def controller_rows(law: SampledLaw) -> Iterator[Row]:
     yield "virtual mass M_a", Measured(a.mass, "kg")
     yield "virtual damping D_a", Measured(a.damping, "N*s/m")
     yield "virtual stiffness K_a", Measured(a.stiffness, "N/m")
-    limits = law.limits
-    for label, value, unit in (
-        ("largest virtual force", limits.force, "N"),
-        ("largest speed", limits.speed, "m/s"),
-        ("largest acceleration", limits.acceleration, "m/s^2"),
-        ("largest excursion", limits.excursion, "m"),
-    ):
-        if value is not None:
-            yield f"limit: {label}", Measured(value, unit)
+    limits = (
+        ("largest virtual force", law.limits.force, "N"),
+        ("largest speed", law.limits.speed, "m/s"),
+        ("largest acceleration", law.limits.acceleration, "m/s^2"),
+        ("largest excursion", law.limits.excursion, "m"),
+    )
+    if all(value is None for _, value, _ in limits):
+        yield "limits", "none"
+    yield from ((f"limit: {label}", Measured(value, unit)) for label, value, unit in limits if value is not None)
     yield "share of the contact force in the admittance", Measured(law.contact_gain)
     yield "reports a contact from", Measured(law.contact_threshold, "N")
 

@@ -9,11 +9,13 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch.motion import Scenario, find_contact
+from pretouch.motion import Scenario
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
-from pretouch.uncertainty import Ensemble, Uncertainty, make_ensemble, sample_inputs
+from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
+
+from .request import VerdictRequest
 
 __all__ = ["Draws", "draw_encounters"]
 
@@ -23,33 +25,24 @@ class Draws:
     """Encounters that may happen, the i-th of which always meets the i-th noise.
 
     Args:
-        scenario: the nominal encounter.
-        sensor: the nominal sensor curve.
-        count: how many encounters.
-        ensemble: those that were drawn; None where each is the nominal one.
+        asked: what was asked, with the nominal encounter and sensor curve.
+        ensemble: the encounters that were drawn; None where each is the nominal one.
         sensors: the curve of each, where each has one of its own.
     """
 
-    scenario: Scenario
-    sensor: SensorModel
-    count: int
-    ensemble: Ensemble | None
+    asked: VerdictRequest
+    ensemble: Ensemble | None = None
     sensors: tuple[SensorModel, ...] = ()
-
-    @property
-    def own_sensors(self) -> bool:
-        """Whether each encounter has a sensor curve of its own."""
-        return bool(self.sensors)
 
     @property
     def speed(self) -> FloatArray:
         """|x_o'| of each encounter at the start [m/s]."""
-        return self._each(self.scenarios.obstacle.velocity, magnitude=True)
+        return self._each(np.abs(self.scenarios.obstacle.velocity))
 
     @property
     def approach(self) -> FloatArray:
         """|l'| of each encounter at the start [m/s]."""
-        return self._each(self.scenarios.relative_velocity, magnitude=True)
+        return self._each(np.abs(self.scenarios.relative_velocity))
 
     @property
     def distance(self) -> FloatArray:
@@ -58,8 +51,8 @@ class Draws:
 
     @property
     def scenarios(self) -> Scenario:
-        """The encounters, of the shape () or (count,)."""
-        return self.scenario if self.ensemble is None else self.ensemble.scenario
+        """The encounters, of the shape () or (runs,)."""
+        return self.asked.scenario if self.ensemble is None else self.ensemble.scenario
 
     def run(self, loop: ClosedLoop, gain: float, count: int | None = None) -> SimulationResult:
         """Run the first encounters on a loop.
@@ -72,54 +65,29 @@ class Draws:
         Returns:
             The runs, of the shape (count,).
         """
-        n = self.count if count is None else min(count, self.count)
+        n = self.asked.runs if count is None else min(count, self.asked.runs)
         if self.ensemble is None:
-            return loop.run(self.scenario, self.sensor, gain, runs=n)
+            return loop.run(self.asked.scenario, self.asked.sensor, gain, runs=n)
         several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
-        if not self.own_sensors:
-            return loop.run(several, self.sensor, gain)
+        if not self.sensors:
+            return loop.run(several, self.asked.sensor, gain)
         return loop.run_each(several, self.sensors[:n], gain)
 
-    def predicted(self, gain: float, method: str, horizon: float) -> BoolArray:
-        """Tell which encounters come to a contact in continuous time with a perfect sensor.
-
-        Args:
-            gain: D_p [N s].
-            method: how encounters are solved, as in `find_contact`.
-            horizon: how long to wait for contact [s].
-
-        Returns:
-            Truth values, of the shape (count,).
-        """
+    def predicted(self, gain: float) -> BoolArray:
+        """Tell which encounters come to a contact with a gain [N s], in continuous time with a perfect sensor."""
         if self.ensemble is not None:
             return self.ensemble.contacts(gain).reached
-        found = find_contact(self.scenario, self.sensor, gain, method=method, horizon=horizon)
-        return np.full(self.count, bool(found.reached.all()))
+        return np.full(self.asked.runs, bool(self.asked.predicted(gain).reached.all()))
 
-    def _each(self, value: Any, magnitude: bool = False) -> FloatArray:
-        return np.broadcast_to(np.abs(value) if magnitude else np.asarray(value, dtype=np.float64), (self.count,))
+    def _each(self, value: Any) -> FloatArray:
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.asked.runs,))
 
 
-def draw_encounters(
-    scenario: Scenario,
-    sensor: SensorModel,
-    uncertainty: Uncertainty | None,
-    *,
-    count: int,
-    seed: int,
-    method: str,
-    horizon: float,
-) -> Draws:
+def draw_encounters(asked: VerdictRequest) -> Draws:
     """Draw independent encounters, for which exact bounds of a probability hold.
 
     Args:
-        scenario: the nominal encounter.
-        sensor: the nominal sensor curve.
-        uncertainty: what is known of inputs; None where all are known.
-        count: how many.
-        seed: of the samples.
-        method: how encounters are solved in continuous time.
-        horizon: how long to wait for contact there [s].
+        asked: what was asked; the seed is that of its loop.
 
     Returns:
         The encounters.
@@ -127,14 +95,14 @@ def draw_encounters(
     Raises:
         InvalidInputError: an input of the admittance is uncertain, which is a number in the controller.
     """
-    if not uncertainty:
-        return Draws(scenario=scenario, sensor=sensor, count=count, ensemble=None)
-    values = sample_inputs(uncertainty, count, seed=seed, sampling="random")
+    if not asked.uncertainty:
+        return Draws(asked=asked)
+    values = sample_inputs(asked.uncertainty, asked.runs, seed=asked.loop.seed, sampling="random")
     known = [name for name in values if name.startswith("admittance.")]
     if known:
         raise InvalidInputError(
             f"uncertainty: found {known[0]}, which is a number in the law of the loop and known exactly; leave it out"
         )
-    several = make_ensemble(scenario, sensor, values, method=method, horizon=horizon)
+    several = make_ensemble(asked.scenario, asked.sensor, values, method=asked.method, horizon=asked.horizon)
     own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
-    return Draws(scenario=scenario, sensor=sensor, count=count, ensemble=several, sensors=own)
+    return Draws(asked=asked, ensemble=several, sensors=own)

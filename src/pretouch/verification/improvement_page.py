@@ -10,7 +10,7 @@ from pretouch._core.blocks import Cell, Measured, Paragraph, Section, Table
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 
-from .proposals import Change, Loss
+from .improvement import LoopChange, Loss
 from .result import Verdict
 
 __all__ = ["best_change_section", "changes_section", "gain_blocks"]
@@ -61,7 +61,7 @@ def _rate_in_words(v: Verdict) -> str:
     return f"{text}: delay, filters or robot forbid it."
 
 
-def _effects(v: Verdict, change: Change) -> Iterator[Row]:
+def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
     if change.gain != v.gain:
         yield "gain D_p", Measured(v.gain, "N*s"), Measured(change.gain, "N*s")
     if change.held is not None:
@@ -103,7 +103,7 @@ def changes_section(v: Verdict) -> Section | None:
     return Section(title="What was tried", titled=True, blocks=(table,))
 
 
-def _change_row(change: Change) -> Row:
+def _change_row(change: LoopChange) -> Row:
     kept = "all" if change.standing >= _KEPT else "not all"
     return (
         f"{words_for(change.name)}{': helps' if change.helps else ''}",
@@ -122,7 +122,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.4g} %"
 
 
-def _objective_change(change: Change) -> str:
+def _objective_change(change: LoopChange) -> str:
     if change.improvement is None:
         return "-"
     return _percent_with_error(-100 * change.improvement, 100 * (change.improvement_error or 0.0))

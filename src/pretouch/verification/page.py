@@ -17,9 +17,10 @@ from pretouch.design.robust.wording import share_in_words, uncertainty_in_words
 from pretouch.motion.describing import inputs_section, method_section
 from pretouch.simulation.describing import loop_section
 
+from .checks import Comparison, LimitCheck, RunSpread, VerdictStatus
 from .improvement_page import best_change_section, changes_section, gain_blocks
-from .parts import Comparison, LimitCheck, Spread, StabilityCheck, VerdictStatus
 from .result import Verdict
+from .stability import StabilityCheck
 
 __all__ = ["verdict_page"]
 
@@ -189,11 +190,11 @@ def _comparison_row(c: Comparison) -> Row:
     )
 
 
-def _mean(spread: Spread | None) -> float | None:
+def _mean(spread: RunSpread | None) -> float | None:
     return None if spread is None else spread.mean
 
 
-def _between(spread: Spread, unit: str) -> str:
+def _between(spread: RunSpread, unit: str) -> str:
     low, high = (format_quantity(x, unit, 3) for x in (spread.low, spread.high))
     (first, own), (last, other) = low.partition(" ")[::2], high.partition(" ")[::2]
     return f"{first} to {last} {other}".strip() if own == other else f"{low} to {high}"

@@ -17,9 +17,12 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
 
+from .appraisal import Effect
 from .calibration_check import CalibrationCheck
-from .parts import Comparison, Effect, LimitCheck, Reached, StabilityCheck, VerdictStatus
-from .proposals import Change, Loss
+from .checks import Comparison, LimitCheck, Reached, VerdictStatus
+from .improvement import LoopChange, Loss
+from .request import VerdictRequest
+from .stability import StabilityCheck
 
 __all__ = ["Verdict"]
 
@@ -79,7 +82,7 @@ class Verdict(Described, Value):
     stability_text: str = ""
     calibration_check: CalibrationCheck | None = None
     loss: Loss | None = None
-    changes: tuple[Change, ...] = ()
+    changes: tuple[LoopChange, ...] = ()
     assumptions: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     runs: int
@@ -96,8 +99,15 @@ class Verdict(Described, Value):
 
     page: ClassVar[str] = "pretouch.verification.page:verdict_page"
 
+    @classmethod
+    def of(cls, asked: VerdictRequest, compared: int, **found: Any) -> Verdict:
+        """Return what was found beside what was asked, with how many runs changes were compared by."""
+        same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
+        given = {name: getattr(asked, name) for name in same}
+        return cls(**given, seed=asked.loop.seed, definition=asked.objective, compared_runs=compared, **found)
+
     @property
-    def best_change(self) -> Change | None:
+    def best_change(self) -> LoopChange | None:
         """The one change that helps most; None where nothing helps by more than chance."""
         return next((change for change in self.changes if change.helps), None)
 

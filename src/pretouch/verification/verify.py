@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -19,18 +18,16 @@ from pretouch.simulation import ClosedLoop
 from pretouch.simulation.stability import passed_distances
 from pretouch.uncertainty import Uncertainty
 
-from .assumptions import assumptions_of
+from .appraisal import LoopProblem
 from .calibration_check import check_calibration, unknown_calibration
-from .cautions import cautions_of
-from .checks import check_limits, check_reached, compare_quantities
+from .checks import VerdictStatus, check_limits, check_reached, compare_quantities
 from .draws import draw_encounters
-from .improvement import compared_runs, find_improvements
+from .improvement import Verified, compared_runs, find_improvements
 from .judging import judge
-from .parts import VerdictStatus
-from .problem import LoopProblem
-from .request import Request, check_horizon, checked_request
+from .remarks import assumptions_of, cautions_of
+from .request import VerdictRequest
 from .result import Verdict
-from .stability import acts_as_damper, check_stability, limit_of, no_stability_in_words, stability_in_words
+from .stability import acts_as_damper, check_stability, limit_of, no_stability_in_words
 
 __all__ = ["verify_gain"]
 
@@ -108,83 +105,72 @@ def verify_gain(
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
-    objective = as_objective(objective)
-    request = checked_request(
-        Request(
-            scenario=scenario,
-            sensor=sensor,
-            objective=objective,
-            loop=loop if seed is None else replace(loop, seed=seed),
-            bounds=bounds,
-            limits=tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints),
-            impact=impact,
-            uncertainty=uncertainty or {},
-            runs=runs,
-            confidence=confidence,
-            method=method,
-            horizon=horizon,
-            calibration=calibration,
-        )
+    asked = VerdictRequest(
+        scenario=scenario,
+        sensor=sensor,
+        objective=as_objective(objective),
+        loop=loop if seed is None else replace(loop, seed=seed),
+        bounds=bounds,
+        limits=tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints),
+        impact=impact,
+        uncertainty=uncertainty or {},
+        runs=runs,
+        confidence=confidence,
+        method=method,
+        horizon=horizon,
+        calibration=calibration,
     )
     design = design_gain(
         scenario,
         sensor,
-        objective,
+        asked.objective,
         bounds=bounds,
-        constraints=[limit.constraint for limit in request.limits],
-        impact=request.foreseen_impact,
+        constraints=[limit.constraint for limit in asked.limits],
+        impact=asked.foreseen_impact,
         method=method,
         horizon=horizon,
     )
     chosen = design.gain if gain is None else float(finite(gain, "gain", "N*s"))
     if chosen is None:
-        return _no_gain(request, design)
-    return _verdict(request, design, chosen, changes)
+        reason = f"the ideal design is {design.status.value}"
+        return Verdict.of(asked, 0, status=VerdictStatus.NO_GAIN, gain=None, reasons=(reason,), design=design)
+    return _verdict(asked, design, chosen, changes)
 
 
-def _verdict(request: Request, design: GainDesign, gain: float, changes: bool) -> Verdict:
-    r, loop, impact = request, request.loop, request.foreseen_impact
-    predicted = r.contact(gain)
-    check_horizon(r, predicted)
-    draws = draw_encounters(
-        r.scenario, r.sensor, r.uncertainty, count=r.runs, seed=loop.seed, method=r.method, horizon=r.horizon
-    )
+def _verdict(asked: VerdictRequest, design: GainDesign, gain: float, changes: bool) -> Verdict:
+    loop, predicted = asked.loop, asked.predicted(gain)
+    asked.check_horizon(predicted)
+    draws = draw_encounters(asked)
     unmitigated = draws.run(loop, 0.0)
-    problem = LoopProblem(
-        draws=draws,
-        objective=r.objective,
-        limits=r.limits,
-        impact=r.impact,
-        predicted=draws.predicted(gain, r.method, r.horizon),
-        unmitigated=unmitigated,
-    )
+    problem = LoopProblem(draws=draws, predicted=draws.predicted(gain), unmitigated=unmitigated)
     outcomes = problem.appraise(loop, gain)
-    distance = passed_distances(r.sensor, float(draws.distance.max()))
-    limit = limit_of(loop, r.sensor, distance) if acts_as_damper(loop) else None
-    stability = check_stability(loop, r.sensor, distance, gain, limit)
-    reached = check_reached(outcomes.result, problem.predicted, r.confidence)
-    limits = check_limits(r.limits, outcomes, predicted, gain, loop=loop, impact=impact, confidence=r.confidence)
-    calibrated = check_calibration(r, gain)
+    runs, foreseen = (outcomes.result, unmitigated), (predicted, asked.predicted(0.0))
+    distance = passed_distances(asked.sensor, float(draws.distance.max()))
+    limit = limit_of(loop, asked.sensor, distance) if acts_as_damper(loop) else None
+    stability = check_stability(loop, asked.sensor, distance, gain, limit)
+    reached = check_reached(outcomes.result, problem.predicted, asked.confidence)
+    limits = check_limits(asked, outcomes, predicted, gain)
+    calibrated = check_calibration(asked, gain)
     status, reasons = judge(
-        reached, outcomes.effect, limits, stability, calibrated, runs=r.runs, confidence=r.confidence
+        asked, reached=reached, effect=outcomes.effect, limits=limits, stability=stability, calibration=calibrated
     )
-    comparisons = compare_quantities(outcomes.result, unmitigated, predicted, r.contact(0.0), loop=loop, impact=impact)
-    found: dict[str, Any] = {}
-    if changes:
-        ends = np.abs(unmitigated.relative_velocity)
-        fastest = float(max(np.max(ends, initial=0.0, where=np.isfinite(ends)), draws.approach.max()))
-        found = find_improvements(
-            r,
-            problem,
-            outcomes,
-            gain,
-            design=design,
-            stability=stability,
-            limit=limit,
-            distance=distance,
-            fastest=fastest,
-        )
-    return Verdict(
+    comparisons = compare_quantities(asked, runs, foreseen)
+    ends = np.abs(unmitigated.relative_velocity)
+    known = Verified(
+        gain=gain,
+        predicted=predicted,
+        outcomes=outcomes,
+        design=design,
+        stability=stability,
+        limit=limit,
+        distance=distance,
+        fastest=float(max(np.max(ends, initial=0.0, where=np.isfinite(ends)), draws.approach.max())),
+    )
+    loss, tried = find_improvements(problem, known) if changes else (None, ())
+    compared = compared_runs(problem)
+    return Verdict.of(
+        asked,
+        compared,
         status=status,
         gain=gain,
         reasons=reasons,
@@ -195,43 +181,12 @@ def _verdict(request: Request, design: GainDesign, gain: float, changes: bool) -
         comparisons=comparisons,
         limits=limits,
         stability=stability,
-        stability_text=no_stability_in_words(gain, limit is not None)
-        if stability is None
-        else stability_in_words(stability),
+        stability_text=no_stability_in_words(gain, limit is not None) if stability is None else stability.text,
         calibration_check=calibrated,
-        assumptions=assumptions_of(
-            loop, r.sensor, r.uncertainty, impact=impact, runs=r.runs, compared=compared_runs(problem)
-        ),
-        warnings=(
-            *cautions_of(loop, draws, (outcomes.result, unmitigated), comparisons, design),
-            *unknown_calibration(r.calibration),
-        ),
+        loss=loss,
+        changes=tried,
+        assumptions=assumptions_of(asked, compared),
+        warnings=(*cautions_of(draws, runs, comparisons, design), *unknown_calibration(asked.calibration)),
         mitigated=outcomes.result,
         unmitigated=unmitigated,
-        **found,
-        **_asked(r, compared_runs(problem)),
     )
-
-
-def _no_gain(r: Request, design: GainDesign) -> Verdict:
-    return Verdict(
-        status=VerdictStatus.NO_GAIN,
-        gain=None,
-        reasons=(f"the ideal design is {design.status.value}",),
-        design=design,
-        **_asked(r, 0),
-    )
-
-
-def _asked(r: Request, compared: int) -> dict[str, Any]:
-    return {
-        "runs": r.runs,
-        "compared_runs": compared,
-        "seed": r.loop.seed,
-        "confidence": r.confidence,
-        "scenario": r.scenario,
-        "sensor": r.sensor,
-        "definition": r.objective,
-        "loop": r.loop,
-        "uncertainty": r.uncertainty,
-    }

@@ -4,11 +4,11 @@ from .appraisal import Effect
 from .best_gain import LoopCurve
 from .calibration_check import CalibrationCheck
 from .checks import Comparison, LimitCheck, Reached, RunSpread, VerdictStatus
-from .encounter import SimulatedEncounter, simulate_encounter
+from .encounter import SimulatedEncounter
 from .improvement import LoopChange, Loss
 from .result import Verdict
 from .stability import StabilityCheck
-from .verify import verify_gain
+from .verify import simulate_encounter, verify_gain
 
 __all__ = [
     "CalibrationCheck",

@@ -16,7 +16,7 @@ from pretouch.design.robust import Required
 from pretouch.motion import ContactState
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .draws import Draws
+from .request import Draws
 
 __all__ = ["Effect", "LoopOutcomes", "LoopProblem", "Requirement", "effect_of", "mean_and_error", "simulated_quantity"]
 

@@ -10,11 +10,10 @@ from typing import Any, ClassVar, Final
 from pretouch._core.blocks import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import plain
-from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.design.impact import ImpactModel
-from pretouch.motion import ContactResult, ContactStatus, Motion, Scenario, find_contact, solve_motion
+from pretouch.motion import ContactResult, ContactStatus, Motion, Scenario, solve_motion
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 
@@ -30,9 +29,8 @@ from .encounter_parts import (
     percent,
 )
 
-__all__ = ["SimulatedEncounter", "ending_in_words", "simulate_encounter"]
+__all__ = ["SimulatedEncounter", "ending_in_words"]
 
-_HORIZON: Final = 600.0
 _SAMPLES: Final = 400
 _LATE: Final = 0.1  # of the change of ln xi until contact, from which a detection is called late
 _PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
@@ -301,78 +299,3 @@ def _time(seconds: float) -> str:
 
 def _force(newton: float) -> str:
     return format_quantity(newton, "N", 3 if newton < 1000 else 4)
-
-
-def simulate_encounter(
-    scenario: Scenario,
-    sensor: SensorModel,
-    loop: ClosedLoop,
-    gain: float,
-    *,
-    impact: ImpactModel | None = None,
-    method: str = "auto",
-    horizon: float = _HORIZON,
-) -> SimulatedEncounter:
-    """Run one encounter on the sampled loop, and put it beside the continuous solution of L(1) with L(2).
-
-    The loop is run with the gain and with gain 0, with the same noise; the prediction is made for both.
-
-    Args:
-        scenario: one encounter.
-        sensor: the sensor curve.
-        loop: the loop: sensor chain, law, robot and contact.
-        gain: D_p [N s]; negative gains mitigate.
-        impact: the physical properties, from which an elastic impact force is predicted.
-        method: of the prediction, as `find_contact` takes it.
-        horizon: how long the prediction waits for contact [s]; the loop has a horizon of its own.
-
-    Returns:
-        The runs, the predictions, and what they come to side by side.
-
-    Raises:
-        InvalidInputError: the scenario or the gain is an array.
-
-    Examples:
-        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import InversePower
-        >>> from pretouch.simulation import SensorChain
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
-        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> loop = ClosedLoop(
-        ...     law=Controller(
-        ...         period=1e-3,
-        ...         conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
-        ...         law=VirtualDamper(gain=0.0),
-        ...         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     ),
-        ...     chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6),
-        ... )
-        >>> encounter = simulate_encounter(scenario, sensor, loop, -0.7463)
-        >>> round(encounter.comparison("relative_velocity").relative_difference, 3)
-        0.001
-    """
-    if scenario.shape:
-        raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
-        )
-    one = finite(gain, "gain", "N*s")
-    if not isinstance(one, float):
-        raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
-    predictions = [find_contact(scenario, sensor, g, method=method, horizon=horizon) for g in (one, 0.0)]
-    return SimulatedEncounter(
-        scenario=scenario,
-        sensor=sensor,
-        loop=loop,
-        gain=one,
-        impact=impact,
-        method=method,
-        horizon=horizon,
-        run=loop.run(scenario, sensor, one),
-        unmitigated=loop.run(scenario, sensor, 0.0),
-        prediction=predictions[0],
-        unmitigated_prediction=predictions[1],
-    )

@@ -17,8 +17,7 @@ from pretouch.simulation.describing import loop_sentences
 
 from .appraisal import mean_and_error
 from .checks import Comparison
-from .draws import Draws
-from .request import ElasticImpact, VerdictRequest
+from .request import Draws, ElasticImpact, VerdictRequest
 
 __all__ = ["assumptions_of", "cautions_of"]
 

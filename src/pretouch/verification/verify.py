@@ -1,18 +1,20 @@
-"""The verdict: does the designed gain hold on this loop, and if not, what does?"""
+"""The verbs: does the designed gain hold on this loop, and if not, what does? And one run of it, looked at."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch.calibration import CalibrationReport
 from pretouch.design import Constraint, GainDesign, ImpactModel, design_gain
 from pretouch.design.own_objective import AnyObjective, as_objective
 from pretouch.design.robust import Required
-from pretouch.motion import Scenario
+from pretouch.motion import Scenario, find_contact
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
 from pretouch.simulation.stability import passed_distances
@@ -21,15 +23,17 @@ from pretouch.uncertainty import Uncertainty
 from .appraisal import LoopProblem
 from .calibration_check import check_calibration, unknown_calibration
 from .checks import VerdictStatus, check_limits, check_reached, compare_quantities
-from .draws import draw_encounters
+from .encounter import SimulatedEncounter
 from .improvement import Verified, compared_runs, find_improvements
 from .judging import judge
 from .remarks import assumptions_of, cautions_of
-from .request import VerdictRequest
+from .request import VerdictRequest, draw_encounters
 from .result import Verdict
 from .stability import acts_as_damper, check_stability, limit_of, no_stability_in_words
 
-__all__ = ["verify_gain"]
+__all__ = ["simulate_encounter", "verify_gain"]
+
+_HORIZON: Final = 600.0  # s
 
 
 def verify_gain(
@@ -47,7 +51,7 @@ def verify_gain(
     seed: int | None = None,
     confidence: float = 0.95,
     method: str = "auto",
-    horizon: float = 600.0,
+    horizon: float = _HORIZON,
     changes: bool = True,
     calibration: CalibrationReport | None = None,
 ) -> Verdict:
@@ -189,4 +193,79 @@ def _verdict(asked: VerdictRequest, design: GainDesign, gain: float, changes: bo
         warnings=(*cautions_of(draws, runs, comparisons, design), *unknown_calibration(asked.calibration)),
         mitigated=outcomes.result,
         unmitigated=unmitigated,
+    )
+
+
+def simulate_encounter(
+    scenario: Scenario,
+    sensor: SensorModel,
+    loop: ClosedLoop,
+    gain: float,
+    *,
+    impact: ImpactModel | None = None,
+    method: str = "auto",
+    horizon: float = _HORIZON,
+) -> SimulatedEncounter:
+    """Run one encounter on the sampled loop, and put it beside the continuous solution of L(1) with L(2).
+
+    The loop is run with the gain and with gain 0, with the same noise; the prediction is made for both.
+
+    Args:
+        scenario: one encounter.
+        sensor: the sensor curve.
+        loop: the loop: sensor chain, law, robot and contact.
+        gain: D_p [N s]; negative gains mitigate.
+        impact: the physical properties, from which an elastic impact force is predicted.
+        method: of the prediction, as `find_contact` takes it.
+        horizon: how long the prediction waits for contact [s]; the loop has a horizon of its own.
+
+    Returns:
+        The runs, the predictions, and what they come to side by side.
+
+    Raises:
+        InvalidInputError: the scenario or the gain is an array.
+
+    Examples:
+        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import InversePower
+        >>> from pretouch.simulation import SensorChain
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ... )
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> loop = ClosedLoop(
+        ...     law=Controller(
+        ...         period=1e-3,
+        ...         conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
+        ...         law=VirtualDamper(gain=0.0),
+        ...         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     ),
+        ...     chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6),
+        ... )
+        >>> encounter = simulate_encounter(scenario, sensor, loop, -0.7463)
+        >>> round(encounter.comparison("relative_velocity").relative_difference, 3)
+        0.001
+    """
+    if scenario.shape:
+        raise InvalidInputError(
+            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
+        )
+    one = finite(gain, "gain", "N*s")
+    if not isinstance(one, float):
+        raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
+    predictions = [find_contact(scenario, sensor, g, method=method, horizon=horizon) for g in (one, 0.0)]
+    return SimulatedEncounter(
+        scenario=scenario,
+        sensor=sensor,
+        loop=loop,
+        gain=one,
+        impact=impact,
+        method=method,
+        horizon=horizon,
+        run=loop.run(scenario, sensor, one),
+        unmitigated=loop.run(scenario, sensor, 0.0),
+        prediction=predictions[0],
+        unmitigated_prediction=predictions[1],
     )

@@ -8,7 +8,6 @@ namespace {
 
 // How a run ended: the numbers of ContactStatus.
 constexpr double CONTACT = 0.0, HORIZON = 2.0, UNRESOLVED = 4.0;
-constexpr int32_t DETECTING = PRETOUCH_DETECTING;
 constexpr double FINEST = 1e-8;  // of a period: the shortest step
 
 Cubic distance_along(const Body &from, const Body &to, double h) {
@@ -63,7 +62,7 @@ void Encounter::ask_law() {
                                     fresh};
     law.step(law.parameters, law.state, &sample, &output);
     flags |= output.status;
-    if (output.status & DETECTING && isnan(end.detection_time)) end.detection_time = t;
+    if (output.status & PRETOUCH_DETECTING && isnan(end.detection_time)) end.detection_time = t;
     if (count == 0) end.largest_virtual_force = larger(end.largest_virtual_force, fabs(output.virtual_force));
     if (trace_rows < loop.trace_rows) record_instant(force);
     target = {loop.period, output.acceleration, {xv, vv * loop.period, output.position, output.velocity * loop.period}};
@@ -102,7 +101,8 @@ void Encounter::follow_period() {
 }
 
 Encounter::Step Encounter::next_step() const {
-    Step step{loop.period - at, {}, {}, {2.0, 0.0}, false};
+    Step step;  // all of it is set here; setting it to 0 first would take a twentieth of a run
+    step.h = loop.period - at;
     if (ideal) {
         const double later = t + loop.period;
         step.moved = {output.position, output.velocity, 0.0, scene.xo + later * (scene.vo + 0.5 * scene.ao * later),
@@ -112,8 +112,8 @@ Encounter::Step Encounter::next_step() const {
         move_along(step);
     }
     step.gap = distance_along(body, step.moved, step.h);
-    step.touch.least = step.gap.end;
-    if (!touching) step.touch = first_touch(step.gap, resolution(scene, step.moved.x, t + at + step.h));
+    step.touch = touching ? Touch{2.0, step.gap.end}
+                          : first_touch(step.gap, resolution(scene, step.moved.x, t + at + step.h));
     step.hit = step.touch.part <= 1.0;
     return step;
 }

@@ -121,7 +121,7 @@ class _Family:
         found = search_compiled(self.at(np.concatenate([0.5 * (low + high) + 0.5 * (high - low) * _Z, probes])))
         if found is None or not found[2].all():
             return None
-        both = np.stack(found[:2])
+        both = found[:2]
         coefficients = both[:, :_NODES] @ _TO_COEFFICIENTS.T
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
         between = _evaluate(probes, low, high, coefficients, np.empty((2, _PROBES)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -73,14 +74,14 @@ def design_gain(
         >>> round(design.gain, 4), round(design.objective, 5)
         (-0.7463, 0.10698)
     """
-    low, high = (finite(b, "bounds", "N*s") for b in bounds)
+    low, high = bounds
     problem = Problem(
         scenario=scenario,
         sensor=sensor,
         objective=as_objective(objective),
         constraints=tuple(constraints),
         impact=impact,
-        axis=GainAxis(low=low, high=high),
+        axis=GainAxis(low=finite(low, "bounds", "N*s"), high=finite(high, "bounds", "N*s")),
         method=method,
         horizon=horizon,
         evaluator=evaluate,
@@ -103,9 +104,8 @@ def design_one(problem: Problem) -> GainDesign:
     """
     free = problem.within_gain_limit()
     found = search_compiled(free)
-    if found is not None and found[2][0]:
-        gain, value = float(found[0][0]), float(found[1][0])
-    else:
+    gain, value, known = (math.nan, math.nan, 0.0) if found is None else found[:, 0].tolist()
+    if not known:
         settled = settle_one(free)
         if settled is None:
             return _search_one(problem)

@@ -13,12 +13,8 @@ import pytest
 import pretouch as pt
 from loop_samples import BareLaw
 from pretouch._core.errors import ResultUnavailableError
-from pretouch.report import (
-    verdict_figure,
-    verdict_gain_figure,
-    verdict_run_figure,
-    verdict_stability_figure,
-)
+from pretouch.report.verdict_figures import verdict_figure, verdict_run_figure
+from pretouch.report.verdict_gains import verdict_gain_figure, verdict_stability_figure
 from pretouch.simulation import ClosedLoop
 from verification_samples import (
     BOUNDS,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import html
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,14 @@ import pretouch as pt
 from figure_checks import assert_legible, visible_texts
 from loop_samples import BareLaw
 from page_checks import EVIL, assert_sound, parse
+from page_rows import row, table
+from pretouch._core.block_html import cell_as_html
 from pretouch._core.files import is_own_unchanged
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
-from pretouch.report import simulation_figure, simulation_report_html, write_simulation_report
-from pretouch.report.loop_rows import chain_rows, contact_rows, controller_rows, loop_rows, robot_rows
+from pretouch.report import report_html, write_report
+from pretouch.report.simulation_figures import simulation_figure
 from pretouch.simulation import PARTS, ClosedLoop, ContactModel, PlantModel
+from pretouch.simulation.describing import chain_rows, contact_rows, controller_rows, loop_rows
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SCENARIO = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-0.3))
@@ -163,7 +167,7 @@ def test_figures_show_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> 
 
 
 def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) -> None:
-    words = assert_sound(simulation_report_html(encounter)).words
+    words = assert_sound(report_html(encounter)).words
     assert encounter.headline in words
     assert "Method and assumptions" in words
     assert "Whether a robot cell is acceptable is for its integrator to assess" in words
@@ -176,70 +180,77 @@ def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) 
 
 
 def test_a_report_contains_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> None:
-    words = parse(simulation_report_html(pushing)).words
-    for number in (
-        "-0.7463 N s",
-        f"{pushing.run.relative_velocity:.4g} m/s",
-        f"{1e3 * pushing.run.time:.4g} ms",
-        f"{pushing.run.impact_force:.4g} N",
-        f"{pushing.run.peak_force:.4g} N",
-        f"{pushing.run.impulse:.4g} N s",
-        f"{IMPACT.peak_force(pushing.prediction.end.relative_velocity):.4g} N",
+    page, loop, free = report_html(pushing), pushing.run, pushing.unmitigated
+    assert row(page, "relative velocity at contact l\u2032") == [
+        f"{loop.relative_velocity:.4g} m/s",
         "-0.07906 m/s",
-        "463.6 ms",
-        "250 Hz, one every 4 ms",
-        "2e+06 N/m\u207f",
-        "of a lossless impact",
-        "in contact at the end",
-    ):
-        assert number in words
+        pushing.comparison("relative_velocity").difference_in_words,
+        "-0.3 m/s",
+        "-0.3 m/s",
+    ]
+    assert row(page, "time of contact t")[:2] == [f"{1e3 * loop.time:.4g} ms", "463.6 ms"]
+    elastic = IMPACT.peak_force(pushing.prediction.end.relative_velocity)
+    force = row(page, "peak impact force F")
+    assert force[:2] == [f"{loop.impact_force:.4g} N", f"{elastic:.4g} N"]
+    assert force[3] == f"{free.impact_force:.4g} N"
+    assert row(page, "peak contact force max F")[:3] == [f"{loop.peak_force:.4g} N", "\u2013", "\u2013"]
+    assert row(page, "impulse of all contacts \u222bF dt")[0] == f"{loop.impulse:.4g} N s"
+    assert row(page, "gain D_p") == ["-0.7463 N s"]
+    assert row(page, "readings") == ["250 Hz, one every 4 ms"]
+    assert row(page, "stiffness k") == ["2e+06 N/m\u207f"]
+    assert table(page, "Contacts")[-1][4] == "in contact at the end"
+    assert "of a lossless impact" in parse(page).words
 
 
 def test_each_contact_of_a_repeated_one_is_a_row() -> None:
     repeated = CASES["repeated"]()
-    words = parse(simulation_report_html(repeated)).words
-    assert repeated.run.contacts == len(repeated.contacts) > 2
-    for contact in repeated.contacts:
-        row = f"after {1e3 * contact.time:.4g} ms {contact.relative_velocity:.4g} m/s {contact.peak_force:.4g} N"
-        assert row in words
+    _, *rows = table(report_html(repeated), "Contacts")
+    assert repeated.run.contacts == len(repeated.contacts) == len(rows) > 2
+    for contact, shown in zip(repeated.contacts, rows, strict=True):
+        peak = f"{contact.peak_force:.4g} N"
+        assert shown[:3] == [f"after {1e3 * contact.time:.4g} ms", f"{contact.relative_velocity:.4g} m/s", peak]
 
 
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     made = CASES["never seen"]()
-    page = simulation_report_html(made)
-    assert page == simulation_report_html(CASES["never seen"]())
-    path = write_simulation_report(made, tmp_path / "run.html")
+    page = report_html(made)
+    assert page == report_html(CASES["never seen"]())
+    path = write_report(made, tmp_path / "run.html")
     assert path.read_text(encoding="utf-8") == page
     assert is_own_unchanged(path)
     (tmp_path / "mine.html").write_text("mine", encoding="utf-8")
     with pytest.raises(pt.OutputExistsError, match=r"mine\.html"):
-        write_simulation_report(made, tmp_path / "mine.html")
+        write_report(made, tmp_path / "mine.html")
 
 
 def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> None:
     made = CASES["never seen"]()
     report = pt.rank_models(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))
     source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
-    page = simulation_report_html(made, calibration=report, source=source)
+    page = report_html(made, calibration=report, source=source)
     words = assert_sound(page).words
     assert "<script" not in page
-    assert "Its calibration: sensor.csv" in words
+    assert "The calibration of its sensor: sensor.csv" in words
+
+
+def shown(rows: Iterable[tuple[str, Any]]) -> dict[str, str]:
+    return {name: html.unescape(cell_as_html(cell)) for name, cell in rows}
 
 
 def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
     built = ClosedLoop(law=law(), chain=pt.SensorChain(rate=100.0), plant=ROBOT, contact=CONTACT, follow=0.1)
-    assert ("goes on after the first contact", "100 ms") in list(loop_rows(built))
-    assert ("bandwidth of the force servo", "60 Hz") in list(robot_rows(ROBOT))
-    assert ("dissipation a", "1 s/m") in list(contact_rows(CONTACT))
-    assert ("obstacle", "of 1.5 kg") in list(contact_rows(pt.SpringDamper(stiffness=1e4, obstacle_mass=1.5)))
+    assert shown(loop_rows(built))["goes on after the first contact"] == "100 ms"
+    assert shown(ROBOT.rows())["bandwidth of the force servo"] == "60 Hz"
+    assert shown(contact_rows(CONTACT))["dissipation a"] == "1 s/m"
+    assert shown(contact_rows(pt.SpringDamper(stiffness=1e4, obstacle_mass=1.5)))["obstacle"] == "of 1.5 kg"
     assert list(contact_rows(None)) == [("contact", "no contact force: a run ends at the touch")]
-    rows = dict(controller_rows(law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0, limits=Limits(speed=0.5))))
+    rows = shown(controller_rows(law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0, limits=Limits(speed=0.5))))
     assert rows["running median"] == "over 10 readings"
     assert rows["low-pass"] == "Butterworth of order 5 at 500 Hz"
     assert rows["limit: largest speed"] == "0.5 m/s"
     assert rows["virtual mass M_a"] == "1 kg"
     gradual = VirtualDamper(gain=-0.5, approach_only=True, release=0.02, ramp_time=0.1)
-    rows = dict(controller_rows(dataclasses.replace(law(saturation=4.0, largest_rate=50.0), law=gradual)))
+    rows = shown(controller_rows(dataclasses.replace(law(saturation=4.0, largest_rate=50.0), law=gradual)))
     assert rows["ramp of the gain"] == "100 ms"
     assert "0.02" in rows["damps"]
     assert rows["saturated from"].startswith("4 ")
@@ -249,7 +260,7 @@ def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
 @pytest.mark.parametrize("name", PARTS)
 def test_rows_of_a_sensor_part_hold_every_number_of_its_chain(name: str) -> None:
     chain = PARTS[name].chain
-    rows = dict(chain_rows(chain))
+    rows = shown(chain_rows(chain))
     assert rows["readings"].startswith(f"{chain.rate:.4g} Hz")
     assert ("noise of the distance" in rows) == chain.reports_distance
     assert ("clips" in rows) == np.isfinite(chain.highest)
@@ -269,7 +280,7 @@ def test_rows_of_a_chain_name_what_can_go_wrong_in_it() -> None:
         misfit=0.02,
         misfit_length=0.005,
     )
-    rows = dict(chain_rows(chain))
+    rows = shown(chain_rows(chain))
     assert rows["readings that are missing"] == "10 %"
     assert rows["jitter of an exposure"] == "1 ms"
     assert rows["drift"] == "0.5 [unit of \u03be per s]"
@@ -296,10 +307,10 @@ class OwnContact(ContactModel):
 
 
 def test_rows_of_what_a_user_wrote_name_its_class_and_its_numbers() -> None:
-    assert list(controller_rows(BareLaw(-0.7, 2e-3))) == [("law", "BareLaw"), ("period", "2 ms")]
-    rows = dict(robot_rows(OwnPlant()))
+    assert shown(controller_rows(BareLaw(-0.7, 2e-3))) == {"law": "BareLaw", "period": "2 ms"}
+    rows = shown(OwnPlant().rows())
     assert (rows["robot"], rows["mass"], rows["Coulomb friction"]) == ("OwnPlant", "3 kg", "2 N")
-    rows = dict(contact_rows(OwnContact()))
+    rows = shown(contact_rows(OwnContact()))
     assert (rows["contact"], rows["damping"]) == ("OwnContact", "30, the same at any depth")
     assert rows["obstacle"] == "driven: it does not yield"
-    assert dict(robot_rows(pt.PositionPlant(mass=2.0, bandwidth=20.0)))["bandwidth"] == "20 Hz"
+    assert shown(pt.PositionPlant(mass=2.0, bandwidth=20.0).rows())["bandwidth"] == "20 Hz"

@@ -11,18 +11,11 @@ import pytest
 import pretouch as pt
 from figure_checks import assert_legible, visible_texts
 from page_checks import parse
-from pretouch.report import (
-    verdict_figure,
-    verdict_gain_figure,
-    verdict_report_html,
-    verdict_run_figure,
-    verdict_stability_figure,
-)
+from pretouch.report import report_html
+from pretouch.report.verdict_figures import verdict_figure, verdict_run_figure
+from pretouch.report.verdict_gains import verdict_gain_figure, verdict_stability_figure
 from verdict_cases import CASES, DRAWERS, SPEED, case, drawn
-from verification_samples import (
-    NOISY,
-    verdict,
-)
+from verification_samples import NOISY, verdict
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -58,12 +51,12 @@ def test_curves_of_shares_are_the_distribution_of_the_runs(one: pt.Verdict) -> N
     """Every point of a staircase says in how many runs the quantity is no larger, or just smaller."""
     figure = verdict_figure(one)
     assert [axes.get_xlabel() for axes in figure.axes] == [
-        "speed at contact |l\u2032| [m/s]",
-        "impact force [N]",
-        "largest contact force [N]",
+        "relative velocity at contact |l\u2032| [m/s]",
+        "peak impact force [N]",
+        "peak contact force [N]",
         "largest excursion |x \u2212 x_d| [mm]",
         "time of contact [ms]",
-        "largest robot speed |x\u2032| [m/s]",
+        "largest plant speed |x\u2032| [m/s]",
     ]
     names = ("relative_velocity", "impact_force", "peak_force", "largest_excursion", "time", "largest_speed")
     factors = (1.0, 1.0, 1.0, 1e-3, 1e-3, 1.0)
@@ -88,7 +81,7 @@ def test_runs_that_end_without_contact_leave_a_curve_below_the_whole() -> None:
     none = case("never in time")
     assert none.reached.simulated == 0
     assert set(verdict_figure(none).axes[0].lines[1].get_ydata()) == {0.0}
-    assert "5 end without the one that is predicted" in parse(verdict_report_html(none)).words
+    assert "5 end without the one that is predicted" in parse(report_html(none)).words
 
 
 def test_the_two_runs_are_the_median_and_the_worst_by_speed_and_end_where_they_touch(one: pt.Verdict) -> None:

@@ -17,7 +17,7 @@ from figure_checks import assert_legible
 from loop_samples import Answer, BareLaw, bare_step
 from pretouch._core.json_text import as_json
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
-from pretouch.report import simulation_figure
+from pretouch.report.simulation_figures import simulation_figure
 from pretouch.simulation import ClosedLoop
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)

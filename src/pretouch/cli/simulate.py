@@ -49,11 +49,9 @@ def _run(file: Path, gain: str | None, seed: int | None, presentation: Presentat
     found = problem.simulate_encounter(gain=fixed, seed=seed)
 
     def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_simulation_report  # noqa: PLC0415 - Matplotlib, only when needed
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        return write_simulation_report(
-            found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
-        )
+        return write_report(found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite)
 
     presentation.show(found, f"{file.stem}-simulate.html", write, problem.reservations(found))
     return OK if found.run.touched.all() else NO_RESULT

@@ -60,12 +60,10 @@ def _run(file: Path, gain: str | None, asked: dict[str, Any], presentation: Pres
     found = problem.verify(gain=fixed, **asked)
 
     def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_verdict_report  # noqa: PLC0415 - Matplotlib, only when needed
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
         print_progress(f"{file}: drawing the page")
-        return write_verdict_report(
-            found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
-        )
+        return write_report(found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite)
 
     presentation.show(found, f"{file.stem}-verify.html", write, problem.reservations(found))
     return OK if found.status.value in {"holds", "holds-narrowly"} else NO_RESULT

@@ -15,6 +15,11 @@ FIGURES: Final[dict[str, str]] = {
     "price": "robust_figures:price_figure",
     "robust": "robust_figures:robust_figure",
     "sensitivity": "design_figures:sensitivity_figure",
+    "simulation": "simulation_figures:simulation_figure",
     "trade_off": "design_figures:trade_off_figure",
+    "verdict": "verdict_figures:verdict_figure",
+    "verdict_gain": "verdict_gains:verdict_gain_figure",
+    "verdict_run": "verdict_figures:verdict_run_figure",
+    "verdict_stability": "verdict_gains:verdict_stability_figure",
 }
 """Module and function of each."""

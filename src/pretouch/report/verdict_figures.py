@@ -9,11 +9,11 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion import ContactResult, solve_motion
 from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
-from pretouch.verification.simulated import QUANTITY_WORDS, simulated_quantity
+from pretouch.verification.appraisal import simulated_quantity
 
 from .panels import Curve, Mark, Panel, panel_figure
 from .share_panels import share_panel
@@ -80,13 +80,13 @@ def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
         return None
     limit = _limit_of(verdict, name)
     whole = largest if limit is None else max(largest, limit.limit)
-    scale = scale_for(QUANTITY_UNITS.get(name, "N"), whole)
+    scale = scale_for(unit_of(name), whole)
     something = [not len(values) or float(values.max()) > _NOTHING * whole for values in known]
     kept = [c for c, shown in zip(columns, something, strict=True) if shown] or columns
     drawn = {style for _, style, _ in kept}
     return share_panel(
         kept,
-        f"{QUANTITY_WORDS[name]} {_SYMBOLS.get(name, '')}".strip(),
+        f"{words_for(name)} {_SYMBOLS.get(name, '')}".strip(),
         scale,
         marks=[m for m in _predictions(verdict, name, scale) if m.style in drawn],
         positions={} if limit is None else {"limit": limit.limit},

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
+from pretouch._core.blocks import Cell, Measured
 from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.units import format_quantity
 
 __all__ = ["ContactModel", "HuntCrossley", "SpringDamper"]
+
+Row = tuple[str, Cell]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +38,20 @@ class ContactModel(ABC):
     @abstractmethod
     def numbers(self) -> tuple[float, float, float, bool, float]:
         """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the force and what it meets: names and numbers."""
+        yield from self.force_rows()
+        driven = math.isinf(self.obstacle_mass)
+        yield "obstacle", "driven: it does not yield" if driven else f"of {format_quantity(self.obstacle_mass, 'kg')}"
+
+    def force_rows(self) -> Iterator[Row]:
+        """Yield what a page says of the force; a class that says nothing of its own what the loop is handed."""
+        stiffness, damping, exponent, grows, _ = self.numbers()
+        yield "contact", type(self).__name__
+        yield "stiffness", Measured(stiffness, "N/m^n")
+        yield "exponent", Measured(exponent)
+        yield "damping", f"{damping:.4g}, {'which grows with depth' if grows else 'the same at any depth'}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +88,13 @@ class HuntCrossley(ContactModel):
         """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
         return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
 
+    def force_rows(self) -> Iterator[Row]:
+        """Yield what a page says of the force."""
+        yield "contact", "Hunt and Crossley: F = k d^n (1 + a d')"
+        yield "stiffness k", Measured(self.stiffness, "N/m^n")
+        yield "exponent n", Measured(self.exponent)
+        yield "dissipation a", Measured(self.dissipation, "s/m")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringDamper(ContactModel):
@@ -95,3 +121,9 @@ class SpringDamper(ContactModel):
     def numbers(self) -> tuple[float, float, float, bool, float]:
         """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
+
+    def force_rows(self) -> Iterator[Row]:
+        """Yield what a page says of the force."""
+        yield "contact", "spring and damper: F = max(0, k d + c d')"
+        yield "stiffness k", Measured(self.stiffness, "N/m")
+        yield "damping c", Measured(self.damping, "N*s/m")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
 
+from pretouch._core.blocks import Cell, Measured
 from pretouch._core.declared import check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
@@ -28,6 +30,19 @@ COEFFICIENTS: Final = (
 )
 """What a plant is to the loop in C++; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
 
+_IN_WORDS: Final = (
+    ("mass", "kg"),
+    ("stiffness", "N/m"),
+    ("damping on the reference's velocity", "N*s/m"),
+    ("damping on its own velocity", "N*s/m"),
+    ("feedforward mass", "kg"),
+    ("rate of the servo", "1/s"),
+    ("Coulomb friction", "N"),
+    ("speed of the friction", "m/s"),
+)
+
+Row = tuple[str, Cell]
+
 
 class PlantModel(ABC):
     """How the robot's contact surface follows the virtual object, and how a contact force moves it.
@@ -45,6 +60,12 @@ class PlantModel(ABC):
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""
 
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the robot: names and numbers; a class that says nothing of its own its numbers."""
+        yield "robot", type(self).__name__
+        for (label, unit), value in zip(_IN_WORDS, self.coefficients(), strict=True):
+            yield label, Measured(value, unit)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdealPlant(PlantModel):
@@ -58,6 +79,10 @@ class IdealPlant(PlantModel):
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""
         return (0.0,) * len(COEFFICIENTS)
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the robot."""
+        yield "robot", "ideal: it follows the virtual object exactly and has no mass"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +128,17 @@ class ImpedancePlant(PlantModel):
             raise InvalidInputError("viscous_friction: only without a servo bandwidth; name a coulomb_friction instead")
         return (self.mass, self.stiffness, self.damping, own, ahead, rate, *friction)
 
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the robot."""
+        yield "robot", "a mass behind an impedance controller"
+        yield "physical mass m", Measured(self.mass, "kg")
+        yield "stiffness K_c", Measured(self.stiffness, "N/m")
+        yield "damping D_c", Measured(self.damping, "N*s/m")
+        yield "bandwidth of the force servo", Measured(self.bandwidth, "Hz")
+        yield "viscous friction", Measured(self.viscous_friction, "N*s/m")
+        yield "Coulomb friction", Measured(self.coulomb_friction, "N")
+        yield "acceleration fed forward", "yes" if self.feedforward else "no"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionPlant(PlantModel):
@@ -133,6 +169,13 @@ class PositionPlant(PlantModel):
         """Return the numbers named by COEFFICIENTS, in SI."""
         omega = 2 * math.pi * self.bandwidth
         return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the robot."""
+        yield "robot", "position-controlled: a lag of second order"
+        yield "physical mass m", Measured(self.mass, "kg")
+        yield "bandwidth", Measured(self.bandwidth, "Hz")
+        yield "damping ratio", Measured(self.damping_ratio)
 
 
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,23 +1,26 @@
 """Whether a designed gain holds on the loop as it will really run: predicted beside simulated, and what to change."""
 
+from .appraisal import Effect
+from .best_gain import LoopCurve
 from .calibration_check import CalibrationCheck
-from .encounter import SimulatedEncounter, simulate_encounter
-from .parts import Comparison, Effect, LimitCheck, Reached, Spread, StabilityCheck, VerdictStatus
-from .proposals import Change, LoopCurve, Loss
+from .checks import Comparison, LimitCheck, Reached, RunSpread, VerdictStatus
+from .encounter import SimulatedEncounter
+from .improvement import LoopChange, Loss
 from .result import Verdict
-from .verify import verify_gain
+from .stability import StabilityCheck
+from .verify import simulate_encounter, verify_gain
 
 __all__ = [
     "CalibrationCheck",
-    "Change",
     "Comparison",
     "Effect",
     "LimitCheck",
+    "LoopChange",
     "LoopCurve",
     "Loss",
     "Reached",
+    "RunSpread",
     "SimulatedEncounter",
-    "Spread",
     "StabilityCheck",
     "Verdict",
     "VerdictStatus",

@@ -9,18 +9,44 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.design.search import GainAxis
 from pretouch.simulation import ClosedLoop, GainLimit
 
-from .problem import LoopProblem
-from .proposals import LoopCurve
+from .appraisal import LoopProblem
 
-__all__ = ["LoopOptimum", "best_on_loop"]
+__all__ = ["LoopCurve", "LoopOptimum", "best_on_loop"]
 
 _MARGIN: Final = 2.0  # to instability, which a gain that is proposed keeps where any within the bounds can
 _SCANNED: Final = 33
 _BETWEEN: Final = 17  # between the neighbors of the best: on a loop that samples, the objective has ripples
 _NARROW: Final = 2e-3  # of u = ln|D_p|: within a thousandth of the optimal gain the objective changes by a millionth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LoopCurve(Value):
+    """The gains that were tried on the loop.
+
+    Args:
+        gain: D_p [N s], ascending, shape (n,).
+        objective: its mean over the runs; infinite where a run ends without contact.
+        standing: the least share of runs in which a limit holds beside the share required, at most 1; less where
+            contact is harder than without mitigation.
+        share: the share of runs in which all limits hold at once.
+        runs: how many runs of each.
+    """
+
+    gain: FloatArray
+    objective: FloatArray
+    standing: FloatArray
+    share: FloatArray
+    runs: int
+
+    def __repr__(self) -> str:
+        if not len(self.gain):
+            return "<LoopCurve: no gain>"
+        return f"<LoopCurve: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s, {self.runs} runs>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

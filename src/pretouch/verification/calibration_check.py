@@ -17,8 +17,8 @@ from pretouch.sensors import Recessed, SensorModel
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_in_words
 
-from .request import Request
-from .simulated import simulated_quantity
+from .appraisal import simulated_quantity
+from .request import VerdictRequest
 
 __all__ = ["CalibrationCheck", "check_calibration", "unknown_calibration"]
 
@@ -136,7 +136,7 @@ class _Outcome:
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
-def check_calibration(r: Request, gain: float) -> CalibrationCheck | None:
+def check_calibration(r: VerdictRequest, gain: float) -> CalibrationCheck | None:
     """Run the nominal encounter on sensors that the readings of the calibration allow.
 
     Args:
@@ -214,7 +214,7 @@ def _mounted(drawn: DrawnCurve, like: SensorModel) -> DrawnCurve | None:
         return None
 
 
-def _run(r: Request, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
+def _run(r: VerdictRequest, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
     """Run the nominal encounter once on each sensor, the i-th with the misfit of the i-th run."""
     own = 0.0 if r.calibration is None or r.calibration.offset is None else r.calibration.offset.value
     limits = [limit.constraint for limit in r.limits if limit.constraint.name != "gain"]
@@ -234,7 +234,7 @@ def _run(r: Request, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve 
     return _Outcome(speed=speed, ratios=ratios)
 
 
-def _decisive(r: Request, gain: float, drawn: tuple[DrawnCurve | None, ...], promised: _Outcome) -> str:
+def _decisive(r: VerdictRequest, gain: float, drawn: tuple[DrawnCurve | None, ...], promised: _Outcome) -> str:
     """Find what matters most, by leaving out the misfit, what is open of the offset, and all but the misfit.
 
     Offset and curve are open together: a pedestal that is moved bends the curve through the same readings. So what is
@@ -259,7 +259,7 @@ def _decisive(r: Request, gain: float, drawn: tuple[DrawnCurve | None, ...], pro
     return "offset" if known[0] <= failing[0] / 2 and known < failing else "curve"
 
 
-def _remedy(r: Request, report: CalibrationReport, decisive: str) -> str:
+def _remedy(r: VerdictRequest, report: CalibrationReport, decisive: str) -> str:
     """Say what to measure."""
     window, recess = report.window, getattr(r.sensor, "recess", 0.0)
     if decisive == "offset":

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
-from pretouch.control import Conditioning, Controller
+from pretouch.control import Controller
 from pretouch.simulation import ClosedLoop, ImpedancePlant, PositionPlant
 
-from .timing import controller_at, loop_at, told_period
+from .stability import controller_at, loop_at, told_period
 
 __all__ = ["Approach", "Candidate", "candidates_of"]
 
@@ -56,6 +57,9 @@ class Approach:
     wanted_rate: float | None = None
 
 
+_Made = tuple[str, str, Callable[[], ClosedLoop]]
+
+
 def candidates_of(loop: ClosedLoop, approach: Approach) -> list[Candidate]:
     """Collect what could be changed of a loop.
 
@@ -66,36 +70,21 @@ def candidates_of(loop: ClosedLoop, approach: Approach) -> list[Candidate]:
     Returns:
         The changes that mean something for it.
     """
-    makers: list[Callable[[], Candidate | None]] = [
-        lambda: _of_rate(loop, approach.wanted_rate),
-        *(lambda: _prompt(loop), lambda: _quiet(loop), lambda: _calibrated(loop)),
-        *(lambda: _faster_robot(loop), lambda: _stiffer_robot(loop)),
-    ]
-    if isinstance(law := loop.law, Controller):
-        makers += [
-            *(lambda: _without_median(loop, law), lambda: _without_low_pass(loop, law)),
-            *(lambda: _with_median(loop, law), lambda: _with_low_pass(loop, law)),
-            *(lambda: _faster_law(loop, law), lambda: _exact_offset(loop, law)),
-            lambda: _checked_rate(loop, law, approach),
-        ]
+    wanted = approach.wanted_rate
+    rate = _FASTER * loop.chain.rate if wanted is None else _rounded_up(wanted)
     found = []
-    for make in makers:
+    for name, sentence, make in (
+        ("sensor-rate", "", partial(loop_at, loop, rate)),
+        *_of_chain(loop),
+        *_of_robot(loop),
+        *(_of_controller(loop, loop.law, approach) if isinstance(loop.law, Controller) else ()),
+    ):
         try:
-            found.append(make())
+            changed = make()
         except InvalidInputError:  # the parts of this loop do not go together with it: nothing to be proposed
             continue
-    return [one for one in found if one is not None]
-
-
-def _of_rate(loop: ClosedLoop, wanted: float | None) -> Candidate:
-    rate = _FASTER * loop.chain.rate if wanted is None else _rounded_up(wanted)
-    after = loop_at(loop, rate)
-    text = f"Read the sensor {_hertz(rate)} instead of {loop.chain.rate:.6g}"
-    if after.chain.exposure < loop.chain.exposure:
-        text += f", with an exposure of {format_quantity(after.chain.exposure, 's')}"
-    if after.law.period < loop.law.period:
-        text += f", and step the controller {_hertz(1 / after.law.period)}"
-    return Candidate(name="sensor-rate", sentence=f"{text}.", loop=after)
+        found.append(Candidate(name=name, sentence=sentence or _rate_in_words(loop, changed), loop=changed))
+    return found
 
 
 def _rounded_up(rate: float) -> float:
@@ -104,128 +93,103 @@ def _rounded_up(rate: float) -> float:
     return float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
 
 
-def _prompt(loop: ClosedLoop) -> Candidate | None:
+def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
+    text = f"Read the sensor {_hertz(after.chain.rate)} instead of {loop.chain.rate:.6g}"
+    if after.chain.exposure < loop.chain.exposure:
+        text += f", with an exposure of {format_quantity(after.chain.exposure, 's')}"
+    if after.law.period < loop.law.period:
+        text += f", and step the controller {_hertz(1 / after.law.period)}"
+    return f"{text}."
+
+
+def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     chain = loop.chain
-    if not chain.delay > 0:
-        return None
-    text = f"Hand over readings without the delay of {format_quantity(chain.delay, 's')} after their exposure."
-    return Candidate(name="delay", sentence=text, loop=replace(loop, chain=replace(chain, delay=0.0)))
+    if chain.delay > 0:
+        text = f"Hand over readings without the delay of {format_quantity(chain.delay, 's')} after their exposure."
+        yield "delay", text, partial(_with_chain, loop, delay=0.0)
+    if _is_noisy(loop):
+        half = {name: getattr(chain, name) / 2 for name in _NOISES}
+        parts = [f"{half['noise']:.3g} in the unit of xi instead of {chain.noise:.3g}"] if chain.noise else []
+        if chain.relative_noise:
+            parts.append(f"{100 * half['relative_noise']:.3g} % of xi instead of {100 * chain.relative_noise:.3g} %")
+        if chain.distance_noise:
+            noises = (half["distance_noise"], chain.distance_noise)
+            parts.append(" instead of ".join(format_quantity(noise, "m") for noise in noises))
+        text = f"Halve the noise of the sensor to a standard deviation of {' and '.join(parts)}."
+        yield "noise", text, partial(_with_chain, loop, **half)
+    if chain.misfit > 0:
+        half_misfit = chain.misfit / 2
+        text = (
+            f"Calibrate anew, so that the sensor lies off its curve by {100 * half_misfit:.3g} % of xi instead of "
+            f"{100 * chain.misfit:.3g} %: at more distances, set more exactly; or sink it to where its curve fits "
+            "better."
+        )
+        yield "calibration", text, partial(_with_chain, loop, misfit=half_misfit)
 
 
-def _quiet(loop: ClosedLoop) -> Candidate | None:
-    if not _is_noisy(loop):
-        return None
-    chain, parts = loop.chain, []
-    half: dict[str, Any] = {name: getattr(chain, name) / 2 for name in _NOISES}
-    if chain.noise:
-        parts.append(f"{half['noise']:.3g} in the unit of xi instead of {chain.noise:.3g}")
-    if chain.relative_noise:
-        parts.append(f"{100 * half['relative_noise']:.3g} % of xi instead of {100 * chain.relative_noise:.3g} %")
-    if chain.distance_noise:
-        noises = (half["distance_noise"], chain.distance_noise)
-        parts.append(" instead of ".join(format_quantity(noise, "m") for noise in noises))
-    text = f"Halve the noise of the sensor to a standard deviation of {' and '.join(parts)}."
-    return Candidate(name="noise", sentence=text, loop=replace(loop, chain=replace(chain, **half)))
-
-
-def _calibrated(loop: ClosedLoop) -> Candidate | None:
-    chain = loop.chain
-    if not chain.misfit > 0:
-        return None
-    half = replace(chain, misfit=chain.misfit / 2)
-    text = (
-        f"Calibrate anew, so that the sensor lies off its curve by {100 * half.misfit:.3g} % of xi instead of "
-        f"{100 * chain.misfit:.3g} %: at more distances, set more exactly; or sink it to where its curve fits better."
-    )
-    return Candidate(name="calibration", sentence=text, loop=replace(loop, chain=half))
-
-
-def _faster_robot(loop: ClosedLoop) -> Candidate | None:
+def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
     plant = loop.plant
-    if not isinstance(plant, PositionPlant | ImpedancePlant) or plant.bandwidth == math.inf:
-        return None
-    faster = replace(plant, bandwidth=_FASTER * plant.bandwidth)
-    new, old = (format_quantity(one.bandwidth, "Hz") for one in (faster, plant))
-    text = f"Give the robot's own control a bandwidth of {new} instead of {old}."
-    return Candidate(name="robot-bandwidth", sentence=text, loop=replace(loop, plant=faster))
+    if isinstance(plant, PositionPlant | ImpedancePlant) and plant.bandwidth < math.inf:
+        new, own = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
+        text = f"Give the robot's own control a bandwidth of {new} instead of {own}."
+        yield "robot-bandwidth", text, partial(_with_plant, loop, bandwidth=_FASTER * plant.bandwidth)
+    if isinstance(plant, ImpedancePlant):
+        stiffness, damping = 2 * plant.stiffness, 2**0.5 * plant.damping
+        text = (
+            f"Raise the stiffness of the robot's impedance controller to {format_quantity(stiffness, 'N/m')} from "
+            f"{format_quantity(plant.stiffness, 'N/m')}, and its damping to {format_quantity(damping, 'N*s/m')}."
+        )
+        yield "robot-stiffness", text, partial(_with_plant, loop, stiffness=stiffness, damping=damping)
 
 
-def _stiffer_robot(loop: ClosedLoop) -> Candidate | None:
-    plant = loop.plant
-    if not isinstance(plant, ImpedancePlant):
-        return None
-    stiffer = replace(plant, stiffness=2 * plant.stiffness, damping=2**0.5 * plant.damping)
-    text = (
-        f"Raise the stiffness of the robot's impedance controller to {format_quantity(stiffer.stiffness, 'N/m')} from "
-        f"{format_quantity(plant.stiffness, 'N/m')}, and its damping to {format_quantity(stiffer.damping, 'N*s/m')}."
-    )
-    return Candidate(name="robot-stiffness", sentence=text, loop=replace(loop, plant=stiffer))
-
-
-def _without_median(loop: ClosedLoop, law: Controller) -> Candidate | None:
-    window = law.conditioning.median_window
-    if window == 1:
-        return None
-    text = f"Leave out the median over {window} readings."
-    return Candidate(name="median", sentence=text, loop=_conditioned(loop, law, median_window=1))
-
-
-def _without_low_pass(loop: ClosedLoop, law: Controller) -> Candidate | None:
-    c = law.conditioning
-    if not c.low_pass_order or c.cutoff is None:
-        return None
-    text = f"Leave out the low-pass of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}."
-    return Candidate(name="low-pass", sentence=text, loop=_conditioned(loop, law, low_pass_order=0, cutoff=None))
-
-
-def _with_median(loop: ClosedLoop, law: Controller) -> Candidate | None:
-    if law.conditioning.median_window > 1 or not _is_noisy(loop):
-        return None
-    text = f"Take the running median over {_SHORT_MEDIAN} readings."
-    return Candidate(name="add-median", sentence=text, loop=_conditioned(loop, law, median_window=_SHORT_MEDIAN))
-
-
-def _with_low_pass(loop: ClosedLoop, law: Controller) -> Candidate | None:
-    if law.conditioning.low_pass_order > 0 or not _is_noisy(loop):
-        return None
-    cutoff = _LOW / told_period(law)
-    text = f"Filter readings by a low-pass of order 2 at {format_quantity(cutoff, 'Hz')}."
-    filtered = _conditioned(loop, law, low_pass_order=2, cutoff=cutoff)
-    return Candidate(name="add-low-pass", sentence=text, loop=filtered)
-
-
-def _faster_law(loop: ClosedLoop, law: Controller) -> Candidate:
+def _of_controller(loop: ClosedLoop, law: Controller, approach: Approach) -> Iterator[_Made]:
+    c, noisy = law.conditioning, _is_noisy(loop)
+    if c.median_window > 1:
+        text = f"Leave out the median over {c.median_window} readings."
+        yield "median", text, partial(_conditioned, loop, law, median_window=1)
+    if c.low_pass_order and c.cutoff is not None:
+        text = f"Leave out the low-pass of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}."
+        yield "low-pass", text, partial(_conditioned, loop, law, low_pass_order=0, cutoff=None)
+    if c.median_window == 1 and noisy:
+        text = f"Take the running median over {_SHORT_MEDIAN} readings."
+        yield "add-median", text, partial(_conditioned, loop, law, median_window=_SHORT_MEDIAN)
+    if not c.low_pass_order and noisy:
+        cutoff = _LOW / told_period(law)
+        text = f"Filter readings by a low-pass of order 2 at {format_quantity(cutoff, 'Hz')}."
+        yield "add-low-pass", text, partial(_conditioned, loop, law, low_pass_order=2, cutoff=cutoff)
     period = law.period / _FASTER
     text = f"Step the controller {_hertz(1 / period)} instead of {1 / law.period:.6g}."
-    faster = replace(loop, law=controller_at(law, told_period(law), period))
-    return Candidate(name="controller-rate", sentence=text, loop=faster)
-
-
-def _exact_offset(loop: ClosedLoop, law: Controller) -> Candidate | None:
-    chain, own = loop.chain, law.conditioning.offset
-    pedestal = chain.offset + chain.crosstalk
-    if pedestal == own and chain.drift == 0:
-        return None
-    text = f"Subtract the offset exactly, {pedestal:.4g} in the unit of xi"
-    text += f" instead of {own:.4g}" if pedestal != own else ""
-    text += ", and follow its drift." if chain.drift else "."
-    still = replace(loop, chain=replace(chain, drift=0.0))
-    return Candidate(name="offset", sentence=text, loop=_conditioned(still, law, offset=pedestal))
-
-
-def _checked_rate(loop: ClosedLoop, law: Controller, approach: Approach) -> Candidate | None:
+    yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
+    yield from _of_offset(loop, law)
     # a reading is refused only where approach and noise together could not have made it
     rate = _ROOM * approach.fastest * approach.steepest + _DEVIATIONS * approach.noise * loop.chain.rate
-    if law.conditioning.largest_rate is not None or not rate > 0:
-        return None
-    noise = " and what noise adds" if _is_noisy(loop) else ""
-    text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice what the fastest approach makes of ln xi{noise}."
-    return Candidate(name="largest-rate", sentence=text, loop=_conditioned(loop, law, largest_rate=rate))
+    if c.largest_rate is None and rate > 0:
+        text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice what the fastest approach makes of ln xi"
+        text += f"{' and what noise adds' if noisy else ''}."
+        yield "largest-rate", text, partial(_conditioned, loop, law, largest_rate=rate)
+
+
+def _of_offset(loop: ClosedLoop, law: Controller) -> Iterator[_Made]:
+    chain, own = loop.chain, law.conditioning.offset
+    pedestal = chain.offset + chain.crosstalk
+    if pedestal != own or chain.drift:
+        text = f"Subtract the offset exactly, {pedestal:.4g} in the unit of xi"
+        text += f" instead of {own:.4g}" if pedestal != own else ""
+        text += ", and follow its drift." if chain.drift else "."
+        yield "offset", text, lambda: _conditioned(_with_chain(loop, drift=0.0), law, offset=pedestal)
+
+
+def _with_chain(loop: ClosedLoop, **changes: Any) -> ClosedLoop:
+    return replace(loop, chain=replace(loop.chain, **changes))
+
+
+def _with_plant(loop: ClosedLoop, **changes: Any) -> ClosedLoop:
+    plant: Any = loop.plant
+    return replace(loop, plant=replace(plant, **changes))
 
 
 def _conditioned(loop: ClosedLoop, law: Controller, **changes: Any) -> ClosedLoop:
-    conditioning: Conditioning = replace(law.conditioning, **changes)
-    return replace(loop, law=replace(law, conditioning=conditioning))
+    return replace(loop, law=replace(law, conditioning=replace(law.conditioning, **changes)))
 
 
 def _is_noisy(loop: ClosedLoop) -> bool:

@@ -3,87 +3,229 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch.design import QUANTITY_UNITS, ImpactModel, quantity_of
+from pretouch._core.values import Value
+from pretouch._core.vocabulary import unit_of, words_for
+from pretouch.design import ImpactModel, quantity_of
 from pretouch.design.robust import Required
 from pretouch.design.robust.validation import least_probability
 from pretouch.motion import ContactResult
 from pretouch.simulation import ClosedLoop, SimulationResult
 
-from .parts import Comparison, LimitCheck, Reached, Spread
-from .problem import Outcomes
-from .simulated import QUANTITY_WORDS, source_of
+from .appraisal import LoopOutcomes
+from .request import VerdictRequest
 
-__all__ = ["check_limits", "check_reached", "compare_quantities", "spread_of"]
+__all__ = [
+    "Comparison",
+    "LimitCheck",
+    "Reached",
+    "RunSpread",
+    "VerdictStatus",
+    "check_limits",
+    "check_reached",
+    "compare_quantities",
+]
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
 _SAME: Final = 1e-9  # of a force: the peak of a contact is then that of its impact
 
 
+class VerdictStatus(StrEnum):
+    """What a verdict comes to. `meaning` says it in a sentence."""
+
+    HOLDS = "holds"
+    HOLDS_NARROWLY = "holds-narrowly"
+    DOES_NOT_HOLD = "does-not-hold"
+    NO_GAIN = "no-gain"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for a person."""
+        return {
+            VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
+            "gain can at least double until the loop is unstable.",
+            VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
+            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is harder than without "
+            "mitigation, the loop is unstable, or the calibration is not good enough.",
+            VerdictStatus.NO_GAIN: "There is no gain to verify.",
+        }[self]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSpread(Value):
+    """How a quantity differs from run to run, over the runs that came to a contact.
+
+    Args:
+        mean: the mean.
+        standard_error: of the mean; NaN for a single run.
+        low: 5 % of the runs stay below.
+        median: half of the runs stay below.
+        high: 95 % of the runs stay below.
+        worst: the largest of all.
+        runs: how many.
+    """
+
+    mean: float
+    standard_error: float
+    low: float
+    median: float
+    high: float
+    worst: float
+    runs: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison(Value):
+    """One quantity, predicted and simulated, with and without mitigation; magnitudes in SI.
+
+    Args:
+        name: the quantity.
+        label: what it is called in reports.
+        unit: its SI unit.
+        predicted: of the nominal encounter in continuous time with a perfect sensor; None where it is not told.
+        predicted_unmitigated: the same with D_p = 0.
+        simulated: on the loop; None where no run came to a contact.
+        unmitigated: on the loop with D_p = 0 and the same noise.
+    """
+
+    name: str
+    label: str
+    unit: str
+    predicted: float | None
+    predicted_unmitigated: float | None
+    simulated: RunSpread | None
+    unmitigated: RunSpread | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitCheck(Value):
+    """One limit on the loop.
+
+    Args:
+        required: the constraint and the probability with which it must hold; 1 where it must in every run.
+        predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
+        held: the share of the runs in which it holds.
+        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
+        value: |quantity| that is not exceeded with the required probability, SI; None where runs that count end
+            without contact.
+        margin: limit - value, SI; negative where it is missed; None with it.
+        source: where the quantity comes from, in words.
+    """
+
+    required: Required
+    predicted: float | None
+    held: float
+    low: float
+    value: float | None
+    margin: float | None
+    source: str
+
+    @property
+    def name(self) -> str:
+        """Short name of the constraint, as in a scenario file."""
+        return self.required.constraint.name
+
+    @property
+    def limit(self) -> float:
+        """The largest allowed magnitude, SI."""
+        return self.required.constraint.limit
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of the limit."""
+        return self.required.constraint.unit
+
+    @property
+    def is_met(self) -> bool:
+        """Whether it held in as many runs as it must."""
+        return self.held >= self.required.probability - 1e-12
+
+    @property
+    def label(self) -> str:
+        """What is limited, in words."""
+        return words_for(self.required.constraint.quantity)
+
+    @property
+    def statement(self) -> str:
+        """The limit in words, such as `largest excursion <= 0.1 m`."""
+        return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the check as one JSON object, in SI."""
+        names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
+        told = {name: getattr(self, name) for name in names}
+        return {**told, "probability": self.required.probability, "held_at_least": self.low}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reached(Value):
+    """Which runs came to a contact.
+
+    Args:
+        predicted: the share of the drawn encounters that do in continuous time with a perfect sensor.
+        simulated: the share of the runs that did.
+        missing: how many runs did not although it was predicted.
+        low: lower end of the exact interval of the probability that a predicted contact comes; None where none is.
+    """
+
+    predicted: float
+    simulated: float
+    missing: int
+    low: float | None
+
+
 def compare_quantities(
-    mitigated: SimulationResult,
-    unmitigated: SimulationResult,
-    predicted: ContactResult,
-    predicted_unmitigated: ContactResult,
-    *,
-    loop: ClosedLoop,
-    impact: ImpactModel | None,
+    asked: VerdictRequest,
+    runs: tuple[SimulationResult, SimulationResult],
+    foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
     """Put predicted and simulated magnitudes side by side, with and without mitigation.
 
     Args:
-        mitigated: the runs.
-        unmitigated: the same with D_p = 0.
-        predicted: the nominal encounter in continuous time.
-        predicted_unmitigated: the same with D_p = 0.
-        loop: what the runs ran on.
-        impact: the impact that is predicted with.
+        asked: what was asked.
+        runs: with the gain, and with D_p = 0.
+        foreseen: the nominal encounter in continuous time, likewise.
 
     Returns:
         The comparisons.
     """
-    both, foreseen = (mitigated, unmitigated), (predicted, predicted_unmitigated)
-
-    def row(name: str, values: Sequence[float | None]) -> Comparison:
-        simulated = [spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in both]
-        return Comparison(
-            name=name,
-            label=QUANTITY_WORDS[name],
-            unit=QUANTITY_UNITS.get(name, "N"),
-            predicted=values[0],
-            predicted_unmitigated=values[1],
-            simulated=simulated[0],
-            unmitigated=simulated[1],
+    contact = asked.loop.contact
+    names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
+    if contact is not None and any(np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in runs):
+        names.append("peak_force")
+    found = []
+    for name in names:
+        told = name != "peak_force"
+        predicted = [_magnitude(name, r, asked.foreseen_impact) if told else None for r in foreseen]
+        simulated = [_spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in runs]
+        found.append(
+            Comparison(
+                name=name,
+                label=words_for(name),
+                unit=unit_of(name),
+                predicted=predicted[0],
+                predicted_unmitigated=predicted[1],
+                simulated=simulated[0],
+                unmitigated=simulated[1],
+            )
         )
-
-    names = [*_COMPARED, *(["impact_force"] if loop.contact is not None else [])]
-    rows = [row(name, [_magnitude(name, r, impact) for r in foreseen]) for name in names]
-    if loop.contact is not None and any(np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in both):
-        rows.append(row("peak_force", (None, None)))
-    return tuple(rows)
+    return tuple(found)
 
 
-def spread_of(values: FloatArray, counted: BoolArray) -> Spread | None:
-    """Summarize a quantity over runs.
-
-    Args:
-        values: of every run.
-        counted: which of them count.
-
-    Returns:
-        The spread; None where none counts.
-    """
+def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
+    """Summarize a quantity over the runs that count; None where none does."""
     some = values[counted]
     if not len(some):
         return None
     low, median, high = (float(q) for q in np.quantile(some, [0.05, 0.5, 0.95]))
     error = float(np.std(some, ddof=1)) / math.sqrt(len(some)) if len(some) > 1 else math.nan
-    return Spread(
+    return RunSpread(
         mean=float(some.mean()),
         standard_error=error,
         low=low,
@@ -95,48 +237,45 @@ def spread_of(values: FloatArray, counted: BoolArray) -> Spread | None:
 
 
 def check_limits(
-    limits: tuple[Required, ...],
-    outcomes: Outcomes,
-    predicted: ContactResult,
-    gain: float,
-    *,
-    loop: ClosedLoop,
-    impact: ImpactModel | None,
-    confidence: float,
+    asked: VerdictRequest, outcomes: LoopOutcomes, predicted: ContactResult, gain: float
 ) -> tuple[LimitCheck, ...]:
     """Tell of each limit how often it holds.
 
     Args:
-        limits: the limits.
+        asked: what was asked, with the limits.
         outcomes: the runs.
         predicted: the nominal encounter in continuous time.
         gain: D_p [N s].
-        loop: what the runs ran on.
-        impact: the impact that is predicted with.
-        confidence: of the lower bounds.
 
     Returns:
         The checks.
     """
     found = []
-    for required, ratio in zip(limits, outcomes.ratios, strict=True):
+    for required, ratio in zip(asked.limits, outcomes.ratios, strict=True):
         constraint = required.constraint
         count = int((ratio <= 1 + 1e-12).sum())
         reached = float(required.share(ratio)) * constraint.limit
         value = reached if math.isfinite(reached) else None
-        foreseen = abs(gain) if constraint.quantity == "gain" else _magnitude(constraint.quantity, predicted, impact)
+        own = constraint.quantity == "gain"
         found.append(
             LimitCheck(
                 required=required,
-                predicted=foreseen,
+                predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, asked.foreseen_impact),
                 held=count / len(ratio),
-                low=least_probability(count, len(ratio), confidence),
+                low=least_probability(count, len(ratio), asked.confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
-                source=source_of(constraint.quantity, loop),
+                source=_source_of(constraint.quantity, asked.loop),
             )
         )
     return tuple(found)
+
+
+def _source_of(name: str, loop: ClosedLoop) -> str:
+    """Say where a quantity of a run comes from, such as `simulated contact force`."""
+    if name == "impact_force":
+        return "impact model at the simulated speed of contact" if loop.contact is None else "simulated contact force"
+    return "robot mass times largest simulated acceleration" if name == "drive_force" else "simulated"
 
 
 def check_reached(result: SimulationResult, predicted: BoolArray, confidence: float) -> Reached:

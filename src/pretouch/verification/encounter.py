@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, is_dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
+from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite
+from pretouch._core.json_text import plain
+from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.design.impact import ImpactModel
-from pretouch.motion import ContactResult, Motion, Scenario, find_contact, solve_motion
+from pretouch.motion import ContactResult, ContactStatus, Motion, Scenario, solve_motion
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 
-from .encounter_comparison import (
+from .encounter_parts import (
     Detection,
     LoopContact,
     QuantityComparison,
@@ -23,16 +26,25 @@ from .encounter_comparison import (
     contacts_of,
     detection_of,
     flags_of,
+    percent,
 )
 
-__all__ = ["SimulatedEncounter", "simulate_encounter"]
+__all__ = ["SimulatedEncounter", "ending_in_words"]
 
-_HORIZON: Final = 600.0
 _SAMPLES: Final = 400
+_LATE: Final = 0.1  # of the change of ln xi until contact, from which a detection is called late
+_PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
+_SAME: Final = 5e-5  # relative: what four digits do not tell apart
+_PASSING: Final = 0.01  # of the approach: readings that are late for less are no news
+_RUN: Final = (
+    *("time", "position", "velocity", "displacement", "relative_velocity", "closest_distance", "largest_excursion"),
+    *("largest_travel", "largest_speed", "largest_virtual_force", "peak_force", "impact_force", "impulse"),
+    *("rebound_velocity", "detection_time", "end_time", "contacts", "flags"),
+)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class SimulatedEncounter(Value):
+class SimulatedEncounter(Described, Value):
     """What `simulate_encounter` returns: the runs and predictions at once, what they come to when it is first read.
 
     Args:
@@ -60,6 +72,8 @@ class SimulatedEncounter(Value):
     unmitigated: SimulationResult
     prediction: ContactResult
     unmitigated_prediction: ContactResult
+
+    page: ClassVar[str] = "pretouch.verification.encounter_page:encounter_page"
 
     @cached_property
     def trace(self) -> LoopTrace:
@@ -141,105 +155,147 @@ class SimulatedEncounter(Value):
     @cached_property
     def headline(self) -> str:
         """What the run came to beside the prediction, in one sentence or two."""
-        return encounter_headline(self)
+        predicted, free = self.prediction, self.unmitigated
+        text = _loop_clause(self.run)
+        if predicted.reached.all():
+            text += f"; predicted {_speed(predicted.end.relative_velocity)} after {_time(predicted.end.time)}"
+            text += f" ({_against(self)})" if self.run.touched else ""
+        else:
+            nearest = format_quantity(float(predicted.closest_distance), "m", 3)
+            text += f"; predicted: {ending_in_words(predicted.status)}, {nearest} at the nearest"
+        text += f"; without mitigation {_speed(free.relative_velocity) if free.touched else 'no contact'}."
+        return text + _force_sentence(self)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a user should read beside the numbers, in order of weight."""
-        return tuple(encounter_warnings(self))
+        return tuple(_warnings(self))
+
+    @property
+    def grows_after_impact(self) -> bool:
+        """Whether a push after the impact, or another contact, is stronger than the impact itself."""
+        run = self.run
+        return bool(self.has_contact_force and run.touched and run.peak_force > _PUSH * run.impact_force)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the encounter as one JSON object: numbers in SI, None where there is none; without the traces."""
-        return encounter_as_dict(self)
+        loop = self.loop
+        found: dict[str, Any] = plain(
+            {
+                "status": ContactStatus(self.run.status).label,
+                "headline": self.headline,
+                "gain": self.gain,
+                "method": self.prediction.method,
+                "loop": _run_as_dict(self.run),
+                "loop_no_mitigation": _run_as_dict(self.unmitigated),
+                "predicted": self.prediction,
+                "predicted_no_mitigation": self.unmitigated_prediction,
+                "comparisons": self.comparisons,
+                "contacts": self.contacts,
+                "contacts_no_mitigation": self.unmitigated_contacts,
+                "flags": self.flags,
+                "detection": self.detection,
+                "setup": {
+                    "law": type(loop.law).__name__,
+                    "period": loop.law.period,
+                    "chain": loop.chain,
+                    "plant": _part_as_dict(loop.plant),
+                    "contact": None if loop.contact is None else _part_as_dict(loop.contact),
+                    **{name: getattr(loop, name) for name in ("seed", "horizon", "follow")},
+                },
+                "warnings": self.warnings,
+            }
+        )
+        return found
 
     def __repr__(self) -> str:
         return f"<SimulatedEncounter: {self.headline}>"
 
-    def __str__(self) -> str:
-        return encounter_as_text(self)
 
-    def _repr_html_(self) -> str:
-        return encounter_as_html(self)
+def _run_as_dict(run: SimulationResult) -> dict[str, Any]:
+    return {"status": ContactStatus(run.status).label, **{name: getattr(run, name) for name in _RUN}}
 
 
-def simulate_encounter(
-    scenario: Scenario,
-    sensor: SensorModel,
-    loop: ClosedLoop,
-    gain: float,
-    *,
-    impact: ImpactModel | None = None,
-    method: str = "auto",
-    horizon: float = _HORIZON,
-) -> SimulatedEncounter:
-    """Run one encounter on the sampled loop, and put it beside the continuous solution of L(1) with L(2).
+def _part_as_dict(part: object) -> dict[str, Any]:
+    """Return the fields of a part of the loop; a class of a user's own may have none."""
+    return {"model": type(part).__name__, **(plain(part) if is_dataclass(part) else {})}
 
-    The loop is run with the gain and with gain 0, with the same noise; the prediction is made for both.
 
-    Args:
-        scenario: one encounter.
-        sensor: the sensor curve.
-        loop: the loop: sensor chain, law, robot and contact.
-        gain: D_p [N s]; negative gains mitigate.
-        impact: the physical properties, from which an elastic impact force is predicted.
-        method: of the prediction, as `find_contact` takes it.
-        horizon: how long the prediction waits for contact [s]; the loop has a horizon of its own.
+def _loop_clause(run: SimulationResult) -> str:
+    if run.touched:
+        return f"Contact on the loop at {_speed(run.relative_velocity)} after {_time(run.time)}"
+    if run.status == ContactStatus.UNRESOLVED:
+        return f"The loop runs away: its numbers leave all bounds after {_time(run.end_time)}"
+    nearest = format_quantity(run.closest_distance, "m", 3)
+    return f"No contact on the loop within {_time(run.end_time)}, {nearest} at the nearest"
 
-    Returns:
-        The runs, the predictions, and what they come to side by side.
 
-    Raises:
-        InvalidInputError: the scenario or the gain is an array.
+def _against(encounter: SimulatedEncounter) -> str:
+    """Say how much harder and earlier the contact is than predicted."""
+    speed, time = encounter.comparison("relative_velocity"), encounter.comparison("time")
+    share, late = speed.relative_difference, time.difference
+    parts = []
+    if share is not None:
+        parts.append("as hard" if abs(share) < _SAME else f"{percent(share)} {'harder' if share > 0 else 'softer'}")
+    if late is not None and time.predicted is not None:
+        same = abs(late) < _SAME * time.predicted
+        shown = format_quantity(abs(late), "s", 2 if abs(late) < 0.1 else 3)
+        parts.append("at the same time" if same else f"{shown} {'later' if late > 0 else 'earlier'}")
+    return ", ".join(parts)
 
-    Examples:
-        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import InversePower
-        >>> from pretouch.simulation import SensorChain
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
-        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> loop = ClosedLoop(
-        ...     law=Controller(
-        ...         period=1e-3,
-        ...         conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
-        ...         law=VirtualDamper(gain=0.0),
-        ...         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     ),
-        ...     chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6),
-        ... )
-        >>> encounter = simulate_encounter(scenario, sensor, loop, -0.7463)
-        >>> round(encounter.comparison("relative_velocity").relative_difference, 3)
-        0.001
-    """
-    if scenario.shape:
-        raise InvalidInputError(
-            f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
+
+def _force_sentence(encounter: SimulatedEncounter) -> str:
+    run, free = encounter.run, encounter.unmitigated
+    if not (encounter.has_contact_force and run.touched):
+        return ""
+    text = f" Impact force {_force(run.impact_force)}"
+    text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
+    text += f", later up to {_force(run.peak_force)}" if encounter.grows_after_impact else ""
+    return text + (f", {run.contacts} contacts." if run.contacts > 1 else ".")
+
+
+def _warnings(encounter: SimulatedEncounter) -> Iterator[str]:
+    run, seen = encounter.run, encounter.detection
+    if seen is None:
+        yield "The law never saw the object, so it made no force: look at its floor, its offset and the sensor's range."
+    elif seen.missed_share is not None and seen.missed_share > _LATE:
+        yield (
+            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} The prediction lets the law act from "
+            f"{format_quantity(seen.start_distance, 'm')} on."
         )
-    one = finite(gain, "gain", "N*s")
-    if not isinstance(one, float):
-        raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
-    predictions = [find_contact(scenario, sensor, g, method=method, horizon=horizon) for g in (one, 0.0)]
-    return SimulatedEncounter(
-        scenario=scenario,
-        sensor=sensor,
-        loop=loop,
-        gain=one,
-        impact=impact,
-        method=method,
-        horizon=horizon,
-        run=loop.run(scenario, sensor, one),
-        unmitigated=loop.run(scenario, sensor, 0.0),
-        prediction=predictions[0],
-        unmitigated_prediction=predictions[1],
-    )
+    approach = run.time if run.touched else run.end_time
+    for flag in encounter.flags:
+        if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
+            yield (
+                f"During the approach the law reported {flag.name} ({flag.meaning}): from {_time(flag.since)} on, for "
+                f"{_time(flag.approach_duration)} in all."
+            )
+    if run.contacts > 1:
+        hardest = max(encounter.contacts, key=lambda contact: -contact.relative_velocity)
+        which = f"the one after {_time(hardest.time)}, at {_speed(hardest.relative_velocity)},"
+        which = "the first" if hardest is encounter.contacts[0] else which
+        told = len(encounter.contacts)
+        beyond = f"; the first {told} are told apart" if run.contacts > told else ""
+        yield f"The bodies meet {run.contacts} times; {which} is the fastest{beyond}."
+    if encounter.grows_after_impact:
+        yield (
+            f"After the impact the contact force grows to {_force(run.peak_force)}: a push or another contact, not the "
+            "first impact, is the strongest."
+        )
 
 
-from .encounter_summary import (  # noqa: E402 - it describes the class above
-    encounter_as_dict,
-    encounter_as_html,
-    encounter_as_text,
-)
-from .encounter_wording import encounter_headline, encounter_warnings  # noqa: E402
+def ending_in_words(status: Any) -> str:
+    """Return how a run or a prediction ended, as `never in contact`."""
+    return ContactStatus(status).label.replace("-", " ")
+
+
+def _speed(velocity: float) -> str:
+    return format_quantity(abs(float(velocity)), "m/s", 3)
+
+
+def _time(seconds: float) -> str:
+    return format_quantity(float(seconds), "s", 3)
+
+
+def _force(newton: float) -> str:
+    return format_quantity(newton, "N", 3 if newton < 1000 else 4)

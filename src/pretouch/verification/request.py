@@ -1,29 +1,35 @@
-"""What a verdict is asked with, and what makes no sense as such."""
+"""What a verdict is asked with, the impact that it predicts with, and the encounters that are drawn for it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite
+from pretouch._core.numbers import BoolArray, FloatArray, finite, positive
 from pretouch.calibration import CalibrationReport
 from pretouch.design import ImpactModel, Objective
 from pretouch.design.robust import Required
 from pretouch.motion import ContactResult, Scenario, find_contact
+from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
-from pretouch.simulation import ClosedLoop
+from pretouch.simulation import ClosedLoop, ContactModel, PlantModel, SimulationResult
 from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.size import refuse_too_many_runs
-from pretouch.uncertainty import Uncertainty
+from pretouch.uncertainty import Ensemble, Uncertainty, make_ensemble, sample_inputs
 
-from .elastic import elastic_impact
-
-__all__ = ["Request", "check_horizon", "checked_request"]
+__all__ = ["Draws", "ElasticImpact", "VerdictRequest", "draw_encounters", "elastic_impact"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
-    """All that a verdict is asked with: the arguments of `verify_gain`, limits each with a probability."""
+class VerdictRequest:
+    """All that a verdict is asked with: the arguments of `verify_gain`, limits each with a probability.
+
+    What makes no sense is refused; the parts check the rest.
+    """
 
     scenario: Scenario
     sensor: SensorModel
@@ -39,63 +45,174 @@ class Request:
     horizon: float
     calibration: CalibrationReport | None = None
 
+    def __post_init__(self) -> None:
+        if self.scenario.shape != ():
+            raise InvalidInputError(f"scenario: found encounters of shape {self.scenario.shape}, expected one")
+        loop: Any = self.loop
+        if not isinstance(loop, ClosedLoop):
+            raise InvalidInputError(f"loop: found {type(loop).__name__}, expected a ClosedLoop")
+        law: Any = loop.law
+        if not isinstance(law, TunableLaw):
+            raise InvalidInputError(
+                f"loop: found a law ({type(law).__name__}) without with_gain, which gives it another gain"
+            )
+        if type(self.runs) is not int or self.runs < 1:
+            raise InvalidInputError(f"runs: found {self.runs!r}, expected a positive whole number")
+        refuse_too_many_runs(self.runs)
+        if not 0 < finite(self.confidence, "confidence") < 1:
+            raise InvalidInputError(
+                f"confidence: found {self.confidence:g}, expected a number between 0 and 1, such as 0.95"
+            )
+
     @property
     def foreseen_impact(self) -> ImpactModel | None:
         """The impact that is predicted with: the given one, else the loop's contact without its loss."""
         return self.impact or elastic_impact(self.loop.contact, self.loop.plant)
 
-    def contact(self, gain: float) -> ContactResult:
-        """Predict the nominal encounter in continuous time with a perfect sensor.
-
-        Args:
-            gain: D_p [N s].
-
-        Returns:
-            How it ends.
-        """
+    def predicted(self, gain: float) -> ContactResult:
+        """Return how the nominal encounter ends with a gain [N s], in continuous time with a perfect sensor."""
         return find_contact(self.scenario, self.sensor, gain, method=self.method, horizon=self.horizon)
 
+    def check_horizon(self, predicted: ContactResult) -> None:
+        """Refuse a loop that would be stopped before the contact that is predicted."""
+        if predicted.reached.all() and float(predicted.end.time) >= self.loop.horizon:
+            raise InvalidInputError(
+                f"loop horizon: found {self.loop.horizon:g} s, before the contact that is predicted after "
+                f"{float(predicted.end.time):.4g} s; give the loop a longer one"
+            )
 
-def checked_request(r: Request) -> Request:
-    """Refuse what makes no sense as a verdict; the parts check the rest.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElasticImpact(ImpactModel):
+    """Impact on F = k d^n without loss: 1/2 mu v^2 = k d^(n+1) / (n+1) gives the depth d, and so the force k d^n.
 
     Args:
-        r: the request.
+        robot_mass: the physical reflected mass of the robot at the contact point [kg].
+        obstacle_mass: mass of the obstacle [kg]; infinite where it is driven.
+        stiffness: k > 0 [N/m^n].
+        exponent: n >= 1; 1 for a spring, 3/2 for a sphere after Hertz.
+
+    Examples:
+        >>> ElasticImpact(robot_mass=1.0, stiffness=1e4, exponent=1.0).peak_force(-0.1)
+        10.0
+    """
+
+    stiffness: float
+    exponent: float
+
+    def __post_init__(self) -> None:
+        ImpactModel.__post_init__(self)
+        positive(self.stiffness, "stiffness", "N/m^n")
+        if not positive(self.exponent, "exponent") >= 1:
+            raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
+
+    def peak_force(self, relative_velocity: ArrayLike) -> Any:
+        """Return k ((n + 1) mu v^2 / (2 k))^(n / (n + 1)) [N]."""
+        n, k = self.exponent, self.stiffness
+        energy = 0.5 * (n + 1) * self.reduced_mass * np.square(relative_velocity)
+        force = k * (energy / k) ** (n / (n + 1))
+        return float(force) if np.ndim(force) == 0 else force
+
+    def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
+        """Return the derivative of the peak force [N s/m], 2 n / (n + 1) F / v."""
+        share = 2 * self.exponent / (self.exponent + 1)
+        slope = share * np.asarray(self.peak_force(relative_velocity)) / np.asarray(relative_velocity)
+        return float(slope) if np.ndim(slope) == 0 else slope
+
+
+def elastic_impact(contact: ContactModel | None, plant: PlantModel) -> ElasticImpact | None:
+    """Return a contact without its loss, met by the robot's physical mass; None where no mass meets a contact."""
+    mass = plant.coefficients()[0]
+    if contact is None or mass == 0:
+        return None
+    stiffness, _, exponent, _, inverse = contact.numbers()
+    obstacle = 1 / inverse if inverse else float("inf")
+    return ElasticImpact(robot_mass=mass, obstacle_mass=obstacle, stiffness=stiffness, exponent=exponent)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Draws:
+    """Encounters that may happen, the i-th of which always meets the i-th noise.
+
+    Args:
+        asked: what was asked, with the nominal encounter and sensor curve.
+        ensemble: the encounters that were drawn; None where each is the nominal one.
+        sensors: the curve of each, where each has one of its own.
+    """
+
+    asked: VerdictRequest
+    ensemble: Ensemble | None = None
+    sensors: tuple[SensorModel, ...] = ()
+
+    @property
+    def speed(self) -> FloatArray:
+        """|x_o'| of each encounter at the start [m/s]."""
+        return self._each(np.abs(self.scenarios.obstacle.velocity))
+
+    @property
+    def approach(self) -> FloatArray:
+        """|l'| of each encounter at the start [m/s]."""
+        return self._each(np.abs(self.scenarios.relative_velocity))
+
+    @property
+    def distance(self) -> FloatArray:
+        """The distance of each encounter at the start [m]."""
+        return self._each(self.scenarios.distance)
+
+    @property
+    def scenarios(self) -> Scenario:
+        """The encounters, of the shape () or (runs,)."""
+        return self.asked.scenario if self.ensemble is None else self.ensemble.scenario
+
+    def run(self, loop: ClosedLoop, gain: float, count: int | None = None) -> SimulationResult:
+        """Run the first encounters on a loop.
+
+        Args:
+            loop: the loop.
+            gain: D_p [N s].
+            count: how many of them; all by default.
+
+        Returns:
+            The runs, of the shape (count,).
+        """
+        n = self.asked.runs if count is None else min(count, self.asked.runs)
+        if self.ensemble is None:
+            return loop.run(self.asked.scenario, self.asked.sensor, gain, runs=n)
+        several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
+        if not self.sensors:
+            return loop.run(several, self.asked.sensor, gain)
+        return loop.run_each(several, self.sensors[:n], gain)
+
+    def predicted(self, gain: float) -> BoolArray:
+        """Tell which encounters come to a contact with a gain [N s], in continuous time with a perfect sensor."""
+        if self.ensemble is not None:
+            return self.ensemble.contacts(gain).reached
+        return np.full(self.asked.runs, bool(self.asked.predicted(gain).reached.all()))
+
+    def _each(self, value: Any) -> FloatArray:
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.asked.runs,))
+
+
+def draw_encounters(asked: VerdictRequest) -> Draws:
+    """Draw independent encounters, for which exact bounds of a probability hold.
+
+    Args:
+        asked: what was asked; the seed is that of its loop.
 
     Returns:
-        The same.
+        The encounters.
 
     Raises:
-        InvalidInputError: it makes no sense.
+        InvalidInputError: an input of the admittance is uncertain, which is a number in the controller.
     """
-    if r.scenario.shape != ():
-        raise InvalidInputError(f"scenario: found encounters of shape {r.scenario.shape}, expected one")
-    if not isinstance(r.loop, ClosedLoop):
-        raise InvalidInputError(f"loop: found {type(r.loop).__name__}, expected a ClosedLoop")
-    if not isinstance(r.loop.law, TunableLaw):
+    if not asked.uncertainty:
+        return Draws(asked=asked)
+    values = sample_inputs(asked.uncertainty, asked.runs, seed=asked.loop.seed, sampling="random")
+    known = [name for name in values if name.startswith("admittance.")]
+    if known:
         raise InvalidInputError(
-            f"loop: found a law ({type(r.loop.law).__name__}) without with_gain, which gives it another gain"
+            f"uncertainty: found {known[0]}, which is a number in the law of the loop and known exactly; leave it out"
         )
-    if type(r.runs) is not int or r.runs < 1:
-        raise InvalidInputError(f"runs: found {r.runs!r}, expected a positive whole number")
-    refuse_too_many_runs(r.runs)
-    if not 0 < finite(r.confidence, "confidence") < 1:
-        raise InvalidInputError(f"confidence: found {r.confidence:g}, expected a number between 0 and 1, such as 0.95")
-    return r
-
-
-def check_horizon(r: Request, predicted: ContactResult) -> None:
-    """Refuse a loop that would be stopped before the contact that is predicted.
-
-    Args:
-        r: the request.
-        predicted: the nominal encounter in continuous time.
-
-    Raises:
-        InvalidInputError: it would be.
-    """
-    if predicted.reached.all() and float(predicted.end.time) >= r.loop.horizon:
-        raise InvalidInputError(
-            f"loop horizon: found {r.loop.horizon:g} s, before the contact that is predicted after "
-            f"{float(predicted.end.time):.4g} s; give the loop a longer one"
-        )
+    several = make_ensemble(asked.scenario, asked.sensor, values, method=asked.method, horizon=asked.horizon)
+    own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
+    return Draws(asked=asked, ensemble=several, sensors=own)

@@ -1,7 +1,8 @@
-"""What to look at beside the verdict: what the controller reported in the runs, and what may go wrong unseen."""
+"""What a verdict rests on, and what to look at beside it: what the runs reported, and what may go wrong unseen."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -11,14 +12,14 @@ from pretouch.control import Controller, Status
 from pretouch.design import GainDesign
 from pretouch.motion import Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
-from pretouch.uncertainty.describing import share_in_words
+from pretouch.simulation.describing import loop_sentences
+from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
-from .draws import Draws
-from .parts import Comparison
-from .problem import mean_and_error
-from .wording import full_stop
+from .appraisal import mean_and_error
+from .checks import Comparison
+from .request import Draws, ElasticImpact, VerdictRequest
 
-__all__ = ["cautions_of"]
+__all__ = ["assumptions_of", "cautions_of"]
 
 _SHARE: Final = 0.1  # of a late detection, below which a cause is not named
 _LATE: Final = 0.95  # of the distance at the start: nearer, a first detection is late
@@ -37,8 +38,47 @@ _FLAGS: Final = {
 }
 
 
+def assumptions_of(asked: VerdictRequest, compared: int) -> tuple[str, ...]:
+    """Say what a verdict rests on.
+
+    Args:
+        asked: what was asked.
+        compared: how many of the runs changes and gains are compared by.
+
+    Returns:
+        Sentences.
+    """
+    loop, runs = asked.loop, asked.runs
+    uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(asked.uncertainty, asked.sensor)]
+    first = f" in the first {compared} of them" if compared < runs else ""
+    number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
+    return (
+        *loop_sentences(loop),
+        *_force(asked),
+        *(uncertain or ["Encounter: the nominal one in every run; nothing of it is uncertain."]),
+        f"Runs: {number}; other gains and changes meet the same noise{first}.",
+        "Predicted is the nominal encounter in continuous time with a perfect sensor, the robot following exactly.",
+        "Stability is that of the loop linearized at each distance of the nominal curve, without noise, misfit, "
+        "jitter, limits and friction.",
+        "Left out: whatever changes the sensor curve (color, shape and angle of the object, other light) beyond what "
+        "is named as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
+    )
+
+
+def _force(asked: VerdictRequest) -> Iterator[str]:
+    """Say where the predicted impact force comes from."""
+    if asked.loop.contact is None:
+        if asked.impact is not None:
+            yield "An impact model makes an impact force of the speed of contact."
+        return
+    if isinstance(asked.foreseen_impact, ElasticImpact):
+        text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
+    else:
+        text = "The predicted impact force is that of the impact model that was given"
+    yield f"{text}; loss in the contact lowers the simulated one, the robot's drive and a driven obstacle raise it."
+
+
 def cautions_of(
-    loop: ClosedLoop,
     draws: Draws,
     runs: tuple[SimulationResult, SimulationResult],
     comparisons: tuple[Comparison, ...],
@@ -47,8 +87,7 @@ def cautions_of(
     """Collect what to look at.
 
     Args:
-        loop: the loop.
-        draws: the encounters.
+        draws: the encounters, with what was asked.
         runs: with mitigation, and without.
         comparisons: predicted and simulated quantities.
         design: the ideal design.
@@ -56,10 +95,10 @@ def cautions_of(
     Returns:
         Sentences.
     """
-    result, unmitigated = runs
+    loop, (result, unmitigated) = draws.asked.loop, runs
     said = [
-        "" if design.gain is not None else f"The ideal design has no gain. {full_stop(design.headline)}",
-        _other_admittance(loop, draws.scenario),
+        "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",
+        _other_admittance(loop, draws.asked.scenario),
         _recession(loop),
         *_detection(loop, draws, result),
         _push(loop, result, unmitigated),

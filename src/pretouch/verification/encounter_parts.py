@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import finite_or_none
+from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.control import Status
 from pretouch.design.impact import ImpactModel
 from pretouch.motion import ContactResult, Scenario
@@ -25,23 +28,13 @@ __all__ = [
     "contacts_of",
     "detection_of",
     "flags_of",
+    "percent",
 ]
 
-_AT_CONTACT: Final = (
-    ("time", "time of contact", "s"),
-    ("relative_velocity", "relative velocity at contact", "m/s"),
-    ("position", "plant position at contact", "m"),
-)
-_LARGEST: Final = (
-    ("largest_excursion", "largest excursion |x - x_d|", "m"),
-    ("largest_virtual_force", "largest virtual force", "N"),
-)
-_OF_CONTACT: Final = (
-    ("impact_force", "impact force", "N"),
-    ("peak_force", "peak contact force", "N"),
-    ("impulse", "impulse of all contacts", "N*s"),
-    ("rebound_velocity", "relative velocity after impact", "m/s"),
-)
+_AT_CONTACT: Final = ("time", "relative_velocity", "position")
+_LARGEST: Final = ("largest_excursion", "largest_virtual_force")
+_OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity")
+_SAME: Final = 5e-5  # relative: what four digits do not tell apart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +80,22 @@ class QuantityComparison(Value):
         if self.loop is None or not self.predicted:
             return None
         return abs(self.loop) / abs(self.predicted) - 1
+
+    @property
+    def difference_in_words(self) -> str:
+        """The difference in the unit of the quantity, and as a share of its magnitude; empty where it is not known."""
+        share = self.relative_difference
+        if self.difference is None:
+            return ""
+        if not self.difference or (share is not None and abs(share) < _SAME):
+            return "none"
+        text = format_quantity(self.difference, self.unit, 3)
+        text = text if text.startswith("-") else f"+{text}"
+        return text if share is None else f"{text} ({'+' if share > 0 else '-'}{percent(share)})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as one JSON object, in SI."""
+        return {**asdict(self), "difference": self.difference, "relative_difference": self.relative_difference}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,6 +162,17 @@ class Detection(Value):
     missed_share: float | None
     time_left: float | None
 
+    @property
+    def sentence(self) -> str:
+        """When and how far away the law first saw the object, in one sentence."""
+        if self.time == 0:
+            return f"The law saw the object from the start, at {format_quantity(self.distance, 'm')}."
+        text = f"The law first saw the object after {format_quantity(self.time, 's', 3)}, at "
+        text += f"{format_quantity(self.distance, 'm')} of {format_quantity(self.start_distance, 'm')}"
+        if self.missed_share is not None:
+            text += f"; {100 * self.missed_share:.2g} % of the change of ln xi until contact had passed by then"
+        return f"{text}."
+
 
 _MEANINGS: Final[dict[Status, str]] = {
     Status.DETECTING: "an object is seen",
@@ -168,6 +188,12 @@ _MEANINGS: Final[dict[Status, str]] = {
 }
 _OWN: Final = "a flag of the law's own"
 _NO_TROUBLE: Final = frozenset({_MEANINGS[Status.DETECTING], _MEANINGS[Status.IN_CONTACT], _OWN})
+
+
+def percent(share: float) -> str:
+    """Return the size of a share in percent, in two digits or whole ones."""
+    size = abs(100 * share)
+    return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
 
 
 def compare_contacts(
@@ -189,55 +215,42 @@ def compare_contacts(
         Time, relative velocity and position of the contact; the smallest distance where a run has none; the largest
         excursion and virtual force; and what the contact force comes to.
     """
+    ends = [p.end if p.reached.all() else None for p in predictions]
 
-    def row(name: str, label: str, unit: str, found: list[float | None]) -> QuantityComparison:
-        loop, loop_unmitigated, predicted, predicted_unmitigated = found
+    def row(name: str, loop: Iterable[float], predicted: Iterable[float]) -> QuantityComparison:
+        (own, free), (foreseen, foreseen_free) = map(finite_or_none, loop), map(finite_or_none, predicted)
         return QuantityComparison(
             name=name,
-            label=label,
-            unit=unit,
-            loop=loop,
-            predicted=predicted,
-            loop_unmitigated=loop_unmitigated,
-            predicted_unmitigated=predicted_unmitigated,
+            label=words_for(name),
+            unit=unit_of(name),
+            loop=own,
+            predicted=foreseen,
+            loop_unmitigated=free,
+            predicted_unmitigated=foreseen_free,
         )
 
-    def solved(name: str) -> list[float | None]:
-        return [finite_or_none(getattr(p.end, name)) if p.reached.all() else None for p in predictions]
+    def solved(name: str) -> QuantityComparison:
+        predicted = (math.nan if end is None else getattr(end, name) for end in ends)
+        return row(name, (getattr(r, name) for r in runs), predicted)
 
-    rows = [row(*quantity, [*_of_runs(runs, quantity[0]), *solved(quantity[0])]) for quantity in _AT_CONTACT]
-    if not all(r.touched for r in runs) or not all(p.reached.all() for p in predictions):
-        nearest = [0.0 if r.touched else finite_or_none(r.closest_distance) for r in runs]
-        rows.append(
-            row(
-                "closest_distance",
-                "smallest distance",
-                "m",
-                [*nearest, *(finite_or_none(p.closest_distance) for p in predictions)],
-            )
-        )
-    rows += [row(*quantity, [*_of_runs(runs, quantity[0]), *solved(quantity[0])]) for quantity in _LARGEST]
-    for quantity in _OF_CONTACT if has_contact_force else ():
-        elastic: list[float | None] = [None, None]
-        if quantity[0] == "impact_force" and impact is not None:
-            elastic = [
-                finite_or_none(impact.peak_force(p.end.relative_velocity)) if p.reached.all() else None
-                for p in predictions
-            ]
-        found = [finite_or_none(getattr(r, quantity[0])) if r.touched else None for r in runs]
-        rows.append(row(*quantity, [*found, *elastic]))
-    return tuple(rows)
+    def of_contact(name: str) -> QuantityComparison:
+        known = impact if name == "impact_force" else None
+        elastic = (math.nan if known is None or e is None else known.peak_force(e.relative_velocity) for e in ends)
+        return row(name, (getattr(r, name) if r.touched else math.nan for r in runs), elastic)
 
-
-def _of_runs(runs: tuple[SimulationResult, SimulationResult], name: str) -> list[float | None]:
-    return [finite_or_none(getattr(r, name)) for r in runs]
+    rows = [solved(name) for name in _AT_CONTACT]
+    if not all(r.touched for r in runs) or None in ends:
+        nearest = (0.0 if r.touched else r.closest_distance for r in runs)
+        rows.append(row("closest_distance", nearest, (p.closest_distance for p in predictions)))
+    rows += [solved(name) for name in _LARGEST]
+    return (*rows, *(of_contact(name) for name in _OF_CONTACT if has_contact_force))
 
 
 def contacts_of(run: SimulationResult, *, has_contact_force: bool) -> tuple[LoopContact, ...]:
     """Read the contacts of a single run, of which it tells 32 apart."""
     found = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
-        time, velocity, *rest = (finite_or_none(v) for v in row)
+        time, velocity, *rest = map(finite_or_none, row)
         peak, impulse, rebound, duration = rest if has_contact_force else (None,) * 4
         found.append(
             LoopContact(

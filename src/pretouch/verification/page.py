@@ -1,0 +1,321 @@
+"""What a verdict says: whether the gain holds and why not, what would help, and what it all rests on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.blocks import Cell, Listing, Measured, Page, Paragraph, Picture, Section, Table, named
+from pretouch._core.units import format_quantity
+from pretouch._core.vocabulary import words_for
+from pretouch.design.page import objective_rows
+from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
+from pretouch.motion.describing import inputs_section, method_section
+from pretouch.simulation.describing import loop_section
+
+from .checks import Comparison, LimitCheck, RunSpread, VerdictStatus
+from .improvement_page import best_change_section, changes_section, gain_blocks
+from .result import Verdict
+from .stability import StabilityCheck
+
+__all__ = ["verdict_page"]
+
+Row = tuple[Cell, ...]
+
+_WHY: Final = {
+    VerdictStatus.HOLDS_NARROWLY: "Why it holds only narrowly",
+    VerdictStatus.DOES_NOT_HOLD: "Why it does not hold",
+    VerdictStatus.NO_GAIN: "Why it was not verified",
+}
+_COMPARED: Final = (
+    "Predicted: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly. "
+    "Simulated: {runs} of the loop that is stated below, those that came to a contact. With D_p = 0, without "
+    "mitigation, the same loop meets the same noise. Largest: until the first contact, but for the contact force. "
+    "Simulated and predicted, not measured."
+)
+_SHARES: Final = (
+    "In which share of the runs a quantity stays below a value, on the loop with the gain and without mitigation. "
+    "Rings: predicted values, drawn at half of the runs. Dotted: limits, and the share of the runs that is required of "
+    "them. A curve that stays below 100 %: the others end without contact. A curve that is missing: the quantity is "
+    "zero in every run."
+)
+_TWO_RUNS: Final = (
+    "Two of the runs until contact, by their speed there, beside the prediction for the nominal encounter. Where "
+    "inputs are uncertain, each run is another encounter."
+)
+_OF_LIMITS: Final = (
+    '"At least" is the exact lower bound (Clopper and Pearson) of the probability that the limit holds, with a '
+    'confidence of {confidence:g} %. "Shown": that bound is no less than what is required. No number of runs can show '
+    "that a limit always holds."
+)
+_STABLE: Final = (
+    "The gain from which on the loop, linearized at each distance, is unstable; half of it; and the verified gain. "
+    "What counts is the lowest point."
+)
+_OF_CALIBRATION: Final = (
+    "Each sensor is a curve, an offset and a misfit that the readings of the calibration allow, as likely as they make "
+    "it. The controller goes on subtracting the offset that it subtracts; the loop runs without noise."
+)
+_OF_THE_RUNS: Final = (
+    "Each run is an independent draw of encounter and noise, on the loop as it is stated above: the controller that a "
+    "robot would run, step by step at its own period, on readings with the delay, noise and steps of the sensor chain.",
+    "Robot and contact are integrated by Runge-Kutta's method of order 4; the first contact is located between two "
+    "steps.",
+    "Other gains and changes meet the same encounters and the same noise, so that differences are those of the change "
+    "and not of chance; what is left of chance is the standard error.",
+    "Stability is that of the exactly discretized linear loop at each distance: eigenvalues on the unit circle.",
+)
+
+
+def verdict_page(verdict: Verdict) -> Page:
+    """Describe a verdict.
+
+    Args:
+        verdict: a verdict of any status.
+
+    Returns:
+        Its page.
+    """
+    v = verdict
+    return Page(
+        kind="Does the gain hold on this loop?",
+        headline=v.headline,
+        status=v.status.value.replace("-", " "),
+        good=v.status in {VerdictStatus.HOLDS, VerdictStatus.HOLDS_NARROWLY},
+        key_figures=tuple(_key_figures(v)),
+        warnings=v.warnings,
+        blocks=(
+            Paragraph(text=v.status.meaning, quiet=True),
+            _reasons(v),
+            best_change_section(v),
+            _comparison(v),
+            _limits(v),
+            _stability(v),
+            _calibration(v),
+            _gain(v),
+            changes_section(v),
+            _assumptions(v),
+            loop_section(v.loop),
+            inputs_section(v.scenario, v.sensor),
+            _uncertain(v),
+            _method(v),
+        ),
+    )
+
+
+def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
+    if v.gain is None:
+        return
+    ideal = v.design.gain
+    beside = "the ideal optimum" if ideal == v.gain else "no ideal one" if ideal is None else f"ideal {_newton(ideal)}"
+    yield f"verified gain D_p; {beside}", Measured(v.gain, "N*s")
+    for name in ("relative_velocity", "impact_force", "peak_force"):
+        c = v.comparison(name)
+        if c is not None:
+            shown = ((c.predicted, "predicted"), (_mean(c.unmitigated), "without mitigation"))
+            others = [f"{format_quantity(value, c.unit, 3)} {text}" for value, text in shown if value is not None]
+            yield "; ".join([f"mean {c.label}", *others]), Measured(_mean(c.simulated), c.unit, 3)
+    check = v.stability
+    if check is None:
+        yield "margin to instability", "not known"
+        return
+    margin = "none unstable" if math.isinf(check.margin) else f"\u00d7 {check.margin:.3g}"
+    yield f"margin to instability; unstable from {_newton(check.strongest)}", margin
+    least = "none is enough" if math.isinf(check.lowest_rate_with_margin) else f"{check.lowest_rate_with_margin:.3g} Hz"
+    name = f"lowest rate for this gain; {least} for a margin of 2; the sensor has {check.rate:.3g} Hz"
+    yield name, _rate(check.lowest_rate)
+
+
+def _newton(gain: float) -> str:
+    return format_quantity(gain, "N*s") if math.isfinite(gain) else "-\u221e"
+
+
+def _rate(rate: float) -> Cell:
+    return "none is enough" if math.isinf(rate) else Measured(rate, "Hz", 3)
+
+
+def _reasons(v: Verdict) -> Section | None:
+    if not v.reasons:
+        return None
+    if v.gain is not None:
+        return Section(title=_WHY[v.status], titled=True, blocks=(Listing(items=v.reasons, brief=True),))
+    tried = (
+        "Nothing was run. What can be tried: a relaxed limit, a wider range of gains, an earlier detection, another "
+        "admittance."
+    )
+    head = ("limit", "at most", "nearest that a gain gets", "at D_p")
+    asked: tuple[Row, ...] = tuple(
+        (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, "N*s"))
+        for c in v.design.constraints
+    )
+    limits = Table(head=head, rows=asked) if asked else None
+    blocks = (Listing(items=v.reasons, brief=True), Paragraph(text=tried), limits)
+    return Section(title=_WHY[v.status], titled=True, blocks=blocks)
+
+
+def _comparison(v: Verdict) -> Section | None:
+    if v.reached is None or v.mitigated is None or v.unmitigated is None:
+        return None
+    head = ("", "predicted", "mean of the runs", "5 % to 95 %", "worst", "predicted, D_p = 0", "mean, D_p = 0")
+    note = _COMPARED.format(runs=_runs(v))
+    table = Table(head=head, rows=tuple(map(_comparison_row, v.comparisons)), note=note, brief=True)
+    shares = Picture(
+        figure="verdict", of=v, name="Share of runs in which each quantity stays below a value", caption=_SHARES
+    )
+    name = "Distance and relative velocity of two runs over time, beside the prediction"
+    runs = Picture(figure="verdict_run", of=v, name=name, caption=_TWO_RUNS)
+    touched = v.mitigated.touched.any() or v.unmitigated.touched.any()
+    blocks = (table, Paragraph(text=_reached(v)), shares if touched else None, runs)
+    return Section(title="Predicted and simulated", blocks=blocks)
+
+
+def _runs(v: Verdict) -> str:
+    return f"{v.runs} run{'' if v.runs == 1 else 's'}"
+
+
+def _comparison_row(c: Comparison) -> Row:
+    s = c.simulated
+    return (
+        named(c.name, magnitude=c.name == "relative_velocity"),
+        Measured(c.predicted, c.unit),
+        Measured(_mean(s), c.unit),
+        Measured(None) if s is None else _between(s, c.unit),
+        Measured(None if s is None else s.worst, c.unit),
+        Measured(c.predicted_unmitigated, c.unit),
+        Measured(_mean(c.unmitigated), c.unit),
+    )
+
+
+def _mean(spread: RunSpread | None) -> float | None:
+    return None if spread is None else spread.mean
+
+
+def _between(spread: RunSpread, unit: str) -> str:
+    low, high = (format_quantity(x, unit, 3) for x in (spread.low, spread.high))
+    (first, own), (last, other) = low.partition(" ")[::2], high.partition(" ")[::2]
+    return f"{first} to {last} {other}".strip() if own == other else f"{low} to {high}"
+
+
+def _reached(v: Verdict) -> str:
+    """Say which runs came to a contact."""
+    if v.reached is None:
+        return ""
+    text = f"A contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and came in "
+    text += f"{share_in_words(v.reached.simulated)} of the {_runs(v)}"
+    text += f"; {v.reached.missing} end without the one that is predicted" if v.reached.missing else ""
+    if v.reached.low is not None:
+        text += f". A predicted one comes with a probability of at least {share_in_words(v.reached.low)}, with a "
+        text += f"confidence of {100 * v.confidence:g} %"
+    return f"{text}."
+
+
+def _limits(v: Verdict) -> Section | None:
+    if not v.limits:
+        return None
+    head = (
+        "limit",
+        "at most",
+        "must hold in",
+        "held in",
+        "at least",
+        "predicted",
+        "value at that share",
+        "margin",
+        "state",
+    )
+    sources = (f" {c.label.capitalize()}: {c.source}." for c in v.limits if c.source != "simulated")
+    note = _OF_LIMITS.format(confidence=100 * v.confidence) + "".join(sources)
+    table = Table(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
+    return Section(title="Limits", blocks=(table,))
+
+
+def _limit_row(check: LimitCheck) -> Row:
+    p, unit = check.required.probability, check.unit
+    state = "held in every run" if p == 1 else "shown" if check.low >= p else "held, not shown"
+    return (
+        check.label,
+        Measured(check.limit, unit),
+        "every run" if p == 1 else f"{100 * p:g} %",
+        share_in_words(check.held),
+        share_in_words(check.low),
+        *(Measured(value, unit) for value in (check.predicted, check.value, check.margin)),
+        state if check.is_met else "MISSED",
+    )
+
+
+def _stability(v: Verdict) -> Section | None:
+    if not v.stability_text:
+        return None
+    check, title = v.stability, "Is the sensor fast enough?"
+    text = Paragraph(text=v.stability_text, brief=True)
+    if check is None:
+        return Section(title=title, blocks=(text,))
+    name = "Strongest stable gain over the distance"
+    picture = Picture(figure="verdict_stability", of=v, name=name, caption=_STABLE)
+    shown = picture if math.isfinite(check.strongest) and check.strongest != 0 else None
+    return Section(title=title, blocks=(text, Table(rows=tuple(_stability_rows(check))), shown))
+
+
+def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
+    yield "margin: how many times the gain may grow", Measured(check.margin)
+    yield "strongest stable gain", Measured(check.strongest, "N*s")
+    if math.isfinite(check.strongest):
+        yield "at the critical distance", Measured(check.critical_distance, "m")
+    if math.isfinite(check.frequency):
+        yield "where it oscillates at", Measured(check.frequency, "Hz")
+    yield "rate of the sensor", Measured(check.rate, "Hz")
+    yield "rate from which on this gain is stable", _rate(check.lowest_rate)
+    yield "rate from which on it has a margin of 2", _rate(check.lowest_rate_with_margin)
+
+
+def _calibration(v: Verdict) -> Section | None:
+    check = v.calibration_check
+    if check is None:
+        return None
+    shares = (("5 %", check.low), ("half", check.median), ("95 %", check.high))
+    rows: tuple[Row, ...] = (
+        (f"{words_for('relative_velocity')} on the fitted curve", Measured(check.promised, "m/s")),
+        *((f"{name} of the sensors stay below", Measured(x, "m/s")) for name, x in shares if x is not None),
+        ("contact is more than 15 % harder on", f"{check.harder} of {check.draws}"),
+        ("a limit is missed that the fitted curve keeps on", f"{check.broken} of {check.draws}"),
+        ("no contact comes on", f"{check.missing} of {check.draws}"),
+    )
+    text = Paragraph(text=check.text, brief=check.is_good_enough)  # else it is one of the reasons
+    return Section(title="Is the calibration good enough?", blocks=(text, Table(rows=rows, note=_OF_CALIBRATION)))
+
+
+def _gain(v: Verdict) -> Section:
+    tried = v.loss is not None
+    caption = "The objective of the nominal encounter in continuous time (ideal)"
+    caption += ", and its mean over the runs on the loop, as far as gains were tried there" if tried else ""
+    caption += ". Thin and grey: gains that miss a limit"
+    caption += ", or make contact harder than without mitigation." if tried else "."
+    name = "Objective over the gain, in the ideal world and on the loop"
+    known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
+    picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
+    terms = Table(head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition)))
+    shown = picture if any(np.isfinite(objective).any() for objective in known) else None
+    title = "The objective over the gain" if v.gain is None else "The gain on this loop"
+    return Section(title=title, blocks=(*gain_blocks(v), shown, terms))
+
+
+def _assumptions(v: Verdict) -> Section | None:
+    said = Listing(items=v.assumptions, brief=True)
+    return Section(title="What this rests on", titled=True, blocks=(said,)) if v.assumptions else None
+
+
+def _uncertain(v: Verdict) -> Section | None:
+    rows = tuple(uncertainty_in_words(v.uncertainty, v.sensor))
+    note = "Encounter and sensor are listed above at their given values."
+    table = Table(head=("input", "what is known of it"), rows=rows, wraps=True, note=note)
+    return Section(title="What is uncertain", blocks=(table,)) if rows else None
+
+
+def _method(v: Verdict) -> Section:
+    runs = Section(title="Of the runs", blocks=(Listing(items=_OF_THE_RUNS),))
+    prediction = replace(method_section(v.design.method), title="Of the prediction")
+    return Section(title="Method and assumptions", blocks=(runs, prediction))

@@ -7,8 +7,24 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from html import escape
 from typing import Final
+from urllib.parse import quote
 
-from .blocks import Block, Cell, Code, Listing, Measured, Named, Page, Paragraph, Picture, Section, Table, tables_of
+from .blocks import (
+    LINK,
+    Block,
+    Cell,
+    Code,
+    Download,
+    Listing,
+    Measured,
+    Named,
+    Page,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    tables_of,
+)
 from .units import format_quantity, pretty_unit
 
 __all__ = ["blocks_as_html", "cell_as_html", "page_as_excerpt", "page_top"]
@@ -47,7 +63,7 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
     """
     for block in blocks:
         if isinstance(block, Section):
-            yield f"<h{level}>{_inline(block.title)}</h{level}>"
+            yield f"<h{level}{_id(block.anchor)}>{_inline(block.title)}</h{level}>"
             yield from blocks_as_html(block.blocks, draw, min(level + 1, 4))
         elif isinstance(block, Table):
             if block.rows:
@@ -59,7 +75,13 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
         elif isinstance(block, Listing):
             yield "\n".join(["<ul>", *(f"<li>{_inline(item)}</li>" for item in block.items), "</ul>"])
         elif isinstance(block, Code):
-            yield f"<pre>{escape(block.text)}</pre>"
+            code = f"<pre>\n{escape(block.text)}</pre>"  # readers drop the line end right after the tag
+            folds = f"<details open>\n<summary>{_inline(block.title)}</summary>\n{code}\n</details>"
+            yield folds if block.title else code
+        elif isinstance(block, Download):
+            address, size = f"data:{block.kind},{quote(block.text, safe=',:')}", max(1, round(len(block.text) / 1000))
+            name = escape(block.name)
+            yield f'<p><a{_id(block.anchor)} download="{name}" href="{address}">{name}</a> ({size} kB)</p>'
         else:
             name = escape(block.name)
             yield f'<figure>\n<div class="scroll" role="img" aria-label="{name}">{draw(block)}</div>'
@@ -94,6 +116,11 @@ def cell_as_html(cell: Cell) -> str:
     return escape(pretty_unit(format_quantity(value, cell.unit, cell.digits)) + cell.beside)
 
 
+def _id(anchor: str) -> str:
+    return f' id="{escape(anchor)}"' if anchor else ""
+
+
 def _inline(text: str) -> str:
-    """Escape a sentence; what stands between backticks is code."""
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+    """Escape a sentence; what stands between backticks is code, and links lead to anchors of the page."""
+    linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)

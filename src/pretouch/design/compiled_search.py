@@ -19,7 +19,7 @@ from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
 
 from .bound import falls
-from .impact import HertzImpact, ImpactModel, SpringImpact
+from .impact import ElasticImpact, ImpactModel
 from .objectives import Objective
 from .problem import Problem
 
@@ -102,9 +102,9 @@ def _terms(objective: Objective, impact: ImpactModel | None) -> list[tuple[float
     rows: list[tuple[float, float, float, float]] = []
     for term in objective.terms:
         factor, exponent, quantity = 1.0, 2.0, term.quantity
-        if quantity == "impact_force" and type(impact) in {SpringImpact, HertzImpact} and impact is not None:
+        if quantity == "impact_force" and isinstance(impact, ElasticImpact):
             factor, quantity = impact.peak_force(1.0), "relative_velocity"
-            exponent = 2.0 if type(impact) is SpringImpact else 2.4
+            exponent = 2 * impact.speed_exponent
         if quantity not in _ROWS:
             return None
         follows = isinstance(term.scale, str)

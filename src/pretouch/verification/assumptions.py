@@ -10,7 +10,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, HuntCrossley, ImpedancePlant, PositionPlant, SpringDamper
 from pretouch.uncertainty import Uncertainty
 
-from .elastic import ElasticImpact
+from .elastic import elastic_impact
 from .timing import fills_period, told_period
 
 __all__ = ["assumptions_of"]
@@ -157,7 +157,7 @@ def _contact(loop: ClosedLoop, impact: ImpactModel | None) -> str:
     else:
         text = f"Contact: {type(contact).__name__}"
     text += f", obstacle {met}; followed for {format_quantity(loop.follow, 's')}. "
-    if isinstance(impact, ElasticImpact):
+    if impact == elastic_impact(contact, loop.plant):
         text += "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
     else:
         text += "The predicted impact force is that of the impact model that was given"

@@ -153,6 +153,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "part": lambda: pt.sensor_part("VCNL4010"),
     "position plant": lambda: pt.PositionPlant(mass=2.0, bandwidth=20.0),
     "hertz": lambda: pt.HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01),
+    "elastic": lambda: pt.design.ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),
     "spring damper": lambda: pt.SpringDamper(stiffness=1e4, damping=3.0),
     "controller": lambda: replace(controller(1e-3), limits=control.Limits(speed=1.0)),
     "expected": pt.Expected,

@@ -79,6 +79,14 @@ def test_the_contents_lead_to_every_part_and_finding(page: str) -> None:
     assert [re.sub("<[^>]*>", " ", row).split()[-4:] for row in counted[1:]] == [["1"] * 4, ["1"] * 4, ["2"] * 4]
 
 
+def test_a_notebook_shows_counts_and_warnings_without_links() -> None:
+    shown = bad()._repr_html_()
+    assert "<a " not in shown
+    assert "](#" not in shown
+    assert "Warning: Does not come out here: finding 7: Column 7" in shown
+    assert "table-2: The gains of table-2" in shown
+
+
 def test_the_code_is_shown_as_it_is(page: str) -> None:
     # readers of HTML drop one line end right after <pre>
     assert [text.removeprefix("\n") for text in parse(page).code] == [CODE, CODE]

@@ -33,10 +33,11 @@ QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page) -> str:
-    """Write what a notebook shows of a page: its headline, its warnings and its first brief table."""
+    """Write what a notebook shows of a page: its headline, its warnings and its first brief table, without links."""
     table = next((table for table in tables_of(page.blocks) if table.brief), None)
-    said = "".join(f"<p>Warning: {escape(text)}</p>" for text in page.warnings)
-    return f"<p><b>{escape(page.headline)}</b></p>{said}{'' if table is None else _table(table)}"
+    said = "".join(f"<p>Warning: {_inline(text)}</p>" for text in page.warnings)
+    shown = f"<p><b>{escape(page.headline)}</b></p>{said}{'' if table is None else _table(table)}"
+    return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", shown)
 
 
 def page_top(page: Page) -> str:

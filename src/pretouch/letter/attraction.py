@@ -49,7 +49,8 @@ def reproduce(ran: Ran) -> Reproduction:
     starts, ends = ran["starts"][same], around.time[same, -1]
     columns = {"l(0) [mm]": (1e3 * starts, ".1f"), "l(0) - B [mm]": (1e3 * (starts - b), "+.1f")}
     columns |= {"part of it left at contact": (left[same], ".3f"), "time of contact [s]": (ends, ".3f")}
-    motions = {name: ran[name] for name in ("around", "letter", "uniform")}
+    course, names = ("time", "distance", "relative_velocity"), ("around", "letter", "uniform")
+    motions = {name: {of: getattr(ran[name], of) for of in course} for name in names}
     return Reproduction(
         summary="With δ = l - (A t + B), L(14) becomes M δ'' + (D + D_p g(l)) δ' + (K + 2 b_2 D_p A) δ = 0, without an "
         "approximation. For the approaching root of L(17) the stiffness in it is K (1 + s)/2 > 0, with s² = 1 + 8 b_2 "
@@ -67,25 +68,17 @@ def reproduce(ran: Ran) -> Reproduction:
             "initial_distance": ran["starts"],
             "initial_relative_velocity": ran["speeds"],
             "deviation_left_at_contact": left,
-            "motion": {
-                name: {"time": m.time, "distance": m.distance, "relative_velocity": m.relative_velocity}
-                for name, m in motions.items()
-            },
+            "motion": motions,
         },
     )
 
 
 def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
-    stiffness, rate = (
-        GIVEN["K_a"] + 2 * GIVEN["b_2"] * GIVEN["D_p"] * ran["a"],
-        ran["around"].relative_velocity - ran["a"],
-    )
-    energy = GIVEN["M_a"] * rate**2 / 2 + stiffness * apart**2 / 2
+    stiffness = GIVEN["K_a"] + 2 * GIVEN["b_2"] * GIVEN["D_p"] * ran["a"]
+    energy = GIVEN["M_a"] * (ran["around"].relative_velocity - ran["a"]) ** 2 / 2 + stiffness * apart**2 / 2
     falls = bool(np.diff(energy / energy[:, :1], axis=1).max() < 0)
-    slope, own = (
-        np.abs(ran["sensor"].log_slope(np.array([0.0, ran["b"]]))),
-        ran["letter"].relative_velocity[-1] / ran["a"] - 1,
-    )
+    at_contact, at_b = np.abs(ran["sensor"].log_slope(np.array([0.0, ran["b"]])))
+    own = ran["letter"].relative_velocity[-1] / ran["a"] - 1
     return finding(
         9,
         "Orbits are drawn to the uniform motion, but contact comes first",
@@ -98,7 +91,7 @@ def _attracted(ran: Ran, apart: FloatArray, left: FloatArray) -> Finding:
         ("smallest part of the deviation left at contact", left.min()),
         ("largest part", left.max()),
         ("both are between 0 and 1", bool(left.min() > 0 and left.max() < 1)),
-        ("g(B) / g(0), the limit for strong gains", slope[1] / slope[0]),
+        ("g(B) / g(0), the limit for strong gains", at_b / at_contact),
         ("relative velocity at contact from the letter's start, against A", 100 * own, "%"),
     )
 

@@ -8,13 +8,13 @@ from typing import Final
 from pretouch.design import Constraint, GainDesign, design_gain
 
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, BOUNDS, F_1, SENSORS, approach, f_1, sensor
+from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
 
 __all__ = ["PROGRAM", "reproduce"]
 
 PROGRAM: Final = Program(
     "Section VI-B: limits on the range of motion and on the relative velocity as inequality constraints.",
-    {"admittance": approach().admittance, "scenario": approach(), "sensor": sensor("inverse-power")},
+    ONE_APPROACH,
     """\
 f_1 = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 limits = np.linspace(0.05, 0.13, 41)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -52,29 +53,22 @@ def reproduce(ran: Ran) -> Reproduction:
     """Compare the positions at contact with the printed ones."""
     motions = {name: ran["motions"][label] for name, label in NAMES.items()}
     power, first, second = (float(m.position[-1]) for m in motions.values())
-    span = over_rounding("exponential-2", lambda curve: _position(curve, "uniform-motion"))
+    rounded = over_rounding("exponential-1", _position)
+    span = over_rounding("exponential-2", partial(_position, method="uniform-motion"))
     lag = "friction, servo lag and readings that the curve does not hold are on the hardware only"
     own = "the parameters of Table I in L(19) give another value, whatever their last digits (finding 4)"
     reference = "the letter's reference is a measured motion, ours the integrated inverse power curve"
-    fits = (
-        (f"R² of {NAMES[n]}", p, _r_squared(motions, n)) for n, p in zip([*NAMES][1:], ("0.992", "0.984"), strict=True)
-    )
+    fits = {"exponential-1": "0.992", "exponential-2": "0.984"}
+    r_squared = ((f"R² of {NAMES[name]}", printed, _r_squared(motions, name)) for name, printed in fits.items())
     return Reproduction(
         summary="The inverse power curve, integrated, stands in for the letter's measured motion. The first order is "
         "solved in closed form, the second order by its uniform motion, as in the letter.",
         parameters=PARAMETERS,
         comparisons=(
             Printed("x at contact, experiment; ours: inverse power", "-0.132", power, "m", PLACE, lag, hardware=True),
-            Printed(
-                "x at contact, first order L(10)",
-                "-0.135",
-                first,
-                "m",
-                PLACE,
-                over_inputs=over_rounding("exponential-1", _position),
-            ),
+            Printed("x at contact, first order L(10)", "-0.135", first, "m", PLACE, over_inputs=rounded),
             Printed("x at contact, second order L(19)", SECOND, second, "m", PLACE, own, over_inputs=span),
-            *(Printed(*fit, "", PLACE, reference, hardware=True) for fit in fits),
+            *(Printed(*fit, "", PLACE, reference, hardware=True) for fit in r_squared),
         ),
         findings=(_second_order(second, *span),),
         caption="The uniform motion does not start where the plant is: it is one particular solution, and at t = 0 it "

@@ -24,6 +24,7 @@ __all__ = [
     "EXPERIMENT_GAIN",
     "F_1",
     "F_2",
+    "ONE_APPROACH",
     "SENSORS",
     "approach",
     "best_gain",
@@ -163,3 +164,11 @@ def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
     values = np.array([evaluate(sensor(name, numbers)) for numbers in shifted])
     ends = np.stack([values.min(axis=0), values.max(axis=0)], axis=-1)
     return (float(ends[0]), float(ends[1])) if ends.ndim == 1 else ends
+
+
+ONE_APPROACH: Final = {
+    "admittance": approach().admittance,
+    "scenario": approach(),
+    "sensor": sensor("inverse-power"),
+}
+"""What most programs begin with, by the names that they have for it."""

@@ -7,13 +7,13 @@ from typing import Final
 from pretouch.design import Constraint, GainDesign, design_gain
 
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, BOUNDS, F_1, SENSORS, approach, f_1, sensor
+from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
 
 __all__ = ["PROGRAM", "reproduce"]
 
 PROGRAM: Final = Program(
     "Section VI-B: the peak force of the impact in place of the speed, where mass and stiffness are known.",
-    {"admittance": approach().admittance, "scenario": approach(), "sensor": sensor("inverse-power")},
+    ONE_APPROACH,
     """\
 impacts = {
     "linear spring": pt.SpringImpact(robot_mass=1.0, stiffness=62.7**2),

@@ -90,7 +90,7 @@ class Printed(Value):
 
     Examples:
         >>> Printed("l' at contact", "-0.088", -0.08766, "m/s", "Table II").agreement.meaning
-        'agrees to the printed digits'
+        'ours rounds to the printed digits'
     """
 
     name: str

@@ -13,14 +13,14 @@ from pretouch.motion import find_contact
 from pretouch.sensors import SensorModel
 
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
-from .given import APPROACH, F_1, SENSORS, approach, best_gain, f_1, over_rounding, sensor
+from .given import APPROACH, F_1, ONE_APPROACH, SENSORS, approach, best_gain, f_1, over_rounding, sensor
 from .printed import Printed, resolution
 
 __all__ = ["PROGRAM", "reproduce"]
 
 PROGRAM: Final = Program(
     "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table on it.",
-    {"admittance": approach().admittance, "scenario": approach(), "sensor": sensor("inverse-power")},
+    ONE_APPROACH,
     """\
 objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 design = pt.design_gain(scenario, sensor, objective, bounds=(-10.0, -0.01))
@@ -89,10 +89,8 @@ def reproduce(ran: Ran) -> Reproduction:
 
 def _contacts(curve: SensorModel, gains: Sequence[float]) -> FloatArray:
     """Return x, l' and f_1 at contact for every gain, shape (3, n)."""
-    contact = find_contact(approach(), curve, gains).contact
-    return np.stack(
-        [contact.position, contact.relative_velocity, f_1().value(contact, abs(approach().obstacle.velocity))]
-    )
+    contact, speed = find_contact(approach(), curve, gains).contact, abs(approach().obstacle.velocity)
+    return np.stack([contact.position, contact.relative_velocity, f_1().value(contact, speed)])
 
 
 def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
@@ -100,19 +98,12 @@ def _columns(values: FloatArray, ranges: FloatArray) -> list[Printed]:
     reasons = {"-1.0": "the values of D_p = -10 N s, under another head (finding 2)"}
     heads = {f" at D_p = {head} N s": (column, reasons.get(head, repeated)) for head, column in PRINTED.items()}
     heads[", last column as -10 N s"] = PRINTED["-1.0"], "1.4975 cut off after two decimals, not rounded"
-    return [
-        Printed(
-            name + head,
-            printed[i],
-            float(values[i, k]),
-            unit,
-            "Table II",
-            why,
-            over_inputs=tuple(ranges[i, k].tolist()),
-        )
-        for k, (head, (printed, why)) in enumerate(heads.items())
-        for i, (name, unit) in enumerate((("x", "m"), ("l'", "m/s"), ("f_1", "")))
-    ]
+    found = []
+    for k, (head, (printed, why)) in enumerate(heads.items()):
+        for i, (name, unit) in enumerate((("x", "m"), ("l'", "m/s"), ("f_1", ""))):
+            ours, span = float(values[i, k]), tuple(ranges[i, k].tolist())
+            found.append(Printed(name + head, printed[i], ours, unit, "Table II", why, over_inputs=span))
+    return found
 
 
 def _rounded(printed: str) -> tuple[float, float]:

@@ -16,7 +16,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-from pretouch.simulation import witness_encounter
+from pretouch.simulation.mujoco import witness_encounter
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 

@@ -14,7 +14,7 @@ register_profiles(times=20)
 
 EXAMPLES = (
     ("xarray", "sweep", "pretouch.sweep.run.sweep"),
-    ("mujoco", "mujoco", "pretouch.simulation.witness.witness_encounter"),
+    ("mujoco", "mujoco", "pretouch.simulation.mujoco.witness_encounter"),
 )
 
 

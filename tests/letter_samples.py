@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pretouch.letter.comparison import Comparison, Parameter, Verdict, compare, measured
-from pretouch.letter.result import DataTable, Evidence, Finding, LetterReport, Reproduction
+from pretouch.letter.experiment import Finding, LetterReport, Reproduction, Step, readings
+from pretouch.letter.printed import Agreement, Parameter, Printed
 from pretouch.report.style import new_figure
 
 CODE = '''\
@@ -21,7 +21,7 @@ if 1 < 2 and "ξ" != '</pre>':
 NUMBERS = {
     "gain": np.array([-0.1, np.nan, -np.inf]),
     "steps": (np.int64(3), np.bool_(True), None),
-    "verdict": Verdict.AGREES,
+    "verdict": Agreement.AGREES,
     "text": "</script><!-- ξ",
     "curves": {"first": [0.1, 1e-300]},
 }
@@ -35,21 +35,14 @@ def figure():
     return drawn
 
 
-def comparisons(write: Callable[[str], str] = str) -> tuple[Comparison, ...]:
-    repeated = compare(
-        write("x at contact, -0.7"),
-        "-0.082",
-        -0.091534,
-        unit=write("m"),
-        place=write("Table II"),
-        reason=write("the printed value repeats l'"),
-        over_inputs=(-0.0921, -0.0909),
-    )
+def comparisons(write: Callable[[str], str] = str) -> tuple[Printed, ...]:
+    place, repeats = write("Table II"), write("the printed value repeats l'")
+    span, friction = (-0.0921, -0.0909), write("friction")
     return (
-        compare(write("l' at contact"), "-0.088", -0.08766, unit=write("m/s"), place=write("Table II")),
-        compare(write("scale"), "1.30e-5", 1.312e-5, unit="", place=write("Table I"), over_inputs=(1.29e-5, 1.32e-5)),
-        repeated,
-        measured(write("time"), "0.94", 0.687, unit="s", place=write("Table III"), reason=write("friction")),
+        Printed(write("l' at contact"), "-0.088", -0.08766, write("m/s"), place),
+        Printed(write("scale"), "1.30e-5", 1.312e-5, "", write("Table I"), over_inputs=(1.29e-5, 1.32e-5)),
+        Printed(write("x at contact, -0.7"), "-0.082", -0.091534, write("m"), place, repeats, over_inputs=span),
+        Printed(write("time"), "0.94", 0.687, "s", write("Table III"), friction, hardware=True),
     )
 
 
@@ -60,22 +53,22 @@ def finding(*, id: int = 2, holds: bool = True, write: Callable[[str], str] = st
         place=write("Table II"),
         statement=write("Its values follow from D_p = -10 only."),
         evidence=(
-            Evidence(name=write("x at contact, D_p = -10"), value=np.float64(-0.61071), unit=write("N*s")),
-            Evidence(name=write("in words"), value=write("as printed")),
-            Evidence(name=write("the printed column is that of -10"), value=holds),
+            Step(write("x at contact, D_p = -10"), np.float64(-0.61071), write("N*s")),
+            Step(write("in words"), write("as printed")),
+            Step(write("the printed column is that of -10"), np.bool_(holds)),
         ),
-        holds=holds,
     )
 
 
 def reproduction(
     id: str = "table-2",  # noqa: A002 - its field
     *,
-    given: tuple[Comparison, ...] | None = None,
+    given: tuple[Printed, ...] | None = None,
     findings: tuple[Finding, ...] = (),
     write: Callable[[str], str] = str,
     code: str = CODE,
 ) -> Reproduction:
+    columns = {write("D_p [N s]"): ([write("-0.75"), "-0.76"], ""), "f1": ([0.107, 0.108], ".3f")}
     return Reproduction(
         id=id,
         title=write(f"The gains of {id}"),
@@ -87,14 +80,7 @@ def reproduction(
         ),
         comparisons=comparisons(write) if given is None else given,
         findings=findings,
-        tables=(
-            DataTable(
-                title=write("Gains between"),
-                head=(write("D_p [N s]"), "f1"),
-                rows=((write("-0.75"), "0.107"), ("-0.76", "0.108")),
-                note=write("Read, not printed."),
-            ),
-        ),
+        tables=(readings(write("Gains between"), columns, write("Read, not printed.")),),
         caption=write("The objective over the gain."),
         code=code,
         figure=figure(),
@@ -114,7 +100,7 @@ def good(write: Callable[[str], str] = str) -> LetterReport:
 
 def bad() -> LetterReport:
     """Make a report in which one finding and one number do not come out."""
-    odd = compare("f1 at -0.9", "0.110", 0.25, unit="", place="Table II")
+    odd = Printed("f1 at -0.9", "0.110", 0.25, "", "Table II")
     return LetterReport(
         reproductions=(reproduction(given=(odd, *comparisons()), findings=(finding(id=1), finding(id=7, holds=False))),)
     )

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 import pretouch as pt
-from pretouch import control, simulation, uncertainty
+from pretouch import control, uncertainty
 from pretouch.control.blocks import observe, start_sensing
 from pretouch.design import find_physical_bound
+from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
 from pretouch.sweep import Axis, Progress
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
 
@@ -58,15 +59,15 @@ def _signals(law: control.Controller) -> tuple[Any, ...]:
     return parameters, sensing, state, sample, seen, output
 
 
-def _witness() -> simulation.WitnessResult:
+def _witness() -> WitnessResult:
     row = np.linspace(0.0, 1.0, 3)
     names = ("time", "distance", "position", "velocity", "obstacle_position", "obstacle_velocity")
-    return simulation.WitnessResult(
+    return WitnessResult(
         **dict.fromkeys(("time", "position", "velocity", "relative_velocity", "peak_force", "impact_force"), 0.1),
         status=pt.ContactStatus.CONTACT,
         impulse=0.2,
         rebound_velocity=float("nan"),
-        trace=simulation.WitnessTrace(**dict.fromkeys((*names, "drive_force", "contact_force"), row)),
+        trace=WitnessTrace(**dict.fromkeys((*names, "drive_force", "contact_force"), row)),
     )
 
 
@@ -152,6 +153,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "part": lambda: pt.sensor_part("VCNL4010"),
     "position plant": lambda: pt.PositionPlant(mass=2.0, bandwidth=20.0),
     "hertz": lambda: pt.HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01),
+    "elastic": lambda: pt.design.ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),
     "spring damper": lambda: pt.SpringDamper(stiffness=1e4, damping=3.0),
     "controller": lambda: replace(controller(1e-3), limits=control.Limits(speed=1.0)),
     "expected": pt.Expected,

@@ -75,7 +75,7 @@ if TYPE_CHECKING:
         WorstCase,
         design_robust_gain,
     )
-    from .letter import LetterReport, Reproduction, reproduce, write_letter_report
+    from .letter import LetterReport, Reproduction, reproduce
     from .motion import (
         Admittance,
         ContactGradients,
@@ -288,7 +288,6 @@ __all__ = [
     "verify_gain",
     "write_design_report",
     "write_fit_report",
-    "write_letter_report",
     "write_pareto_report",
     "write_robust_report",
     "write_simulation_report",

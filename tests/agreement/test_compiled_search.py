@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pretouch.design import HertzImpact, SpringImpact, Term
+from pretouch.design import ElasticImpact, HertzImpact, SpringImpact, Term
 from pretouch.design.compiled_search import search_compiled
 from pretouch.design.evidence import Evidence
 from pretouch.design.family import find_family
@@ -37,6 +37,7 @@ OBJECTIVES = {
     "own speed": Objective(terms=(Term(quantity="velocity", scale=1.0), F1.terms[1])),
     "spring": Objective(terms=(F1.terms[0], Term(quantity="impact_force", scale=20.0))),
     "hertz": Objective(terms=(F1.terms[0], Term(quantity="impact_force", scale=30.0))),
+    "steeper": Objective(terms=(F1.terms[0], Term(quantity="impact_force", scale=30.0))),
 }
 _AT = np.linspace(0.0, 0.06, 61)
 CURVES = {
@@ -52,6 +53,7 @@ CURVES = {
 IMPACTS = {
     "spring": SpringImpact(robot_mass=2.0, stiffness=1e4),
     "hertz": HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01),
+    "steeper": ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),
 }
 
 

@@ -15,7 +15,7 @@ from loop_samples import BareLaw
 from pretouch import control
 from pretouch._core.errors import InvalidInputError, MissingExtraError
 from pretouch.letter.given import approach, disruption, f_1, f_2, sensor
-from pretouch.simulation import WitnessResult, witness_encounter
+from pretouch.simulation.mujoco import WitnessResult, witness_encounter
 
 STEPS = (1e-4, 5e-5, 2.5e-5)
 ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
@@ -168,7 +168,7 @@ def kelvin_and_voigt(contact: pt.SpringDamper, mass: float, speed: float) -> tup
 @pytest.mark.parametrize("ratio", [0.0, 0.05, 0.3, 0.6])
 @pytest.mark.parametrize(("speed", "obstacle_mass"), [(0.05, math.inf), (1.0, math.inf), (0.3, 0.6)])
 def test_the_contact_of_mujoco_is_a_spring_with_a_damper(ratio: float, speed: float, obstacle_mass: float) -> None:
-    """Alone, without robot and law: `solref` = (-k / m, -c / m) and the impedance do what `mujoco_slides` says."""
+    """Alone, without robot and law: `solref` = (-k / m, -c / m) and the impedance do what the module says."""
     mass, step = 1.7, 1e-5
     reduced = 1 / (1 / mass + 1 / obstacle_mass)
     contact = pt.SpringDamper(stiffness=3e4, damping=2 * ratio * math.sqrt(3e4 * reduced), obstacle_mass=obstacle_mass)

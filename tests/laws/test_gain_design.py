@@ -8,12 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import sympy
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import (
     Constraint,
     DesignStatus,
+    ElasticImpact,
     HertzImpact,
     Objective,
     SpringImpact,
@@ -226,6 +228,27 @@ def test_impact_forces_follow_energy_balance() -> None:
     assert hertz.peak_force(0.2) == pytest.approx(k * deflection**1.5, rel=1e-13)
 
 
+def test_the_peak_force_of_an_elastic_impact_has_one_formula() -> None:
+    """Solved for the depth at which 1/2 mu v^2 = k d^(n+1) / (n+1), symbolically; spring and sphere are instances."""
+    k, mu, v, d, n = sympy.symbols("k mu v d n", positive=True)
+    energy = sympy.integrate(k * d**n, (d, 0, d), conds="none")
+    depth = sympy.solve(sympy.Eq(energy, mu * v**2 / 2), d)[0]
+    formula = k ** (1 / (n + 1)) * ((n + 1) / 2 * mu * v**2) ** (n / (n + 1))
+    assert sympy.simplify(sympy.expand_log(sympy.log(k * depth**n / formula), force=True)) == 0
+    speed = np.array([-0.05, 0.3])
+    spring = SpringImpact(robot_mass=2.0, obstacle_mass=3.0, stiffness=1e4)
+    sphere = HertzImpact(robot_mass=2.0, effective_modulus=1e7, radius=0.01)
+    soft = ElasticImpact(robot_mass=2.0, stiffness=1e5, exponent=2.2)
+    for impact, stiffness, exponent in ((spring, 1e4, 1.0), (sphere, 4 / 3 * 1e7 * 0.1, 1.5), (soft, 1e5, 2.2)):
+        known = {k: stiffness, n: exponent, mu: impact.reduced_mass}
+        forces = [float(formula.subs({**known, v: abs(at)})) for at in speed]
+        slopes = [float(np.sign(at) * sympy.diff(formula, v).subs({**known, v: abs(at)})) for at in speed]
+        assert impact.peak_force(speed) == pytest.approx(forces, rel=1e-13)
+        assert impact.peak_force_slope(speed) == pytest.approx(slopes, rel=1e-13)
+        same = ElasticImpact(robot_mass=2.0, obstacle_mass=impact.obstacle_mass, stiffness=stiffness, exponent=exponent)
+        assert (same.peak_force(speed) == impact.peak_force(speed)).all()
+
+
 def test_forces_need_the_physical_mass(letter_encounter: Scenario, letter_power: InversePower) -> None:
     contact = find_contact(letter_encounter, letter_power, -1.0).contact
     with pytest.raises(InvalidInputError, match="virtual mass of the admittance is another quantity"):
@@ -260,6 +283,7 @@ def test_a_request_that_makes_no_sense_is_refused(
         (lambda: Constraint(name="excursion", limit=0.0), "must be positive"),
         (lambda: Constraint(name="height", limit=1.0), "expected one of excursion"),
         (lambda: SpringImpact(robot_mass=0.0, stiffness=1.0), "must be positive"),
+        (lambda: ElasticImpact(robot_mass=1.0, stiffness=1.0, exponent=0.5), "must be at least 1"),
     ],
 )
 def test_a_definition_that_makes_no_sense_is_refused(make: object, message: str) -> None:

@@ -17,7 +17,6 @@ from pretouch._core.vocabulary import QUANTITIES
 from pretouch.design import QUANTITY_UNITS
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.verification.appraisal import simulated_quantity
-from pretouch.verification.request import ElasticImpact
 from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 HOLDS, NARROWLY = pt.VerdictStatus.HOLDS, pt.VerdictStatus.HOLDS_NARROWLY
@@ -150,16 +149,6 @@ def test_the_force_of_an_elastic_contact_on_a_free_mass_is_the_predicted_one(
     mass, n = 2.0 / (1 + 2.0 / obstacle_mass), loop.contact.numbers()[2] if loop.contact else 0.0
     depth = ((n + 1) / 2 * mass * 0.3**2 / contact.stiffness) ** (1 / (n + 1))
     assert force.predicted_unmitigated == pytest.approx(contact.stiffness * depth**n)
-
-
-def test_an_elastic_impact_is_that_of_spring_and_sphere() -> None:
-    speed = np.array([-0.05, 0.3])
-    spring = pt.SpringImpact(robot_mass=2.0, obstacle_mass=3.0, stiffness=1e4)
-    sphere = pt.HertzImpact(robot_mass=2.0, effective_modulus=1e7, radius=0.01)
-    for known, stiffness, exponent in ((spring, 1e4, 1.0), (sphere, 4 / 3 * 1e7 * 0.1, 1.5)):
-        same = ElasticImpact(robot_mass=2.0, obstacle_mass=known.obstacle_mass, stiffness=stiffness, exponent=exponent)
-        assert same.peak_force(speed) == pytest.approx(known.peak_force(speed))
-        assert same.peak_force_slope(speed) == pytest.approx(known.peak_force_slope(speed))
 
 
 def test_force_limits_are_those_of_the_simulated_contact() -> None:

@@ -7,9 +7,21 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from pretouch.letter import Finding, given, reproduce
-from pretouch.letter.comparison import Parameter, Verdict, compare, measured, resolution
-from pretouch.letter.experiments import figure_4, figure_5, figure_6, table_1, table_2, table_3
+from pretouch.letter import (
+    Agreement,
+    Finding,
+    Parameter,
+    Printed,
+    figure_4,
+    figure_5,
+    figure_6,
+    given,
+    reproduce,
+    table_1,
+    table_2,
+    table_3,
+)
+from pretouch.letter.printed import resolution
 
 
 def finding(name: str, number: int) -> Finding:
@@ -41,24 +53,24 @@ def test_a_correct_table_2_would_not_be_corrected(monkeypatch: pytest.MonkeyPatc
     assert [f.holds for f in found.findings] == [False, False]
     assert not found.holds
     own = [c for c in found.reproductions[0].comparisons if "last column" not in c.name]
-    assert all(c.verdict in {Verdict.AGREES, Verdict.WITHIN_INPUTS} for c in own)
+    assert all(c.agreement in {Agreement.AGREES, Agreement.WITHIN_INPUTS} for c in own)
 
 
 def test_a_ratio_that_were_one_would_not_be_renamed(monkeypatch: pytest.MonkeyPatch) -> None:
     left = {"inverse-power": "22.9", "exponential-1": "29.6", "exponential-2": "25.6"}
-    monkeypatch.setattr(figure_5, "_PRINTED", left)
+    monkeypatch.setattr(figure_5, "PRINTED", left)
     assert not finding("figure-5", 3).holds
 
 
 def test_the_right_position_would_not_be_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(figure_4, "_PRINTED_SECOND", "-0.138")
+    monkeypatch.setattr(figure_4, "SECOND", "-0.138")
     assert not finding("figure-4", 4).holds
 
 
 def test_a_trend_that_does_not_turn_is_no_finding() -> None:
     speeds = np.arange(1, 101) / 100
     falling = dict.fromkeys(("inverse power", "first order", "second order"), -1 / speeds)
-    assert not figure_6._finding(speeds, {"following": falling, "fixed": falling}).holds
+    assert not figure_6._trend(speeds, {"following": falling, "fixed": falling}).holds
 
 
 def test_times_in_another_order_are_no_ranking(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,13 +81,13 @@ def test_times_in_another_order_are_no_ranking(monkeypatch: pytest.MonkeyPatch) 
 
 def test_factors_from_unrounded_percentages_would_not_be_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
     exact = (("-0.5", "-0.6", "45", "17", "2.73"), ("-0.6", "-0.7", "11", "6", "1.91"))
-    monkeypatch.setattr(table_3, "_STEPS", exact)
+    monkeypatch.setattr(table_3, "STEPS", exact)
     assert not finding("table-3", 8).holds
 
 
 def test_other_parameters_are_not_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
     steeper = tuple(
-        Parameter(name=p.name, symbol=p.symbol, printed="-66.0", unit=p.unit, place=p.place) if p.name == "rate" else p
+        Parameter(p.name, p.symbol, "-66.0", p.unit, p.place) if p.name == "rate" else p
         for p in given.SENSORS["exponential-1"]
     )
     changed: Mapping[str, tuple[Parameter, ...]] = {**given.SENSORS, "exponential-1": steeper}
@@ -84,35 +96,35 @@ def test_other_parameters_are_not_recovered(monkeypatch: pytest.MonkeyPatch) -> 
     assert not finding("table-1", 7).holds
 
 
-# --- verdicts
+# --- agreement
 
 
 @pytest.mark.parametrize(
-    ("printed", "ours", "over_inputs", "verdict"),
+    ("printed", "ours", "over_inputs", "agreement"),
     [
-        ("-0.088", -0.0876, None, Verdict.AGREES),
-        ("-0.088", -0.0875, None, Verdict.AGREES),  # half a unit rounds either way
-        ("-0.088", -0.0874, None, Verdict.DISAGREES),
-        ("-0.088", -0.0874, (-0.0876, -0.0872), Verdict.WITHIN_INPUTS),
-        ("-0.088", -0.0864, (-0.0866, -0.0862), Verdict.DISAGREES),
-        ("1.30e-5", 1.304e-5, None, Verdict.AGREES),
-        ("474", 474.4, None, Verdict.AGREES),
-        ("474", 475.0, None, Verdict.DISAGREES),
+        ("-0.088", -0.0876, None, Agreement.AGREES),
+        ("-0.088", -0.0875, None, Agreement.AGREES),  # half a unit rounds either way
+        ("-0.088", -0.0874, None, Agreement.DISAGREES),
+        ("-0.088", -0.0874, (-0.0876, -0.0872), Agreement.WITHIN_INPUTS),
+        ("-0.088", -0.0864, (-0.0866, -0.0862), Agreement.DISAGREES),
+        ("1.30e-5", 1.304e-5, None, Agreement.AGREES),
+        ("474", 474.4, None, Agreement.AGREES),
+        ("474", 475.0, None, Agreement.DISAGREES),
     ],
 )
 def test_a_number_agrees_where_it_rounds_to_the_printed_digits(
-    printed: str, ours: float, over_inputs: tuple[float, float] | None, verdict: Verdict
+    printed: str, ours: float, over_inputs: tuple[float, float] | None, agreement: Agreement
 ) -> None:
-    found = compare("a number", printed, ours, unit="m", place="here", reason="why", over_inputs=over_inputs)
-    assert found.verdict is verdict
-    assert found.reason == ("why" if verdict is Verdict.DISAGREES else "")
+    found = Printed("a number", printed, ours, "m", "here", "why", over_inputs=over_inputs)
+    assert found.agreement is agreement
+    assert found.reason == ("why" if agreement is Agreement.DISAGREES else "")
     assert found.difference == ours - float(printed)
 
 
 def test_a_disagreement_without_a_reason_is_unexplained() -> None:
-    assert compare("a number", "1.0", 2.0, unit="", place="here").unexplained
-    assert not compare("a number", "1.0", 2.0, unit="", place="here", reason="a misprint").unexplained
-    assert not measured("a number", "1.0", 2.0, unit="", place="here").unexplained
+    assert Printed("a number", "1.0", 2.0, "", "here").unexplained
+    assert not Printed("a number", "1.0", 2.0, "", "here", "a misprint").unexplained
+    assert not Printed("a number", "1.0", 2.0, "", "here", hardware=True).unexplained
 
 
 def test_the_resolution_is_the_last_printed_place() -> None:
@@ -125,7 +137,7 @@ def test_the_resolution_is_the_last_printed_place() -> None:
 def test_the_range_over_the_rounding_holds_every_sensor_that_rounds_to_the_printed_one() -> None:
     """100 sensors inside the box, against its corners: the slope is monotone in both parameters."""
     rng = np.random.default_rng(3)
-    low, high = given.over_rounding("inverse-power", lambda s: np.atleast_1d(s.log_slope(np.array([0.0, 0.02]))))
+    low, high = given.over_rounding("inverse-power", lambda s: s.log_slope(np.array([0.0, 0.02]))).T
     for n, l_0 in zip(3.32 + 0.005 * rng.uniform(-1, 1, 100), 0.0419 + 5e-5 * rng.uniform(-1, 1, 100), strict=True):
         slope = given.sensor("inverse-power", [1.3e-5, l_0, n]).log_slope(np.array([0.0, 0.02]))
         assert (low <= slope).all()

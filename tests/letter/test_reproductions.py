@@ -5,16 +5,18 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator, Mapping
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pytest
 
 from figure_checks import assert_legible
+from pretouch._core.blocks import tables_of
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Objective
-from pretouch.letter import IDS, Reproduction, Verdict, given, reproduce
-from pretouch.letter.running import run_script, script_text
+from pretouch.letter import IDS, Agreement, Reproduction, given, reproduce
+from pretouch.letter.experiment import Program
 from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
 
@@ -26,28 +28,33 @@ def reproduction(name: str) -> Reproduction:
     return reproduce([name]).reproductions[0]
 
 
+def program(name: str) -> Program:
+    found: Program = import_module(f"pretouch.letter.{name.replace('-', '_')}").PROGRAM
+    return found
+
+
 @pytest.mark.parametrize("name", IDS)
 def test_a_reproduction_holds_and_its_figure_is_legible(name: str) -> None:
     """One test for all, because the slow ones should run once."""
     found = reproduction(name)
     assert found.id == name
     assert found.holds, [f.title for f in found.findings if not f.holds]
-    assert found.code == script_text(name)
+    assert found.code == program(name).text
     assert found.parameters
     assert found.findings or found.comparisons or found.tables
     assert all(p.place and np.isfinite(p.value) for p in found.parameters)
-    assert all(len(row) == len(table.head) for table in found.tables for row in table.rows)
+    assert all(table.head and table.rows for table in tables_of(found.tables))
     assert_legible(found.figure)
     assert set(found.to_dict()) >= {"parameters", "comparisons", "findings", "numbers"}
     SPECIFIC.get(name, lambda _: None)(found)
 
 
-# --- the scripts beside the figures
+# --- the programs beside the figures
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_a_script_is_ten_to_twenty_lines_of_public_names(name: str) -> None:
-    tree = ast.parse(script_text(name))
+def test_a_program_is_ten_to_twenty_lines_of_public_names(name: str) -> None:
+    tree = ast.parse(program(name).text)
     imports = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
     modules = {n.name for i in imports if isinstance(i, ast.Import) for n in i.names}
     modules |= {i.module or "" for i in imports if isinstance(i, ast.ImportFrom)}
@@ -56,7 +63,7 @@ def test_a_script_is_ten_to_twenty_lines_of_public_names(name: str) -> None:
     assert not {m for m in modules if m.startswith("pretouch.")}, "only what `import pretouch as pt` gives"
     assert not [n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and n.attr.startswith("_")]
     body = [
-        line for line in script_text(name).splitlines()[1:] if line.strip() and not line.startswith(("import", "from"))
+        line for line in program(name).text.splitlines()[1:] if line.strip() and not line.startswith(("import", "from"))
     ]
     assert 10 <= len(body) <= 20
     assert ast.get_docstring(tree)
@@ -72,9 +79,9 @@ def _values(thing: Any, depth: int = 0) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_a_script_works_on_the_printed_inputs(name: str) -> None:
-    """The numbers in the script are those of the data that the report lists as its inputs."""
-    _, variables = run_script(name)
+def test_a_program_works_on_the_printed_inputs(name: str) -> None:
+    """The numbers in the program are those of the data that the report lists as its inputs."""
+    variables = program(name).run()
     found = [v for key, value in variables.items() if not key.startswith("__") for v in _values(value)]
     curves = [s for s in found if isinstance(s, SensorModel)]
     printed = [given.sensor(key) for key in given.SENSORS]
@@ -155,13 +162,13 @@ SPECIFIC = {
 }
 
 
-# --- verdicts
+# --- agreement
 
 
 def test_what_the_letter_prints_and_the_equations_give() -> None:
     """Where they disagree is known, number by number."""
-    found = {c.name: c.verdict for name in QUICK for c in reproduction(name).comparisons}
-    disagree = {name for name, verdict in found.items() if verdict is Verdict.DISAGREES}
+    found = {c.name: c.agreement for name in QUICK for c in reproduction(name).comparisons}
+    disagree = {name for name, agreement in found.items() if agreement is Agreement.DISAGREES}
     assert disagree == {
         "x at D_p = -0.7 N s",
         "x at D_p = -1.0 N s",
@@ -171,14 +178,14 @@ def test_what_the_letter_prints_and_the_equations_give() -> None:
         "trade-off factor from -0.5 to -0.6 N s",
         "trade-off factor from -0.6 to -0.7 N s",
     }
-    within = {name for name, verdict in found.items() if verdict is Verdict.WITHIN_INPUTS}
+    within = {name for name, agreement in found.items() if agreement is Agreement.WITHIN_INPUTS}
     assert within == {"l' at D_p = -0.7 N s", "l' at D_p = -0.8 N s", "f_1, last column as -10 N s"}
-    assert sum(verdict is Verdict.AGREES for verdict in found.values()) == 26
-    assert sum(verdict is Verdict.MEASURED for verdict in found.values()) == 22
+    assert sum(agreement is Agreement.AGREES for agreement in found.values()) == 26
+    assert sum(agreement is Agreement.MEASURED for agreement in found.values()) == 22
 
 
 def test_every_disagreement_says_why() -> None:
-    reasons = [c.reason for n in QUICK for c in reproduction(n).comparisons if c.verdict is Verdict.DISAGREES]
+    reasons = [c.reason for n in QUICK for c in reproduction(n).comparisons if c.agreement is Agreement.DISAGREES]
     assert all(len(reason) > 20 for reason in reasons)
 
 

@@ -7,11 +7,14 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from html import escape
 from typing import Final
+from urllib.parse import quote
 
 from .blocks import (
+    LINK,
     Block,
     Cell,
     Code,
+    Download,
     Later,
     Listing,
     Measured,
@@ -31,10 +34,11 @@ QUIET: Final = ' class="note"'
 
 
 def page_as_excerpt(page: Page) -> str:
-    """Write what a notebook shows of a page: its headline, its warnings and its first brief table."""
+    """Write what a notebook shows of a page: its headline, its warnings and its first brief table, without links."""
     table = next((table for table in tables_of(page.blocks) if table.brief), None)
-    said = "".join(f"<p>Warning: {escape(text)}</p>" for text in page.warnings)
-    return f"<p><b>{escape(page.headline)}</b></p>{said}{'' if table is None else _table(table)}"
+    said = "".join(f"<p>Warning: {_inline(text)}</p>" for text in page.warnings)
+    shown = f"<p><b>{escape(page.headline)}</b></p>{said}{'' if table is None else _table(table)}"
+    return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", shown)
 
 
 def page_top(page: Page) -> str:
@@ -61,7 +65,7 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
     """
     for block in blocks:
         if isinstance(block, Section):
-            yield f"<h{level}>{_inline(block.title)}</h{level}>"
+            yield f"<h{level}{_id(block.anchor)}>{_inline(block.title)}</h{level}>"
             yield from blocks_as_html(block.blocks, draw, min(level + 1, 4))
         elif isinstance(block, Table):
             if block.rows:
@@ -76,7 +80,13 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             made = block.make()
             yield from blocks_as_html(() if made is None else (made,), draw, level)
         elif isinstance(block, Code):
-            yield f"<pre>{escape(block.text)}</pre>"
+            code = f"<pre>\n{escape(block.text)}</pre>"  # readers drop the line end right after the tag
+            folds = f"<details open>\n<summary>{_inline(block.title)}</summary>\n{code}\n</details>"
+            yield folds if block.title else code
+        elif isinstance(block, Download):
+            address, size = f"data:{block.kind},{quote(block.text, safe=',:')}", max(1, round(len(block.text) / 1000))
+            name = escape(block.name)
+            yield f'<p><a{_id(block.anchor)} download="{name}" href="{address}">{name}</a> ({size} kB)</p>'
         else:
             name = escape(block.name)
             yield f'<figure>\n<div class="scroll" role="img" aria-label="{name}">{draw(block)}</div>'
@@ -111,6 +121,11 @@ def cell_as_html(cell: Cell) -> str:
     return escape(pretty_unit(format_quantity(value, cell.unit, cell.digits)) + cell.beside)
 
 
+def _id(anchor: str) -> str:
+    return f' id="{escape(anchor)}"' if anchor else ""
+
+
 def _inline(text: str) -> str:
-    """Escape a sentence; what stands between backticks is code."""
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+    """Escape a sentence; what stands between backticks is code, and links lead to anchors of the page."""
+    linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)

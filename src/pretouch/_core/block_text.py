@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from .blocks import Block, Cell, Code, Listing, Measured, Named, Page, Paragraph, Section, Table
+from .blocks import LINK, Block, Cell, Code, Listing, Measured, Named, Page, Paragraph, Section, Table
 from .text_table import aligned
 from .units import format_quantity
 
@@ -23,7 +23,7 @@ def page_as_text(page: Page) -> str:
     """
     parts = ["\n".join([page.headline, *page.open])]
     if page.warnings:
-        parts.append("\n".join(f"warning: {text}" for text in page.warnings))
+        parts.append("\n".join(f"warning: {_bare(text)}" for text in page.warnings))
     return "\n\n".join([*parts, *_parts(page.blocks)])
 
 
@@ -39,9 +39,14 @@ def _parts(blocks: Iterable[Block]) -> Iterator[str]:
             rows = [block.head, *block.rows] if block.head else list(block.rows)
             yield "\n".join(aligned([[cell_as_text(cell) for cell in row] for row in rows], left=block.wraps))
         elif isinstance(block, Listing):
-            yield "\n".join(f"  {item}" for item in block.items)
+            yield "\n".join(f"  {_bare(item)}" for item in block.items)
         elif isinstance(block, Paragraph | Code):
-            yield block.text.replace("`", "") if isinstance(block, Paragraph) else block.text
+            yield _bare(block.text) if isinstance(block, Paragraph) else block.text
+
+
+def _bare(text: str) -> str:
+    """Leave out what only a page can show: marks of code, and where links lead."""
+    return LINK.sub(r"\1", text).replace("`", "")
 
 
 def cell_as_text(cell: Cell) -> str:
@@ -49,7 +54,7 @@ def cell_as_text(cell: Cell) -> str:
     if isinstance(cell, Named):
         return cell.words
     if not isinstance(cell, Measured):
-        return cell.replace("`", "")
+        return _bare(cell)
     if cell.value is None or math.isnan(cell.value):
         return "-"
     return format_quantity(cell.value, cell.unit, cell.digits) + cell.beside

@@ -7,17 +7,20 @@ pictures.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Final, TypeAlias
 
 from .values import Value
 from .vocabulary import QUANTITIES
 
 __all__ = [
+    "LINK",
     "Block",
     "Cell",
     "Code",
+    "Download",
     "Later",
     "Listing",
     "Measured",
@@ -30,6 +33,10 @@ __all__ = [
     "named",
     "tables_of",
 ]
+
+
+LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
+"""How a text names a place of the page: `[words](#anchor)`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +91,10 @@ class Table(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paragraph(Value):
-    """Sentences; text between backticks is code. A `quiet` one explains, and is set smaller."""
+    """Sentences; text between backticks is code. A `quiet` one explains, and is set smaller.
+
+    In every text, `[words](#anchor)` leads to a section or a download of the page where a medium can.
+    """
 
     text: str
     quiet: bool = False
@@ -104,8 +114,8 @@ class Picture(Value):
     """A figure, drawn by whoever shows it.
 
     Args:
-        figure: its name among the figures of `pretouch.report`.
-        of: what it is drawn from.
+        figure: its name among the figures of `pretouch.report`, or any name of one that is drawn already.
+        of: what it is drawn from, or the figure of Matplotlib itself.
         name: what it shows, for who cannot see it.
         caption: how it is read.
     """
@@ -119,10 +129,29 @@ class Picture(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code(Value):
-    """Text that is copied: a file or a part of one."""
+    """Text that is copied: a file or a part of one; under a title it can be folded away."""
 
     text: str
+    title: str = ""
     brief: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Download(Value):
+    """A file that a page holds and a reader can save.
+
+    Args:
+        name: of the file.
+        text: what is in it.
+        kind: its media type.
+        anchor: what links lead to, and where a program finds it.
+    """
+
+    name: str
+    text: str
+    kind: str = "text/plain"
+    anchor: str = ""
+    brief: ClassVar[bool] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,11 +162,13 @@ class Section(Value):
         title: the title.
         blocks: what stands below it; None among them is left out.
         titled: whether the short text shows the title, too.
+        anchor: what links lead to; empty where none does.
     """
 
     title: str
     blocks: tuple[Any, ...]
     titled: bool = False
+    anchor: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "blocks", tuple(block for block in self.blocks if block is not None))
@@ -160,7 +191,7 @@ class Later(Value):
     brief: ClassVar[bool] = False
 
 
-Block: TypeAlias = Section | Table | Paragraph | Listing | Picture | Code | Later
+Block: TypeAlias = Section | Table | Paragraph | Listing | Picture | Code | Download | Later
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -114,7 +114,7 @@ PUBLIC_NAMES: Final[dict[str, tuple[str, ...]]] = {
     "sweep": ("sweep",),
     "verification": ("SimulatedEncounter", "Verdict", "VerdictStatus", "simulate_encounter", "verify_gain"),
     "config": ("load_scenario",),
-    "letter": ("LetterReport", "Reproduction", "reproduce", "write_letter_report"),
+    "letter": ("LetterReport", "Reproduction", "reproduce"),
     "report": (
         "Curve",
         "Mark",

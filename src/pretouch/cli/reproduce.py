@@ -49,9 +49,9 @@ def _run(ids: tuple[str, ...], presentation: Presentation) -> int:
     found = compute(ids, progress=lambda name: print_progress(f"computing {name}"))
 
     def write(path: Path, overwrite: bool) -> object:
-        from pretouch.letter import write_letter_report  # noqa: PLC0415 - Jinja, only when needed
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        return write_letter_report(found, path, overwrite=overwrite)
+        return write_report(found, path, overwrite=overwrite)
 
     presentation.show(found, REPORT, write)
     return OK if found.holds else NO_RESULT

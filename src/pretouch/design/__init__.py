@@ -7,7 +7,7 @@ from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesi
 from .constraints import CONSTRAINT_NAMES, Constraint
 from .front import FrontPoint, FrontStatus, ParetoFront
 from .gain import Evaluator, design_gain
-from .impact import HertzImpact, ImpactModel, SpringImpact
+from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
 from .pareto import pareto_front
 from .physical_bound import PhysicalBound, find_physical_bound
@@ -27,6 +27,7 @@ __all__ = [
     "Constraint",
     "ConstraintOutcome",
     "DesignStatus",
+    "ElasticImpact",
     "Evaluator",
     "FrontPoint",
     "FrontStatus",

@@ -19,7 +19,7 @@ from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
 
 from .bound import falls
-from .impact import HertzImpact, ImpactModel, SpringImpact
+from .impact import ElasticImpact, ImpactModel
 from .objectives import Objective
 from .problem import Problem
 
@@ -109,9 +109,9 @@ def _terms(
     rows: list[tuple[float, float, float, float]] = []
     for term in objective.terms:
         factor, exponent, quantity, scale = 1.0, 2.0, term.quantity, term.scale
-        if quantity == "impact_force" and type(impact) in {SpringImpact, HertzImpact} and impact is not None:
+        if quantity == "impact_force" and isinstance(impact, ElasticImpact):
             factor, quantity = impact.peak_force(1.0), "relative_velocity"
-            exponent = 2.0 if type(impact) is SpringImpact else 2.4
+            exponent = 2 * impact.speed_exponent
         row, follows = _ROWS.get(quantity), isinstance(scale, str)
         if row is None or (follows and not np.all(np.asarray(scenario.obstacle.velocity) != 0)):
             return None

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import positive
 
-__all__ = ["HertzImpact", "ImpactModel", "SpringImpact"]
+__all__ = ["ElasticImpact", "HertzImpact", "ImpactModel", "SpringImpact"]
 
 _STEP = 0.02  # of a velocity
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # central, of order 8
@@ -62,7 +63,50 @@ class ImpactModel(ABC):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpringImpact(ImpactModel):
+class ElasticImpact(ImpactModel):
+    """Impact on a contact force F = k d^n of the depth d: F = k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) at the peak.
+
+    From 1/2 mu v^2 = k d^(n+1) / (n+1): all energy is in the contact where the depth is largest.
+
+    Args:
+        robot_mass: the physical reflected mass of the robot [kg].
+        obstacle_mass: mass of the obstacle [kg]; infinite for a wall.
+        stiffness: k > 0 [N/m^n].
+        exponent: n >= 1; 1 for a spring, 3/2 for a sphere by Hertz's law.
+
+    Examples:
+        >>> ElasticImpact(robot_mass=1.0, stiffness=1e4, exponent=1.0).peak_force(-0.1)
+        10.0
+    """
+
+    stiffness: float
+    exponent: float
+
+    def __post_init__(self) -> None:
+        ImpactModel.__post_init__(self)
+        positive(self.stiffness, "stiffness", "N/m" if self.exponent == 1 else "N/m^n")
+        if not positive(self.exponent, "exponent") >= 1:
+            raise InvalidInputError(f"exponent: found {self.exponent:g}, which must be at least 1")
+
+    @property
+    def speed_exponent(self) -> float:
+        """The power 2 n / (n+1) of the speed with which the peak force grows."""
+        return 2 * self.exponent / (self.exponent + 1)
+
+    def peak_force(self, relative_velocity: ArrayLike) -> Any:
+        """Return k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) [N]."""
+        n, power = self.exponent, self.speed_exponent
+        factor = self.stiffness ** (1 / (n + 1)) * ((n + 1) / 2 * self.reduced_mass) ** (power / 2)
+        return _plain(factor * np.abs(relative_velocity) ** power)
+
+    def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
+        """Return the derivative of the peak force [N s/m], 2 n / (n+1) F / v."""
+        force = np.asarray(self.peak_force(relative_velocity))
+        return _plain(self.speed_exponent * force / np.asarray(relative_velocity))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpringImpact(ElasticImpact):
     """Impact on a linear contact stiffness: F = |v| sqrt(mu k), from 1/2 mu v^2 = 1/2 F^2 / k.
 
     Args:
@@ -75,32 +119,23 @@ class SpringImpact(ImpactModel):
         10.0
     """
 
-    stiffness: float
-
-    def __post_init__(self) -> None:
-        ImpactModel.__post_init__(self)
-        positive(self.stiffness, "stiffness", "N/m")
-
-    def peak_force(self, relative_velocity: ArrayLike) -> Any:
-        """Return |v| sqrt(mu k) [N]."""
-        return _plain(np.abs(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness))
-
-    def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force [N s/m], sqrt(mu k) with the sign of v."""
-        return _plain(np.sign(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness))
+    exponent: float = field(default=1.0, init=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HertzImpact(ImpactModel):
+class HertzImpact(ElasticImpact):
     """Impact of a sphere by Hertz's law F = 4/3 E* sqrt(R) d^(3/2) (K. L. Johnson, Contact Mechanics, 1985, 11.4).
 
-    From 1/2 mu v^2 = 2/5 k_h d^(5/2) with k_h = 4/3 E* sqrt(R): F = k_h^(2/5) (5/4 mu v^2)^(3/5).
+    With k_h = 4/3 E* sqrt(R): F = k_h^(2/5) (5/4 mu v^2)^(3/5).
 
     Args:
         robot_mass: the physical reflected mass of the robot [kg].
         obstacle_mass: mass of the obstacle [kg]; infinite for a wall.
         effective_modulus: E* > 0 [Pa], 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2.
         radius: effective radius R > 0 [m], 1/R = 1/R_1 + 1/R_2.
+
+    Attributes:
+        stiffness: k_h [N/m^(3/2)].
 
     Examples:
         >>> round(HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01).peak_force(-0.1), 3)
@@ -109,21 +144,13 @@ class HertzImpact(ImpactModel):
 
     effective_modulus: float
     radius: float
+    stiffness: float = field(init=False, repr=False)
+    exponent: float = field(default=1.5, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        ImpactModel.__post_init__(self)
-        positive(self.effective_modulus, "effective_modulus", "Pa")
-        positive(self.radius, "radius", "m")
-
-    def peak_force(self, relative_velocity: ArrayLike) -> Any:
-        """Return k_h^(2/5) (5/4 mu v^2)^(3/5) [N]."""
-        stiffness = 4 / 3 * self.effective_modulus * math.sqrt(self.radius)
-        energy = 1.25 * self.reduced_mass * np.square(relative_velocity)
-        return _plain(stiffness**0.4 * energy**0.6)
-
-    def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force [N s/m], 6/5 F / v."""
-        return _plain(1.2 * np.asarray(self.peak_force(relative_velocity)) / np.asarray(relative_velocity))
+        modulus = positive(self.effective_modulus, "effective_modulus", "Pa")
+        object.__setattr__(self, "stiffness", 4 / 3 * modulus * math.sqrt(positive(self.radius, "radius", "m")))
+        ElasticImpact.__post_init__(self)
 
 
 def _plain(value: Any) -> Any:

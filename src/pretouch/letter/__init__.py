@@ -1,21 +1,6 @@
 """The letter reproduced number by number: its tables and figures beside ours, and where its text cannot be right."""
 
-from .catalogue import IDS, reproduce
-from .comparison import Comparison, Parameter, Verdict
-from .page import letter_report_html, write_letter_report
-from .result import DataTable, Evidence, Finding, LetterReport, Reproduction
+from .experiment import IDS, Finding, LetterReport, Reproduction, Step, reproduce
+from .printed import Agreement, Parameter, Printed
 
-__all__ = [
-    "IDS",
-    "Comparison",
-    "DataTable",
-    "Evidence",
-    "Finding",
-    "LetterReport",
-    "Parameter",
-    "Reproduction",
-    "Verdict",
-    "letter_report_html",
-    "reproduce",
-    "write_letter_report",
-]
+__all__ = ["IDS", "Agreement", "Finding", "LetterReport", "Parameter", "Printed", "Reproduction", "Step", "reproduce"]

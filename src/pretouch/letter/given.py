@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.design import Objective, excursion_objective, time_objective
+from pretouch.design import Objective, design_gain, excursion_objective, time_objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 
-from .comparison import Parameter, resolution
+from .printed import Parameter, resolution
 
 __all__ = [
     "ADMITTANCE",
@@ -23,8 +24,10 @@ __all__ = [
     "EXPERIMENT_GAIN",
     "F_1",
     "F_2",
+    "ONE_APPROACH",
     "SENSORS",
     "approach",
+    "best_gain",
     "disruption",
     "f_1",
     "f_2",
@@ -33,86 +36,58 @@ __all__ = [
 ]
 
 
-def _parameters(place: str, *rows: tuple[str, str, str, str]) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name=n, symbol=s, printed=p, unit=u, place=place) for n, s, p, u in rows)
+def _given(place: str, *lines: str) -> tuple[Parameter, ...]:
+    """Read inputs that stand at one place, each as `name: symbol = value unit`."""
+    found = [re.fullmatch(r"(.+): (.+) = (\S+) ?(.*)", text) for line in lines for text in line.split("; ")]
+    return tuple(Parameter(m[1], m[2], m[3], m[4], place) for m in found if m)
 
 
 SENSORS: Final[Mapping[str, tuple[Parameter, ...]]] = {
-    "inverse-power": _parameters(
-        "Table I",
-        ("scale", "αβψ", "1.30e-5", "V m^n"),
-        ("distance_offset", "l_0", "0.0419", "m"),
-        ("exponent", "n", "3.32", ""),
+    "inverse-power": _given(
+        "Table I", "scale: αβψ = 1.30e-5 V m^n; distance_offset: l_0 = 0.0419 m; exponent: n = 3.32"
     ),
-    "exponential-1": _parameters("Table I", ("scale", "a_1", "0.458", "V"), ("rate", "c_1", "-61.0", "1/m")),
-    "exponential-2": _parameters(
-        "Table I",
-        ("scale", "a_2", "0.480", "V"),
-        ("curvature", "b_2", "474", "1/m^2"),
-        ("rate", "c_2", "-74.0", "1/m"),
-    ),
-    "fingertip": _parameters("Section V-B", ("scale", "a_1", "1.25", "V"), ("rate", "c_1", "-63.46", "1/m")),
+    "exponential-1": _given("Table I", "scale: a_1 = 0.458 V; rate: c_1 = -61.0 1/m"),
+    "exponential-2": _given("Table I", "scale: a_2 = 0.480 V; curvature: b_2 = 474 1/m^2; rate: c_2 = -74.0 1/m"),
+    "fingertip": _given("Section V-B", "scale: a_1 = 1.25 V; rate: c_1 = -63.46 1/m"),
 }
 """The sensor curves by name: names of parameters are those of our own models."""
 
-ADMITTANCE: Final = _parameters(
+ADMITTANCE: Final = _given(
     "Section IV-B",
-    ("virtual mass", "M_a", "1", "kg"),
-    ("virtual damping", "D_a", "10", "N s/m"),
-    ("virtual stiffness", "K_a", "25", "N/m"),
+    "virtual mass: M_a = 1 kg; virtual damping: D_a = 10 N s/m; virtual stiffness: K_a = 25 N/m",
 )
-APPROACH: Final = (
-    *ADMITTANCE,
-    *_parameters(
-        "Section IV-B",
-        ("reference position", "x_d", "0", "m"),
-        ("initial distance", "ε", "0.0422", "m"),
-        ("initial position of the obstacle", "x_o,i", "0.0422", "m"),
-        ("velocity of the obstacle", "v_o", "-0.3", "m/s"),
-        ("acceleration of the obstacle", "a_o", "0", "m/s^2"),
-    ),
+APPROACH: Final = ADMITTANCE + _given(
+    "Section IV-B",
+    "reference position: x_d = 0 m; initial distance: ε = 0.0422 m; initial position of the obstacle: x_o,i = 0.0422 m",
+    "velocity of the obstacle: v_o = -0.3 m/s; acceleration of the obstacle: a_o = 0 m/s^2",
 )
 """Sections IV-B and V-A: an obstacle approaches the plant, which rests at its reference."""
 
-EXPERIMENT_GAIN: Final = _parameters("Section IV-B", ("virtual force gain", "D_p", "-1.0", "N s"))[0]
-F_1: Final = _parameters(
+EXPERIMENT_GAIN: Final = _given("Section IV-B", "virtual force gain: D_p = -1.0 N s")[0]
+F_1: Final = _given(
     "Section V-A",
-    ("weight of the position", "w_1", "1", ""),
-    ("weight of the velocity", "w_2", "1", ""),
-    ("typical position", "x_typ", "-0.5", "m"),
-    ("typical relative velocity", "l'_typ", "-0.3", "m/s"),
+    "weight of the position: w_1 = 1; weight of the velocity: w_2 = 1",
+    "typical position: x_typ = -0.5 m; typical relative velocity: l'_typ = -0.3 m/s",
 )
-DISRUPTION: Final = (
-    *ADMITTANCE,
-    *_parameters(
-        "Section V-B",
-        ("reference position", "x_d", "0", "m"),
-        ("initial distance", "ε", "0.065", "m"),
-        ("position of the obstacle", "x_o,i", "-0.035", "m"),
-        ("velocity of the obstacle", "v_o", "0", "m/s"),
-        ("initial relative velocity", "μ", "0", "m/s"),
-        ("acceleration of the obstacle", "a_o", "0", "m/s^2"),
-    ),
+DISRUPTION: Final = ADMITTANCE + _given(
+    "Section V-B",
+    "reference position: x_d = 0 m; initial distance: ε = 0.065 m; position of the obstacle: x_o,i = -0.035 m",
+    "velocity of the obstacle: v_o = 0 m/s; initial relative velocity: μ = 0 m/s",
+    "acceleration of the obstacle: a_o = 0 m/s^2",
 )
 """Section V-B: the plant moves to its reference, and an obstacle at rest is in the way."""
 
-F_2: Final = _parameters(
+F_2: Final = _given(
     "Section V-C",
-    ("weight of the time", "w_3", "1", ""),
-    ("weight of the velocity", "w_4", "1", ""),
-    ("typical time", "t_typ", "1", "s"),
-    ("typical relative velocity", "l'_typ", "-0.01", "m/s"),
+    "weight of the time: w_3 = 1; weight of the velocity: w_4 = 1",
+    "typical time: t_typ = 1 s; typical relative velocity: l'_typ = -0.01 m/s",
 )
 BOUNDS: Final = (-20.0, -0.01)
 """The range of gains [N s] in which an optimum is sought; the letter names none."""
 
 
 def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
-    """Make a sensor curve of the letter.
-
-    Args:
-        name: a key of SENSORS.
-        values: its parameters, where they are not the printed ones.
+    """Make a sensor curve of the letter by its key in SENSORS, with the printed parameters or others.
 
     Returns:
         The curve.
@@ -121,95 +96,79 @@ def sensor(name: str, values: Sequence[float] | None = None) -> SensorModel:
         >>> sensor("exponential-1").constant_log_slope
         -61.0
     """
-    given = SENSORS[name]
-    numbers = [p.value for p in given] if values is None else values
-    keywords = {p.name: float(v) for p, v in zip(given, numbers, strict=True)}
     models: dict[str, Callable[..., SensorModel]] = {
         "inverse-power": InversePower,
         "exponential-2": ExponentialSecondOrder,
     }
-    return models.get(name, ExponentialFirstOrder)(**keywords)
+    given = SENSORS[name]
+    numbers = [p.value for p in given] if values is None else values
+    return models.get(name, ExponentialFirstOrder)(**{p.name: float(v) for p, v in zip(given, numbers, strict=True)})
 
 
 def approach(speed: float | FloatArray | None = None) -> Scenario:
-    """Make the encounter of Sections IV-B and V-A.
-
-    Args:
-        speed: the obstacle's speed [m/s], where it is not the printed one.
-
-    Returns:
-        The encounter.
-    """
+    """Make the encounter of Sections IV-B and V-A, or that of another speed of the obstacle [m/s]."""
     given = {p.symbol: p.value for p in APPROACH}
-    return Scenario(
-        admittance=_admittance(),
-        obstacle=Obstacle(position=given["x_o,i"], velocity=given["v_o"] if speed is None else -speed),
-        plant=Plant(position=given["x_o,i"] - given["ε"]),
-    )
+    return _encounter(given, given["v_o"] if speed is None else -speed)
 
 
 def disruption() -> Scenario:
-    """Make the encounter of Section V-B.
-
-    Returns:
-        The encounter.
-    """
+    """Make the encounter of Section V-B."""
     given = {p.symbol: p.value for p in DISRUPTION}
+    return _encounter(given, given["v_o"], given["v_o"] - given["μ"])
+
+
+def _encounter(given: Mapping[str, float], velocity: float | FloatArray, own: float = 0.0) -> Scenario:
     return Scenario(
-        admittance=_admittance(),
-        obstacle=Obstacle(position=given["x_o,i"], velocity=given["v_o"]),
-        plant=Plant(position=given["x_o,i"] - given["ε"], velocity=given["v_o"] - given["μ"]),
+        admittance=Admittance(mass=given["M_a"], damping=given["D_a"], stiffness=given["K_a"]),
+        obstacle=Obstacle(position=given["x_o,i"], velocity=velocity),
+        plant=Plant(position=given["x_o,i"] - given["ε"], velocity=own),
     )
 
 
 def f_1() -> Objective:
-    """Make the objective of Section V-A, L(20) with the printed weights and typical values.
-
-    Returns:
-        The objective.
-    """
+    """Make the objective of Section V-A, L(20) with the printed weights and typical values."""
     w_1, w_2, x_typ, v_typ = (p.value for p in F_1)
     return excursion_objective(position_scale=x_typ, velocity_scale=v_typ, position_weight=w_1, velocity_weight=w_2)
 
 
 def f_2() -> Objective:
-    """Make the objective of Section V-C, L(22) with the printed weights and typical values.
-
-    Returns:
-        The objective.
-    """
+    """Make the objective of Section V-C, L(22) with the printed weights and typical values."""
     w_3, w_4, t_typ, v_typ = (p.value for p in F_2)
     return time_objective(time_scale=t_typ, velocity_scale=v_typ, time_weight=w_3, velocity_weight=w_4)
 
 
-def over_rounding(
-    name: str, evaluate: Callable[[SensorModel], FloatArray | Sequence[float]]
-) -> tuple[FloatArray, FloatArray]:
-    """Evaluate something over all sensors whose parameters round to the printed ones.
+def best_gain(
+    curve: SensorModel, scenario: Scenario | None = None, objective: Objective | None = None, method: str = "auto"
+) -> float:
+    """Return the optimal gain within BOUNDS [N s], by f_1 of the approach where nothing else is named; NaN for none."""
+    found = design_gain(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method).gain
+    return float("nan") if found is None else found
 
-    Args:
-        name: a key of SENSORS.
-        evaluate: takes a sensor, returns numbers.
+
+def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
+    """Evaluate something over all sensors whose parameters round to the printed ones; the scale is held: it cancels.
 
     Returns:
-        The smallest and the largest of each number over the ends and the middle of every parameter's rounding; the
-        scale is held, for it cancels.
+        The smallest and the largest of each number over the ends and the middle of every parameter's rounding: an
+        array of the shape (..., 2), or a pair of floats for one number.
 
     Examples:
-        >>> low, high = over_rounding("exponential-1", lambda s: [s.constant_log_slope])
-        >>> float(low[0]), float(high[0])
+        >>> over_rounding("exponential-1", lambda s: s.constant_log_slope)
         (-61.05, -60.95)
     """
     steps = [
         (0.0,) if p.name == "scale" else tuple(k * resolution(p.printed) / 2 for k in (-1, 0, 1)) for p in SENSORS[name]
     ]
     middle = [p.value for p in SENSORS[name]]
-    values = np.array(
-        [evaluate(sensor(name, [m + s for m, s in zip(middle, shift, strict=True)])) for shift in product(*steps)]
-    )
-    return values.min(axis=0), values.max(axis=0)
+    shifted = ([m + s for m, s in zip(middle, shift, strict=True)] for shift in product(*steps))
+    values = np.array([evaluate(sensor(name, numbers)) for numbers in shifted])
+    ends = np.stack([values.min(axis=0), values.max(axis=0)], axis=-1)
+    return (float(ends[0]), float(ends[1])) if ends.ndim == 1 else ends
 
 
-def _admittance() -> Admittance:
-    mass, damping, stiffness = (p.value for p in ADMITTANCE)
-    return Admittance(mass=mass, damping=damping, stiffness=stiffness)
+ONE_APPROACH: Final = {
+    "admittance": approach().admittance,
+    "scenario": approach(),
+    "sensor": sensor("inverse-power"),
+}
+"""What most programs begin with, by the names that they have for it."""

@@ -1,188 +1,164 @@
-"""The letter's tables and figures as one self-contained HTML page, with every number in it."""
+"""What a letter report says: how many numbers agree, what was found, and every number beside ours."""
 
 from __future__ import annotations
 
-import os
-import re
-from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, Final
-from urllib.parse import quote
+from typing import Final
 
-from pretouch._core.files import write_text
+from pretouch._core.blocks import Cell, Code, Download, Listing, Page, Paragraph, Picture, Section, Table
 from pretouch._core.json_text import as_json
 from pretouch._core.units import pretty_unit
-from pretouch.report.html import picture, render_page
+from pretouch.motion.describing import method_section
 
-from .comparison import Comparison, Verdict
-from .result import Finding, LetterReport, Reproduction
-from .wording import SHAPES, WORDS, difference, evidence, ours, over_inputs
+from .experiment import Finding, LetterReport, Reproduction
+from .printed import Agreement, Printed
 
-__all__ = ["letter_report_html", "write_letter_report"]
+__all__ = ["letter_page"]
 
-CITATION: Final = "Optimization of Preemptive Impact Mitigation Without Prior Collision Testing"
-Row = tuple[str, ...]
+_TITLE: Final = "The letter, computed again"
+_ALL_HOLD: Final = "Reproduced: every finding holds, and every number that disagrees has its reason."
+_FOUND: Final = (
+    "Points 1 to 7 were known when this program was written, and it derives each of them. From 8 on it found them "
+    "itself: some disagree with the letter, some confirm or complete it."
+)
+_INPUTS: Final = "The inputs are those that the letter prints, taken at their printed digits. The verdicts:"
+_METHOD: Final = "Motions and gains come from the equations of the letter, cited as L(n)."
+_SCOPE: Final = "This page compares a publication with its own equations. It says nothing about a machine."
+_DATA: Final = (
+    "Inputs, comparisons and findings as on this page, and every number behind the figures in SI, as one JSON object: "
+    "the address of the element `numbers` holds it. What is not finite is null; `pretouch reproduce --json` prints it."
+)
 
-_LONG = 9  # rows from which a table is broken in two
-_WIDE = 6.0  # inches from which a figure takes the whole width, with its code below it
-_LEGEND: Final = {
-    Verdict.AGREES: "ours lies within half a unit in the last printed place.",
-    Verdict.WITHIN_INPUTS: "the printed number lies in the range of ours over inputs that round to the printed ones.",
-    Verdict.DISAGREES: "neither of these; what explains it stands below the table.",
-    Verdict.MEASURED: "the letter measured it on hardware; nothing says that the model must give the same.",
-}
 
-
-def letter_report_html(report: LetterReport) -> str:
-    """Write a letter report as one self-contained HTML page.
+def letter_page(report: LetterReport) -> Page:
+    """Describe what was reproduced, all of it or a part.
 
     Args:
-        report: what was reproduced, all of it or a part.
+        report: the reproductions.
 
     Returns:
-        The page, signed as pretouch's own.
-
-    Examples:
-        >>> "The letter, computed again" in letter_report_html(LetterReport())
-        True
+        Its page.
     """
-    text = as_json(report.to_dict(), indent=None)
-    findings = [(f, r) for r in report.reproductions for f in r.findings]
-    return render_page(
-        "letter.html.j2",
-        citation=CITATION,
-        holds=report.holds,
-        tiles=[{"shape": SHAPES[v], "count": n, "meaning": v.meaning} for v, n in report.counts.items()],
-        failures=list(_failures(report)),
-        findings=[_finding(f, r) for f, r in sorted(findings, key=lambda pair: pair[0].id)],
-        parts=[_part(r) for r in report.reproductions],
-        legend=[{"shape": SHAPES[v], "word": WORDS[v], "text": text} for v, text in _LEGEND.items()],
-        shapes={"good": SHAPES[Verdict.AGREES], "bad": SHAPES[Verdict.DISAGREES]},
-        data=_embedded(text),
-        data_uri=f"data:application/json,{quote(text, safe=',:')}",
-        data_size=f"{max(1, round(len(text) / 1000))} kB",
+    parts, findings = report.reproductions, report.findings
+    home = {f.id: r for r in parts for f in r.findings}
+    off = [(r, c) for r in parts for c in r.comparisons if c.agreement is Agreement.DISAGREES]
+    said = tuple(f"[{f.id}. {_title(f)}](#finding-{f.id}): {_state(f)}" for f in findings)
+    opening = Paragraph(text=_FOUND, quiet=True)
+    rules = Listing(items=tuple(f"{a.shape} {a.words}: {a.meaning}" for a in Agreement))
+    legend = (Paragraph(text=_INPUTS), rules, Paragraph(text=_SCOPE, quiet=True))
+    data = as_json(report.to_dict(), indent=None)
+    numbers = Download(name="letter-numbers.json", text=data, kind="application/json", anchor="numbers")
+    found = (Listing(items=said, brief=True), opening, *(_finding(f, home[f.id]) for f in findings))
+    listed = Listing(items=tuple(_disagreement(*pair) for pair in off), brief=True)
+    return Page(
+        kind=_TITLE,
+        headline=f"{sum(report.counts.values())} printed numbers of the letter beside ours. {_closing(report)}",
+        status="reproduced" if report.holds else "not reproduced",
+        good=report.holds,
+        key_figures=tuple((a.meaning, f"{a.shape} {count}") for a, count in report.counts.items()),
+        warnings=tuple(_failures(report)),
+        blocks=(
+            _overview(report) if parts else None,
+            Section(title="What was found", anchor="findings", titled=True, blocks=found) if findings else None,
+            Section(title="Printed numbers that disagree with ours", titled=True, blocks=(listed,)) if off else None,
+            *map(_part, parts),
+            Section(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
+            method_section(_METHOD, others=legend),
+        ),
     )
 
 
-def write_letter_report(report: LetterReport, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write a letter report to a file.
-
-    Args:
-        report: what was reproduced, all of it or a part.
-        path: where the page goes.
-        overwrite: whether a file that stands there may be replaced.
-
-    Returns:
-        The path.
-    """
-    return write_text(path, letter_report_html(report), overwrite=overwrite)
+def _overview(report: LetterReport) -> Table:
+    """Count the verdicts of each part, and lead to it; zeros are left out."""
+    rows: list[tuple[Cell, ...]] = [
+        (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
+        for r in report.reproductions
+    ]
+    total = ("all", *(str(count or "") for count in report.counts.values()))
+    return Table(head=("", *(a.words for a in Agreement)), rows=(*rows, total), brief=True)
 
 
-def _embedded(text: str) -> Any:
-    """Mark JSON for a script element, which ends at the first "</" that it holds."""
-    from markupsafe import Markup  # noqa: PLC0415
-
-    return Markup(text.replace("<", "\\u003c"))  # noqa: S704 - nothing in it can end the element
+def _title(finding: Finding) -> str:
+    return finding.title.rstrip(". ")
 
 
-def _anchor(kind: str, name: object) -> str:
-    """Make an identifier from a name; the kind keeps those of the parts apart from the page's own."""
-    return f"{kind}-{re.sub(r'[^a-z0-9]+', '-', str(name).lower()).strip('-')}"
+def _state(finding: Finding) -> str:
+    return "holds" if finding.holds else "DOES NOT HOLD"
 
 
-def _failures(report: LetterReport) -> Iterator[dict[str, str]]:
-    """Yield what does not come out, with the place on the page where it stands."""
-    for finding in report.findings:
-        if not finding.holds:
-            yield {"anchor": _anchor("finding", finding.id), "name": f"finding {finding.id}: {finding.title}"}
-    for part in report.reproductions:
-        for comparison in part.comparisons:
-            if comparison.unexplained:
-                yield {"anchor": _anchor("part", part.id), "name": f"{part.title}: {comparison.name}"}
+def _closing(report: LetterReport) -> str:
+    if report.holds:
+        return _ALL_HOLD if report.reproductions else "Nothing was reproduced."
+    numbers = (f"{c.name} ({r.id})" for r in report.reproductions for c in r.comparisons if c.unexplained)
+    return f"NOT REPRODUCED: {'; '.join([*(f'finding {f.id}' for f in report.findings if not f.holds), *numbers])}."
 
 
-def _finding(finding: Finding, part: Reproduction) -> dict[str, Any]:
-    return {
-        "anchor": _anchor("finding", finding.id),
-        "id": finding.id,
-        "title": finding.title.rstrip(". "),
-        "place": finding.place,
-        "statement": finding.statement,
-        "evidence": [(step.name, _unbroken(evidence(step))) for step in finding.evidence],
-        "holds": finding.holds,
-        "part": {"anchor": _anchor("part", part.id), "title": part.title},
-    }
+def _failures(report: LetterReport) -> Iterator[str]:
+    """Yield what does not come out, and where it stands."""
+    for f in report.findings:
+        if not f.holds:
+            steps = "; ".join(f"{step.name}: {step}" for step in f.failed)
+            yield f"Does not come out here: [finding {f.id}: {_title(f)}](#finding-{f.id}) ({steps})"
+    for r in report.reproductions:
+        for c in r.comparisons:
+            if c.unexplained:
+                yield f"Does not come out here: [{r.title}: {c.name}](#part-{r.id}) disagrees, and no reason is known"
 
 
-def _columns(rows: list[Row]) -> list[list[Row]]:
-    """Break a long table into two that stand side by side where there is room."""
-    half = (len(rows) + 1) // 2
-    return [column for column in ([rows] if len(rows) < _LONG else [rows[:half], rows[half:]]) if column]
+def _disagreement(part: Reproduction, c: Printed) -> str:
+    unit = f" {c.unit.replace('*', ' ')}".rstrip()
+    numbers = f"printed {c.printed}{unit}, ours {c.ours}{unit}"
+    return f"[{part.id}](#part-{part.id}), {c.name} ({c.place}): {numbers}: {c.reason or 'NO REASON KNOWN'}"
 
 
-def _unbroken(text: str) -> str:
-    """Keep a number and its unit on one line; a sentence may break."""
-    return text.replace(" ", "\u00a0") if len(text) < 24 else text
+def _finding(finding: Finding, part: Reproduction) -> Section:
+    state = Agreement.AGREES if finding.holds else Agreement.DISAGREES
+    origin = f"{state.shape} {_state(finding)}. {finding.place}; computed with [{part.title}](#part-{part.id})."
+    steps = Table(rows=tuple((step.name, str(step)) for step in finding.evidence), wraps=True)
+    blocks = (Paragraph(text=finding.statement), Paragraph(text=origin, quiet=True), steps)
+    return Section(title=f"{finding.id}. {_title(finding)}", anchor=f"finding-{finding.id}", blocks=blocks)
 
 
-def _part(part: Reproduction) -> dict[str, Any]:
-    """Collect the text and the picture of one reproduction."""
-    places = {c.place for c in part.comparisons}
-    return {
-        "anchor": _anchor("part", part.id),
-        "title": part.title,
-        "place": part.place,
-        "summary": part.summary,
-        "marks": _marks(part),
-        "findings": [_finding(f, part) for f in part.findings],
-        "parameters": _columns(
-            [
-                (p.name.replace("_", " "), p.symbol, _unbroken(f"{p.printed} {pretty_unit(p.unit)}".strip()), p.place)
-                for p in part.parameters
-            ]
+def _part(part: Reproduction) -> Section:
+    links = "; ".join(f"[{f.id}. {_title(f)}](#finding-{f.id})" for f in part.findings)
+    inputs = Table(
+        head=("input", "symbol", "value", "place"),
+        rows=tuple(
+            (p.name.replace("_", " "), p.symbol, f"{p.printed} {pretty_unit(p.unit)}".strip(), p.place)
+            for p in part.parameters
         ),
-        "comparisons": [_comparison(c) for c in part.comparisons],
-        "places": len(places) > 1,
-        "place_of_all": next(iter(places)) if len(places) == 1 else "",
-        "ranges": any(over_inputs(c) for c in part.comparisons),
-        "reasons": list(_reasons(part)),
-        "unexplained": [c.name for c in part.comparisons if c.unexplained],
-        "tables": part.tables,
-        "narrow": part.figure.get_size_inches()[0] < _WIDE,
-        "figure": picture(part.figure, _anchor("figure", part.id)),
-        "caption": part.caption,
-        "code": part.code,
-    }
+    )
+    picture = Picture(figure=part.id, of=part.figure, name=part.title, caption=part.caption)
+    blocks = (
+        Paragraph(text=part.summary),
+        Paragraph(text=f"Findings from it: {links}", quiet=True) if links else None,
+        Section(title="Inputs, as the letter gives them", blocks=(inputs,)) if part.parameters else None,
+        Section(title="Printed numbers beside ours", blocks=tuple(_compared(part))) if part.comparisons else None,
+        *part.tables,
+        picture,
+        Code(text=part.code, title="The code that makes this figure, as one program"),
+    )
+    return Section(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
 
 
-def _marks(part: Reproduction) -> str:
-    """Write the verdicts of a part as shapes with counts."""
-    counts = Counter(c.verdict for c in part.comparisons)
-    return "  ".join(f"{SHAPES[v]} {counts[v]}" for v in Verdict if counts[v])
-
-
-def _comparison(comparison: Comparison) -> dict[str, Any]:
-    return {
-        "name": comparison.name,
-        "place": comparison.place,
-        "unit": pretty_unit(comparison.unit),
-        "printed": comparison.printed,
-        "ours": ours(comparison),
-        "difference": difference(comparison),
-        "range": over_inputs(comparison) or "\u2013",
-        "shape": SHAPES[comparison.verdict],
-        "word": WORDS[comparison.verdict],
-        "alarm": comparison.verdict is Verdict.DISAGREES,
-    }
-
-
-def _reasons(part: Reproduction) -> Iterator[tuple[str, str]]:
-    """Yield each reason once, with the names of all numbers that it explains."""
+def _compared(part: Reproduction) -> Iterator[Table | Listing | Paragraph]:
+    """Yield the numbers beside ours, and each reason once, with the names of all numbers that it explains."""
+    head = ("number", "place", "printed", "ours", "difference", "ours over the rounding of the inputs", "verdict")
+    rows = [
+        (
+            *(f"{c.name} [{pretty_unit(c.unit)}]" if c.unit else c.name, c.place, c.printed, c.ours, c.off_by),
+            *(c.span or "\u2013", f"{c.agreement.shape} {c.agreement.words}"),
+        )
+        for c in part.comparisons
+    ]
+    shown = [i for i in range(len(head)) if i != 5 or any(c.over_inputs for c in part.comparisons)]
+    yield Table(head=tuple(head[i] for i in shown), rows=tuple(tuple(row[i] for i in shown) for row in rows))
     names: dict[str, list[str]] = {}
-    for comparison in part.comparisons:
-        if comparison.reason:
-            names.setdefault(comparison.reason, []).append(comparison.name)
-    for reason, explained in names.items():
-        everything = len(explained) == len(part.comparisons) > 1
-        yield "all of them" if everything else "; ".join(explained), reason
+    for c in part.comparisons:
+        if c.reason or c.unexplained:
+            names.setdefault(c.reason or "NO REASON KNOWN", []).append(c.name)
+    if names:
+        yield Paragraph(text="Why they differ:", quiet=True)
+        everything = len(part.comparisons) if len(part.comparisons) > 1 else 0
+        said = ((reason, "all of them" if len(of) == everything else "; ".join(of)) for reason, of in names.items())
+        yield Listing(items=tuple(f"{of}: {reason}" for reason, of in said))

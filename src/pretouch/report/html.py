@@ -92,8 +92,10 @@ def page_html(page: Page) -> str:
 
 def _draw(picture: Picture) -> str:
     """Draw a picture as an SVG element, in which text is drawn as shapes."""
-    module, _, name = FIGURES[picture.figure].partition(":")
-    figure = getattr(import_module(f".{module}", __package__), name)(picture.of)
+    figure = picture.of
+    if not hasattr(figure, "savefig"):
+        module, _, name = FIGURES[picture.figure].partition(":")
+        figure = getattr(import_module(f".{module}", __package__), name)(picture.of)
     return draw_svg(figure, picture.figure.replace("_", "-"))
 
 

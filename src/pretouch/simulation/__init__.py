@@ -9,7 +9,6 @@ from .plant import IdealPlant, ImpedancePlant, PlantModel, PositionPlant
 from .result import LoopTrace, SimulationResult
 from .stability import DampingLimit, GainLimit, gain_limit, largest_damping, lowest_rate
 from .timing import LoopTiming, timing_of
-from .witness import WitnessResult, WitnessTrace, witness_encounter
 
 __all__ = [
     "PARTS",
@@ -28,8 +27,6 @@ __all__ = [
     "SensorPart",
     "SimulationResult",
     "SpringDamper",
-    "WitnessResult",
-    "WitnessTrace",
     "chain_of_fit",
     "gain_limit",
     "largest_damping",
@@ -37,5 +34,4 @@ __all__ = [
     "sensor_part",
     "simulate",
     "timing_of",
-    "witness_encounter",
 ]

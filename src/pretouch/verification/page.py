@@ -13,9 +13,9 @@ from pretouch._core.blocks import Cell, Listing, Measured, Page, Paragraph, Pict
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.design.page import objective_rows
-from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 from pretouch.motion.describing import inputs_section, method_section
 from pretouch.simulation.describing import loop_section
+from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
 from .checks import Comparison, LimitCheck, RunSpread, VerdictStatus
 from .improvement_page import best_change_section, changes_section, gain_blocks

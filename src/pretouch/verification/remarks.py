@@ -17,7 +17,7 @@ from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
 from .appraisal import mean_and_error
 from .checks import Comparison
-from .request import Draws, ElasticImpact, VerdictRequest
+from .request import Draws, VerdictRequest, elastic_impact
 
 __all__ = ["assumptions_of", "cautions_of"]
 
@@ -71,7 +71,7 @@ def _force(asked: VerdictRequest) -> Iterator[str]:
         if asked.impact is not None:
             yield "An impact model makes an impact force of the speed of contact."
         return
-    if isinstance(asked.foreseen_impact, ElasticImpact):
+    if asked.foreseen_impact == elastic_impact(asked.loop.contact, asked.loop.plant):
         text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
     else:
         text = "The predicted impact force is that of the impact model that was given"

@@ -1,0 +1,103 @@
+"""Section VI-B: the range of motion and the relative velocity as inequality constraints of L(20)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from pretouch.design import Constraint, GainDesign, design_gain
+
+from .experiment import Finding, Program, Ran, Reproduction, finding, readings
+from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+
+__all__ = ["PROGRAM", "reproduce"]
+
+PROGRAM: Final = Program(
+    "Section VI-B: limits on the range of motion and on the relative velocity as inequality constraints.",
+    ONE_APPROACH,
+    """\
+f_1 = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+limits = np.linspace(0.05, 0.13, 41)
+excursions = [pt.Constraint(name="excursion", limit=limit) for limit in limits]
+velocity = pt.Constraint(name="relative_velocity", limit=0.09)
+cases = {"range of motion limited": [], "relative velocity, too": [velocity]}
+gains, speeds = {}, {}
+for name, more in cases.items():
+    designs = [pt.design_gain(scenario, sensor, f_1, bounds=(-10, -0.01), constraints=[e, *more]) for e in excursions]
+    gains[name] = [d.gain or np.nan for d in designs]
+    speeds[name] = [-d.result.contact.relative_velocity if d.result else np.nan for d in designs]
+panels = {"optimal gain D_p [N s]": (gains, {}), "speed at contact [m/s]": (speeds, {"limit of the velocity": 0.09})}
+curves = [[pt.Curve(x=1e3 * limits, y=y, label=n) for n, y in values.items()] for values, _ in panels.values()]
+labels = {"x_label": "largest excursion allowed [mm]"}
+drawn = [pt.Panel(y_label=y, curves=c, levels=p[1], **labels) for c, (y, p) in zip(curves, panels.items())]
+figure = pt.panel_figure(*drawn)
+""",
+)
+CASES: Final[tuple[dict[str, float], ...]] = (
+    {},
+    {"excursion": 0.08},
+    {"relative_velocity": 0.07},
+    {"excursion": 0.13, "relative_velocity": 0.07},
+    {"excursion": 0.08, "relative_velocity": 0.07},
+)
+
+
+def reproduce(ran: Ran) -> Reproduction:
+    """Minimize L(20) under limits of the excursion and of the relative velocity at contact."""
+    designs = [_design(case) for case in CASES]
+    return Reproduction(
+        summary="The letter says that such limits can be handed to the solver, and shows none. Here the optimum "
+        "follows its limit until the limit no longer binds, and where two limits contradict each other the answer is "
+        "which ones do, and by how much.",
+        parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
+        findings=(_held(designs),),
+        tables=(readings("The optimum under limits", _columns(designs)),),
+        caption="Left: the optimal gain over the largest excursion that is allowed. Right: the speed at contact. With "
+        "the speed limited, too, no gain is left below the excursion at which the second curve begins.",
+        numbers={
+            "excursion_limit": ran["limits"],
+            "optimal_gain": ran["gains"],
+            "speed_at_contact": ran["speeds"],
+            "cases": [
+                {"limits": case, "status": d.status, "gain": d.gain, "objective": d.objective}
+                for case, d in zip(CASES, designs, strict=True)
+            ],
+        },
+    )
+
+
+def _design(limits: dict[str, float]) -> GainDesign:
+    constraints = [Constraint(name=name, limit=limit) for name, limit in limits.items()]
+    return design_gain(approach(), sensor("inverse-power"), f_1(), bounds=BOUNDS, constraints=constraints)
+
+
+def _held(designs: Sequence[GainDesign]) -> Finding:
+    free, near, slow, both, neither = designs
+    on_limit = [abs((o.margin or 0.0) / o.limit) for d in (near, slow) for o in d.constraints]
+    worse = all((d.objective or 0.0) > (free.objective or 0.0) for d in (near, slow, both))
+    refused = neither.gain is None and all(o.achievable for o in neither.constraints)
+    return finding(
+        11,
+        "A limit that binds holds the optimum on itself, and limits that contradict each other are named",
+        "Section VI-B",
+        "With the excursion limited to 80 mm, or the speed at contact to 70 mm/s, the optimum sits on that limit. Each "
+        "of the two can be met alone; together no gain meets them, and the design says so instead of giving one.",
+        ("bound optima lie on their limit, to a millionth of it", max(on_limit) < 1e-6),
+        ("every limited objective is above the free one", worse),
+        ("80 mm and 70 mm/s: each can be met, both cannot", refused),
+    )
+
+
+def _columns(designs: Sequence[GainDesign]) -> dict[str, tuple[list[str], str]]:
+    names = {"excursion": ("|x - x_d|", "mm"), "relative_velocity": ("|l'|", "mm/s")}
+    cases = (", ".join(f"{names[n][0]} ≤ {1e3 * v:g} {names[n][1]}" for n, v in case.items()) for case in CASES)
+    binding = (", ".join(names[o.name][0] for o in d.constraints if o.active) or "none" for d in designs)
+    at = [None if d.result is None else d.result.contact for d in designs]
+    return {
+        "limits": ([case or "none" for case in cases], ""),
+        "binding": ([b if d.result else d.status.value for b, d in zip(binding, designs, strict=True)], ""),
+        "D_p [N s]": (["" if d.gain is None else f"{d.gain:.4f}" for d in designs], ""),
+        "excursion [mm]": (["" if c is None else f"{1e3 * c.largest_excursion:.2f}" for c in at], ""),
+        "speed at contact [mm/s]": (["" if c is None else f"{-1e3 * c.relative_velocity:.2f}" for c in at], ""),
+        "f₁": (["" if d.objective is None else f"{d.objective:.5f}" for d in designs], ""),
+    }

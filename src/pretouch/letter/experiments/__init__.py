@@ -1,1 +1,0 @@
-"""One file per table, figure and section: its data, its comparisons, and what the program finds."""

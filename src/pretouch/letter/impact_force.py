@@ -1,0 +1,81 @@
+"""Section VI-B: the peak force of the impact in the objective L(20) and as a limit."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from pretouch.design import Constraint, GainDesign, design_gain
+
+from .experiment import Finding, Program, Ran, Reproduction, finding, readings
+from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
+
+__all__ = ["PROGRAM", "reproduce"]
+
+PROGRAM: Final = Program(
+    "Section VI-B: the peak force of the impact in place of the speed, where mass and stiffness are known.",
+    ONE_APPROACH,
+    """\
+impacts = {
+    "linear spring": pt.SpringImpact(robot_mass=1.0, stiffness=62.7**2),
+    "sphere by Hertz's law": pt.HertzImpact(robot_mass=1.0, effective_modulus=1e6, radius=0.01),
+}
+gains, excursion = -np.geomspace(0.05, 10.0, 200), pt.Term(quantity="displacement", scale=0.5)
+speeds = pt.find_contact(scenario, sensor, gains).contact.relative_velocity
+designs, curves, marks = {}, [], []
+for name, impact in impacts.items():
+    force = pt.Term(quantity="impact_force", scale=impact.peak_force(0.3))
+    goal = pt.Objective(terms=(excursion, force))
+    found = designs[name] = pt.design_gain(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact)
+    curves.append(pt.Curve(x=-gains, y=impact.peak_force(speeds), label=name))
+    least = impact.peak_force(found.result.contact.relative_velocity)
+    marks.append(pt.Mark(x=-found.gain, y=least, label=f"optimum {found.gain:.3f} N s", shape="ring"))
+labels = {"x_label": "gain −D_p [N s]", "y_label": "peak force [N]", "x_log": True}
+figure = pt.panel_figure(pt.Panel(curves=curves, marks=marks, **labels))
+""",
+)
+LIMIT: Final = 4.5  # N
+
+
+def reproduce(ran: Ran) -> Reproduction:
+    """Replace the relative velocity in L(20) by the peak force of the impact."""
+    by_force, impacts = dict(ran["designs"]), ran["impacts"]
+    limited = {"constraints": [Constraint(name="impact_force", limit=LIMIT)], "impact": impacts["linear spring"]}
+    problem = (approach(), sensor("inverse-power"), f_1())
+    designs: dict[str, GainDesign] = {
+        "speed, f₁": design_gain(*problem, bounds=BOUNDS),
+        **{f"force, {name}": design for name, design in by_force.items()},
+        f"f₁, force ≤ {LIMIT} N": design_gain(*problem, bounds=BOUNDS, **limited),
+    }
+    gains = {name: float("nan") if d.gain is None else d.gain for name, d in designs.items()}
+    at = [d.result.contact for d in designs.values() if d.result is not None]
+    columns = {"objective": (gains, ""), "D_p [N s]": (gains.values(), ".4f")}
+    columns["excursion [mm]"] = ([1e3 * c.largest_excursion for c in at], ".2f")
+    columns["speed at contact [mm/s]"] = ([-1e3 * c.relative_velocity for c in at], ".2f")
+    return Reproduction(
+        summary="Where mass and stiffness are known, the peak force can stand in the objective and be limited. The "
+        "spring has the 62.7 N s/m of Table III as √(μ k); the sphere is a soft one of 10 mm radius. Both are "
+        "lossless, so they bound the peak for their stiffness; the mass is the robot's physical one, not M_a.",
+        parameters=(*APPROACH, *SENSORS["inverse-power"], *F_1),
+        findings=(_shifted(*[*gains.values()][:3]),),
+        tables=(readings("Optimum by speed and by force", columns),),
+        caption="The peak force over the gain for two kinds of contact, with the optimum of each objective.",
+        numbers={
+            "gain": ran["gains"],
+            "peak_force": {name: impact.peak_force(ran["speeds"]) for name, impact in impacts.items()},
+            "optimal_gain": gains,
+        },
+    )
+
+
+def _shifted(by_speed: float, spring: float, hertz: float) -> Finding:
+    return finding(
+        13,
+        "On a linear contact the force objective changes nothing; on a curved one it shifts the gain",
+        "Section VI-B",
+        "F_typ is the peak force without mitigation. On a spring the peak is √(μ k) |l'|, so the objective is f₁ "
+        "itself and has its optimum. By Hertz's law the force grows as |l'|^1.2, and the optimum moves.",
+        ("optimal gain by speed", by_speed, "N s"),
+        ("by force on the spring", spring, "N s"),
+        ("by force on the sphere", hertz, "N s"),
+        ("only the spring leaves it as it is", abs(spring / by_speed - 1) < 1e-6 < abs(hertz / by_speed - 1)),
+    )

@@ -1,0 +1,180 @@
+"""A printed number beside ours: how the two stand to each other, and what rounding has to do with it."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from enum import Enum
+from typing import Any, Final
+
+from pretouch._core.values import Value
+
+__all__ = ["Agreement", "Parameter", "Printed", "numeral", "resolution", "short_exponent"]
+
+_MORE: Final = 2  # digits beyond the printed ones: enough to see how ours rounds
+_LONGEST: Final = 14
+
+
+class Agreement(Enum):
+    """How a printed number stands to ours: a word, a shape that does without color, and what it means."""
+
+    AGREES = "agrees", "\u25cf", "ours rounds to the printed digits"
+    WITHIN_INPUTS = "agrees-within-inputs", "\u25cb", "ours rounds to them for inputs that round to the printed ones"
+    DISAGREES = "disagrees", "\u25b2", "ours does neither; what explains it stands below the table"
+    MEASURED = "measured", "\u25a1", "measured on hardware: compared, not matched"
+
+    shape: str
+    meaning: str
+
+    def __new__(cls, word: str, shape: str, meaning: str) -> Agreement:
+        """Let the word be the value."""
+        made = object.__new__(cls)
+        made._value_, made.shape, made.meaning = word, shape, meaning
+        return made
+
+    @property
+    def words(self) -> str:
+        """The word, as a person reads it."""
+        return str(self.value).replace("-", " ")
+
+
+def resolution(printed: str) -> float:
+    """Return one unit in the last place of a printed number.
+
+    Examples:
+        >>> resolution("-0.082"), resolution("1.30e-5"), resolution("474")
+        (0.001, 1e-07, 1.0)
+    """
+    return float(Decimal(1).scaleb(int(Decimal(printed).as_tuple().exponent)))
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter(Value):
+    """One input of an experiment, as the letter gives it.
+
+    Args:
+        name: what it is.
+        symbol: how the letter writes it.
+        printed: its value as printed.
+        unit: its unit; empty for a pure number.
+        place: where in the letter it stands.
+    """
+
+    name: str
+    symbol: str
+    printed: str
+    unit: str
+    place: str
+
+    @property
+    def value(self) -> float:
+        """The value in the printed unit."""
+        return float(self.printed)
+
+
+@dataclass(frozen=True, slots=True)
+class Printed(Value):
+    """One printed number beside ours.
+
+    Args:
+        name: which number.
+        printed: as it stands in the letter.
+        value: ours.
+        unit: the unit of both; empty for a pure number.
+        place: where in the letter it stands.
+        why: why they differ, where that is known.
+        hardware: whether it was measured on hardware: nothing says then that the two must agree.
+        over_inputs: smallest and largest of ours over the rounding of the printed inputs; None where not asked for.
+
+    Examples:
+        >>> Printed("l' at contact", "-0.088", -0.08766, "m/s", "Table II").agreement.meaning
+        'ours rounds to the printed digits'
+    """
+
+    name: str
+    printed: str
+    value: float
+    unit: str
+    place: str
+    why: str = ""
+    hardware: bool = False
+    over_inputs: tuple[float, float] | None = None
+
+    @property
+    def difference(self) -> float:
+        """Ours minus the printed number, in its unit."""
+        return self.value - float(self.printed)
+
+    @property
+    def agreement(self) -> Agreement:
+        """How the two stand to each other: ours agrees where it rounds to the printed digits."""
+        if self.hardware:
+            return Agreement.MEASURED
+        half = resolution(self.printed) / 2 * (1 + 1e-9)
+        low, high = self.over_inputs or (self.value, self.value)
+        if abs(self.difference) <= half:
+            return Agreement.AGREES
+        within = low - half <= float(self.printed) <= high + half
+        return Agreement.WITHIN_INPUTS if within else Agreement.DISAGREES
+
+    @property
+    def reason(self) -> str:
+        """Why the two differ; empty where they agree or nothing explains it."""
+        return self.why if self.agreement in {Agreement.DISAGREES, Agreement.MEASURED} else ""
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether the numbers disagree and nothing says why."""
+        return self.agreement is Agreement.DISAGREES and not self.why
+
+    @property
+    def ours(self) -> str:
+        """Our number, two decimals more precise than the printed one."""
+        return numeral(self.value, self.printed)
+
+    @property
+    def off_by(self) -> str:
+        """Ours minus the printed number, with its sign."""
+        notation = self.printed
+        if "e" in notation.lower() and math.isfinite(self.difference):
+            notation = "1e0" if self.difference else "0"
+        return numeral(self.difference, notation, "+")
+
+    @property
+    def span(self) -> str:
+        """The range of ours over the rounding of the printed inputs; empty where it was not asked for."""
+        return " to ".join(numeral(end, self.printed) for end in self.over_inputs or ())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison in plain values."""
+        low, high = self.over_inputs or (None, None)
+        names = ("name", "printed", "value", "unit", "difference", "place", "reason")
+        own = {name: getattr(self, name) for name in names}
+        return own | {"low": low, "high": high, "verdict": self.agreement.value}
+
+
+def numeral(value: float, printed: str, sign: str = "") -> str:
+    """Write a number with two decimals more than a printed one, in its notation, and a far longer one in six digits.
+
+    Returns:
+        The number as text.
+
+    Examples:
+        >>> numeral(-0.091534, "-0.082"), numeral(1.2987e-5, "1.30e-5"), numeral(0.00034, "-0.088", "+")
+        ('-0.09153', '1.2987e-5', '+0.00034')
+    """
+    if not math.isfinite(value):
+        return "not a number" if math.isnan(value) else "infinite" if value > 0 else "-infinite"
+    mantissa, exponential, _ = printed.lower().partition("e")
+    places = len(mantissa.partition(".")[2]) + _MORE
+    text = f"{value:{sign}.{places}{'e' if exponential else 'f'}}"
+    if len(text) > _LONGEST + len(printed):
+        text = f"{value:{sign}.6g}"
+    return short_exponent(text if float(text) else text.lstrip("+-"))
+
+
+def short_exponent(text: str) -> str:
+    """Write e-5 for e-05 and e5 for e+05."""
+    return re.sub(r"e([+-]?)0*(\d)", lambda found: f"e{found[1].strip('+')}{found[2]}", text)

@@ -17,7 +17,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Travels
 from pretouch.sensors.change import SlopeChange
 
-from . import native_linear
+from .closed_form import OPEN, find_contacts
 from .contact import ContactStatus
 from .curve import curve_reach
 from .curve_changes import changed_pieces
@@ -44,7 +44,6 @@ _MOST_FOLLOWED: Final = 256
 _FARTHEST: Final = 1e12
 _GROWTH: Final = 64.0
 _STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
-_OPEN: Final = np.int8(-1)
 
 
 class GradientRows(Travels):
@@ -128,15 +127,17 @@ class GradientRows(Travels):
     def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what has a closed form; return what is left."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
-        slope = request.sensor.constant_log_slope or 0.0
+        slope = request.slope
         mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
         total = damping + slope * gain
-        status = np.where(left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), _OPEN)
+        status = np.where(
+            left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), np.int8(OPEN)
+        )
 
         def run(start: int, stop: int) -> None:
-            c, out = request.block(start, stop), np.empty((3, 10, stop - start))
-            native_linear.contact_gradients((*c[:8], c[10]), slope, time[start:stop], status[start:stop], out)
-            rows[:, :, start:stop] = out[::2, kept]
+            inputs, out, part = request.inputs(start, stop), np.empty((3, 10, stop - start)), slice(start, stop)
+            find_contacts(inputs, slope, request.horizon, time[part], status[part], given=True, gradients=out)
+            rows[:, :, part] = out[::2, kept]
 
         for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
         return np.asarray(left & (status != 0))

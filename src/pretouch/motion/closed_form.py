@@ -20,8 +20,6 @@ from .layout import COLUMNS, PEAKS, STATES
 from .request import Request, Which
 
 __all__ = [
-    "GRADIENT_INPUTS",
-    "GRADIENT_OUTPUTS",
     "OPEN",
     "find_contacts",
     "respond_many",
@@ -32,9 +30,6 @@ __all__ = [
 
 OPEN: Final = -1
 """The status of an encounter that is left to other ways."""
-
-GRADIENT_OUTPUTS: Final = ("time", "displacement", "relative_velocity")
-GRADIENT_INPUTS: Final = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "gain", "slope")
 
 _INPUTS: Final = 9
 _ALL_INPUTS: Final = 11  # with those of the reference
@@ -77,8 +72,8 @@ def find_contacts(
         approach: where wanted, filled with l' [m/s] at contact, shape (n,).
         states: where wanted, filled with x~ [m], x~' [m/s], x~'' [m/s^2], l' [m/s] and the integral of x~ over [0, t]
             [m s], layout.STATES after the time, shape (5, n): any part of an array whose last axis is contiguous.
-        gradients: where wanted, filled with the derivatives of GRADIENT_OUTPUTS at contact by GRADIENT_INPUTS in SI,
-            shape (3, 10, n).
+        gradients: where wanted, filled with the derivatives of time, x~ and l' at contact by the nine inputs and g in
+            SI, shape (3, 10, n).
         peaks: where wanted, filled with layout.PEAKS, max |x~| [m], |x - x(0)| [m], |x'| [m/s], |x''| [m/s^2] and
             |F_p| [N], also without numbers where not settled, shape (5, n): any part, as states.
 

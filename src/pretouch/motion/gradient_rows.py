@@ -7,7 +7,6 @@ algebra on these two rows (`gradients`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -25,7 +24,7 @@ from .native_lanes import contact_gradients
 from .native_series import follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF
-from .windows import alone, curve_windows
+from .windows import alone, curve_windows, farthest, reach_of
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -145,9 +144,7 @@ class GradientRows(Travels):
     def _in_lanes(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what Taylor steps in lanes prove; return what is left."""
         request = self._solution.request
-        farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
-        top = min(_power_of_two(farthest), request.sensor.valid_range[1])
-        curves = alone(curve_windows(request.sensor, 0.0, top))
+        curves = alone(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(left)
         whole = len(where) == request.size
         status = np.empty(len(where), dtype=np.int8)
@@ -171,11 +168,11 @@ class GradientRows(Travels):
         sensor = request.sensor
         found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
         status = np.ones(len(where), dtype=np.int8)
-        farthest = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
-        reach = _power_of_two(4 * farthest)
+        start = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
+        reach = 4 * reach_of(request.scenario)
         while (status == 1).any():
             wanted = min(reach, sensor.valid_range[1])
-            top = curve_reach(sensor, 0.0, min(wanted, farthest), wanted)
+            top = curve_reach(sensor, 0.0, min(wanted, start), wanted)
             pieces, terms = changed_pieces(sensor, slopes, top)
             open_ones = np.flatnonzero(status == 1)
 
@@ -190,7 +187,3 @@ class GradientRows(Travels):
                 break
             reach *= _GROWTH  # a motion may have gone beyond the pieces, and come back
         return found[:, :, kept].transpose(1, 2, 0)
-
-
-def _power_of_two(distance: float) -> float:
-    return 2.0 ** math.ceil(math.log2(distance))

@@ -25,7 +25,8 @@ int main(void) {
     for (int i = 0; i < 9; i++) inputs[i] = {INPUTS + i * N, 1};
     pretouch_curves curves = {WINDOWS, WINDOW_ROWS, WINDOW_WIDTH, STARTS, CURVE_OF, 0};
     int failed = 0;
-    pretouch_linear_contacts(inputs, N, SLOPE, 30.0, time, status, states, N, 0);
+    const pretouch_linear wanted = {time, status, 0, nullptr, {states, N}, {}, {}};
+    pretouch_linear_contacts(inputs, N, SLOPE, 30.0, &wanted);
     failed |= compare("linear", states, EXPECTED_LINEAR, 5 * N, 1e-9);
     pretouch_series_contacts(inputs, N, &curves, 30.0, contacts, status);
     failed |= compare("lanes", contacts, EXPECTED_LANES, 6 * N, 1e-8);

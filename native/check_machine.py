@@ -20,9 +20,9 @@ import numpy as np
 import pretouch as pt
 from pretouch._core.native import address
 from pretouch.design.compiled_search import find_gains
+from pretouch.motion.closed_form import find_contacts
 from pretouch.motion.curve import curve_pieces
 from pretouch.motion.native_lanes import contact_times, of_core
-from pretouch.motion.native_linear import contact_times as linear_contact_times
 from pretouch.motion.native_series import solve_series
 from pretouch.motion.windows import alone, curve_windows
 
@@ -46,7 +46,7 @@ def cases() -> dict[str, Any]:
     slope = float(sensor.log_slope(0.0))
     curves = alone(curve_windows(sensor, 0.0, 0.08))
     time, status, states = np.empty(N), np.empty(N, dtype=np.int8), np.empty((5, N))
-    linear_contact_times(inputs, slope, 30.0, time, status, states=states)
+    find_contacts(inputs, slope, 30.0, time, status, states=states)
     lanes = np.empty((6, N))
     contact_times(inputs, curves, 30.0, lanes, status)
     pieces, rows, ended = curve_pieces(sensor, 0.0, 0.3), np.empty((N, 15)), np.empty(N, dtype=np.int64)

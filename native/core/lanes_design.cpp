@@ -65,11 +65,12 @@ struct Encounter {
         for (int i = 0; i < 8; i++) columns[i] = {inputs + i, 0};
         columns[8] = {gains, 1};
         int8_t status[LARGEST];
+        const pretouch_linear wanted = {states, status, false, nullptr, {states + n, n}, {}, {}};
         solved = n;
         if (curves)
             series_contacts(columns, n, curves, horizon, states, status);
         else
-            linear_contacts(columns, n, slope, horizon, states, status, states + n, n, 0);
+            linear_contacts(columns, n, slope, horizon, &wanted);
         for (int64_t i = 0; i < n; i++)
             if (status[i] != 0) return i;
         return n;

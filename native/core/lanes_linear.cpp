@@ -21,7 +21,8 @@
 
 #include "lanes_linear.hpp"
 
-#include "linear_states.hpp"
+#include "linear_gradients.hpp"
+#include "linear_peaks.hpp"
 
 namespace PRETOUCH_VARIANT {
 
@@ -31,14 +32,6 @@ constexpr int PASS = 8;  // vectors that are taken through one step before the n
 constexpr double TOLERANCE = 1e-11;
 constexpr double LEAST_APPROACH = 1e-6;  // of |v| + |u_0|, far above rounding
 constexpr int TRIES = 100;
-
-struct Encounters {
-    Rates rates;
-    Lanes gap, force, size;  // l(0), F, and what l is the difference of
-    Lanes x0, u0, v;
-    Lanes time;
-    Masks falls;  // whether l' < 0 is proved
-};
 
 struct Approach {
     Lanes weighted, plain;
@@ -51,41 +44,82 @@ inline Approach approach(const Rates &rates, Lanes u0, Lanes v, Lanes force) {
             -v - most(push, pull * rates.by_width)};
 }
 
-// Finds rates, l(0), F, a start for the root and whether l' < 0 is proved.
-inline void prepare(const Columns<LINEAR_INPUTS> &inputs, int64_t i, double slope, Encounters &q) {
+// Columns of numbers, WIDTH at a time. What is one number for all is spread out once.
+struct Columns {
+    const int many;
+    const double *at[ALL_INPUTS];
+    int64_t step[ALL_INPUTS];
+    double spread[ALL_INPUTS][WIDTH];
+
+    Columns(const pretouch_column *columns, int count) : many(count) {
+        for (int k = 0; k < many; k++) {
+            at[k] = columns[k].at;
+            step[k] = columns[k].stride;
+            if (step[k] == 0) spread_out(k, all(*at[k]));
+        }
+    }
+
+    // The last few of others, from the i-th on: the lanes that are left over hold what the first of them holds.
+    Columns(const Columns &others, int64_t i, int64_t count) : many(others.many) {
+        for (int k = 0; k < many && count > 0; k++)
+            spread_out(k, others.step[k] ? load(others.at[k] + i, count) : others.get(k, 0));
+    }
+
+    Lanes get(int k, int64_t i) const { return load(at[k] + step[k] * i); }
+
+  private:
+    void spread_out(int k, Lanes value) {
+        store(spread[k], value);
+        at[k] = spread[k];
+        step[k] = 0;
+    }
+};
+
+// Finds rates, l(0) and F; where contacts are not given, a start for the root, and whether l' < 0 is proved: it is then to
+// be found.
+inline void prepare(const Columns &inputs, int64_t i, double slope, bool given, Encounters &q) {
     const Lanes mass = inputs.get(MASS, i), damping = inputs.get(DAMPING, i), stiffness = inputs.get(STIFFNESS, i);
     const Lanes x0 = inputs.get(X0, i), u0 = inputs.get(U0, i), p = inputs.get(P, i), v = inputs.get(V, i);
-    const Lanes a = inputs.get(A, i), coupling = slope * inputs.get(GAIN, i);
-    const Lanes gap = p - x0, below = v * (v * damping - stiffness * gap);
+    const Lanes coupling = slope * inputs.get(GAIN, i), gap = p - x0;
+    const Lanes below = given ? all(1.0) : v * (v * damping - stiffness * gap);
     const auto [rates, by_mass, by_below, real] = decay_rates(mass, damping, stiffness, coupling, below);
     const Lanes force = (coupling * v - stiffness * x0) * by_mass;
+    q.rates.mu1 = rates.mu1, q.rates.mu2 = rates.mu2, q.rates.by1 = rates.by1, q.rates.by2 = rates.by2;
+    q.rates.width = rates.width, q.rates.by_width = rates.by_width;
+    q.gap = gap, q.force = force, q.by_mass = by_mass, q.x0 = x0, q.u0 = u0, q.v = v;
+    if (given) return;
     const auto [weighted, plain] = approach(rates, u0, v, force);
     const Lanes least_approach = LEAST_APPROACH * (absolute(u0) - v);
-    const Masks falls = real & (v < 0.0) & (gap > 0.0) & (a == 0.0) &
+    const Masks falls = real & (v < 0.0) & (gap > 0.0) & (inputs.get(A, i) == 0.0) &
                         ((weighted > least_approach * (rates.mu2 + 3.0 * rates.mu1)) | (plain > least_approach));
     const Lanes total = rates.mu1 + rates.mu2, product = rates.mu1 * rates.mu2;
     const Lanes t = gap * (stiffness * p - (damping + coupling) * v) * by_below;
     const Lanes quadratic = 2.0 + (total + product * t) * t, linear = (4.0 + total * t) * t;
     const Lanes value = quadratic * ((gap + v * t) * quadratic - force * t * t) - u0 * linear;
-    const Lanes start = t - value / (v * quadratic * quadratic - force * linear - 4.0 * u0);
-    q.rates.mu1 = rates.mu1, q.rates.mu2 = rates.mu2, q.rates.by1 = rates.by1, q.rates.by2 = rates.by2;
-    q.rates.width = rates.width, q.rates.by_width = rates.by_width;
-    q.gap = gap, q.force = force, q.size = gap + absolute(x0), q.x0 = x0, q.u0 = u0, q.v = v;
-    q.time = start, q.falls = falls;
+    q.time = t - value / (v * quadratic * quadratic - force * linear - 4.0 * u0);
+    q.found = falls;
 }
 
-// One step of Householder's method of third order from the start, with rough exponentials.
-inline Lanes first_step(const Encounters &q) {
+// l at a time, and x~ with its derivatives.
+struct Course {
+    Lanes l, y1, y2, y3;
+    Lanes h, rest;  // see Basis
+
+    // to the root by one step of Householder's method of third order
+    Lanes step(Lanes v) const {
+        const Lanes l1 = v - y1, square = 6.0 * (l1 * l1), turn = l * y2;
+        return -l * (square + 3.0 * turn) / (l1 * (square + 6.0 * turn) - l * l * y3);
+    }
+};
+
+template <Exponential exponential_of(Lanes)> inline Course course(const Encounters &q, Lanes t) {
     const auto &[mu1, mu2, by1, by2, width, by_width] = q.rates;
-    const Lanes t = q.time;
-    const auto [e1, m1] = rough_exponential(-mu1 * t);
-    const Lanes decay = e1 * rough_exponential(-width * t).rest;
-    const Lanes h = decay * by_width, slope = (e1 - decay) - mu1 * h;  // h'
-    const Lanes value = q.gap + q.v * t - q.u0 * h - q.force * ((m1 * by1 - h) * by2);
-    const Lanes y1 = q.force * h + q.u0 * slope, total = mu1 + mu2, product = mu1 * mu2;
+    const auto [rest, h, e2] = basis<exponential_of>(t, q.rates);
+    const Lanes slope = e2 - mu1 * h, total = mu1 + mu2, product = mu1 * mu2;  // slope: h'
+    const Lanes l = q.gap + q.v * t - q.u0 * h - q.force * ((rest * by1 - h) * by2);
+    const Lanes y1 = q.force * h + q.u0 * slope;
     const Lanes y2 = (q.force - total * q.u0) * slope - (product * q.u0) * h, y3 = -total * y2 - product * y1;
-    const Lanes l1 = q.v - y1, square = 6.0 * (l1 * l1), turn = value * y2;
-    return t - value * (square + 3.0 * turn) / (l1 * (square + 6.0 * turn) - value * value * y3);
+    return {l, y1, y2, y3, h, rest};
 }
 
 struct Step {
@@ -94,29 +128,24 @@ struct Step {
     Lanes value;  // l where the step began
 };
 
-// The same step with all digits, and its proof.
-inline Step proved_step(const Encounters &q, Lanes t) {
+// The step with all digits, and its proof.
+[[gnu::always_inline]] inline Step proved_step(const Encounters &q, Lanes t) {
     const auto &[mu1, mu2, by1, by2, width, by_width] = q.rates;
-    const auto [e1, m1] = exponential(-mu1 * t);
-    const Lanes decay = e1 * exponential(-width * t).rest;
-    const Lanes h = decay * by_width, slope = (e1 - decay) - mu1 * h;
-    const Lanes value = q.gap + q.v * t - q.u0 * h - q.force * ((m1 * by1 - h) * by2);
-    const Lanes y1 = q.force * h + q.u0 * slope, total = mu1 + mu2, product = mu1 * mu2;
-    const Lanes y2 = (q.force - total * q.u0) * slope - (product * q.u0) * h;
-    const Lanes y3 = -total * y2 - product * y1, y4 = -total * y3 - product * y2;
-    const Lanes l1 = q.v - y1, square = 6.0 * (l1 * l1), turn = value * y2;
-    const Lanes step = -value * (square + 3.0 * turn) / (l1 * (square + 6.0 * turn) - value * value * y3);
-    const Lanes rest = value + step * (l1 - step * (0.5 * y2 + step * ((1.0 / 6) * y3 + step * ((1.0 / 24) * y4))));
+    const Course at = course<exponential>(q, t);
+    const Lanes y4 = -(mu1 + mu2) * at.y3 - mu1 * mu2 * at.y2, l1 = q.v - at.y1, step = at.step(q.v);
+    const Lanes rest =
+        at.l + step * (l1 - step * (0.5 * at.y2 + step * ((1.0 / 6) * at.y3 + step * ((1.0 / 24) * y4))));
     const Lanes end = t + step, reach = absolute(step) + 1e-10 * end, fast_reach = mu2 * reach;
-    const Lanes bend = absolute(y2), fast = reach * absolute(y3 + mu1 * y2);
+    const Lanes bend = absolute(at.y2), fast = reach * absolute(at.y3 + mu1 * at.y2);
     const Lanes growth = 1.0 + fast_reach * (1.0 + 3.1 * fast_reach);  // above its exponential up to 4
     const Lanes area = reach * fast_reach;
     const Lanes tail = area * area * (reach * (mu1 * bend) + 3.0 * fast) * (growth * (1.0 / 120));
+    const Lanes size = q.gap + absolute(q.x0) - q.v * end;  // with what follows, what l is the difference of
     const Lanes rounding =
-        4e-15 * (q.size - q.v * end + absolute(q.u0) * h + absolute(q.force) * (m1 * by1 + h) * by2);
+        4e-15 * (size + absolute(q.u0) * at.h + absolute(q.force) * (at.rest * by1 + at.h) * by2);
     const Masks close = (t > 0.0) & (fast_reach <= 4.0) & (2.0 * reach * (bend + fast) * growth <= -l1) &
                         (absolute(rest) + tail + rounding < TOLERANCE * end * -l1);
-    return {end, close, value};
+    return {end, close, at.l};
 }
 
 struct Found {
@@ -158,75 +187,84 @@ inline void store_status(int8_t *status, Masks found, int64_t count) {
     for (int k = 0; k < WIDTH && k < count; k++) status[k] = found[k] ? 0 : -1;
 }
 
-// Finds the contacts of encounters from where the first step ended; `falls` then says which are found.
+inline Masks load_status(const int8_t *status, int64_t count) {
+    Masks open = {};
+    for (int k = 0; k < WIDTH && k < count; k++) open[k] = status[k];
+    return open == 0;
+}
+
+// Finds the contacts of encounters that wait for it, from where the first step ended.
 inline void contact(Encounters &q, double horizon) {
     const auto [end, close, value] = proved_step(q, q.time);
-    Masks found = close & (end > 0.0) & (end <= horizon) & q.falls;
-    q.time = end;
-    if (bits(q.falls & ~found) != 0) {
-        const Found more = refine(q, end, q.falls & ~found, horizon);
+    const Masks waits = q.found, found = close & (end > 0.0) & (end <= horizon) & waits;
+    q.time = end, q.found = found;
+    if (bits(waits & ~found) != 0) {
+        const Found more = refine(q, end, waits & ~found, horizon);
         q.time = where(found, end, more.time);
-        found |= more.found;
+        q.found |= more.found;
     }
-    q.falls = found;
 }
 
-// l' at the end.
-inline Lanes approach_at_end(const Encounters &q) {
-    const auto [e1, m1] = exponential(-q.rates.mu1 * q.time);
-    const Lanes decay = e1 * exponential(-q.rates.width * q.time).rest, h = decay * q.rates.by_width;
-    return q.v - (q.force * h + q.u0 * ((e1 - decay) - q.rates.mu1 * h));
-}
-
-// What a contact has beside its time; null where that is not asked for.
-struct Wanted {
-    double *approach;  // l'
-    double *states;    // rows of m numbers
-    int64_t m;
-};
-
-__attribute__((noinline)) void contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
-                                        double *time, int8_t *status, Wanted wanted) {
-    Columns<LINEAR_INPUTS> columns(inputs);
-    Encounters batch[PASS];
-    for (int64_t start = 0; start < n; start += PASS * WIDTH) {
-        int many = 0;
-        for (int64_t i = start; i < n && many < PASS; i += WIDTH) {
-            columns.reach(i, n - i);
-            prepare(columns, i, slope, batch[many++]);
-        }
-        for (int k = 0; k < many; k++) batch[k].time = first_step(batch[k]);
-        for (int k = 0; k < many; k++) {
-            Encounters &q = batch[k];
-            const int64_t i = start + k * WIDTH;
-            contact(q, horizon);
-            store(time + i, where(q.falls, q.time, all(NOT_A_NUMBER)), n - i);
-            store_status(status + i, q.falls, n - i);
-        }
-        for (int k = 0; k < many && wanted.approach != nullptr; k++) {
-            const int64_t i = start + k * WIDTH;
-            const Lanes found = where(batch[k].falls, approach_at_end(batch[k]), all(NOT_A_NUMBER));
-            store(wanted.approach + i, found, n - i);
-        }
-        for (int k = 0; k < many && wanted.states != nullptr; k++) {
-            const Encounters &q = batch[k];
-            const int64_t i = start + k * WIDTH;
-            const States found = states_at(q.time, q.rates, q.force, q.x0, q.u0, q.v);
-            store_states(wanted.states + i, wanted.m, found, q.falls, n - i);
-        }
+// Finds the contacts of many vectors of encounters, of which the first is the i-th, or loads what was found of them.
+inline void find(Encounters *batch, int many, int64_t i, int64_t n, double horizon, const pretouch_linear &to) {
+    if (to.given) {
+        for (Encounters *q = batch; q < batch + many; q++, i += WIDTH)
+            q->time = load(to.time + i, n - i), q->found = load_status(to.status + i, n - i);
+        return;
+    }
+    for (Encounters *q = batch; q < batch + many; q++) q->time += course<rough_exponential>(*q, q->time).step(q->v);
+    for (Encounters *q = batch; q < batch + many; q++, i += WIDTH) {
+        contact(*q, horizon);
+        store(to.time + i, where(q->found, q->time, all(NOT_A_NUMBER)), n - i);
+        store_status(to.status + i, q->found, n - i);
     }
 }
 
 }  // namespace
 
-void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
-                     int8_t *status, double *states, int64_t m, int64_t first) {
-    contacts(inputs, n, slope, horizon, time, status, {nullptr, states == nullptr ? nullptr : states + first, m});
+void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
+                     const pretouch_linear *wanted) {
+    const pretouch_linear to = *wanted;
+    const Columns columns(inputs, to.peaks.at ? ALL_INPUTS : LINEAR_INPUTS), last(columns, n - n % WIDTH, n % WIDTH);
+    Encounters batch[PASS];
+    for (int64_t start = 0; start < n; start += PASS * WIDTH) {
+        int many = 0;
+        for (int64_t i = start; i < n && many < PASS; i += WIDTH)
+            prepare(n - i < WIDTH ? last : columns, i, slope, to.given, batch[many++]);
+        find(batch, many, start, n, horizon, to);
+        for (int k = 0; k < many && to.approach; k++) {
+            const Encounters &q = batch[k];
+            const Lanes approach = q.v - course<exponential>(q, q.time).y1;
+            store(to.approach + start + k * WIDTH, where(q.found, approach, all(NOT_A_NUMBER)), n - start - k * WIDTH);
+        }
+        int64_t i = start;
+        for (const Encounters *q = batch; q < batch + many; q++, i += WIDTH) {
+            const Columns &own = n - i < WIDTH ? last : columns;
+            if (to.states.at) write_states(*q, {to.states, i, n - i, q->found});
+            if (to.gradients.at) write_gradients(*q, own.get(GAIN, i), slope, {to.gradients, i, n - i, q->found});
+            if (to.peaks.at) {
+                const Lanes coupling = slope * own.get(GAIN, i), drift = own.get(DRIFT, i), pull = own.get(PULL, i);
+                write_peaks(*q, coupling, drift, pull, {to.peaks, i, n - i, q->found});
+            }
+        }
+    }
 }
 
-void linear_approaches(const pretouch_column *inputs, int64_t n, double slope, double horizon, double *time,
-                       int8_t *status, double *approach) {
-    contacts(inputs, n, slope, horizon, time, status, {approach, nullptr, 0});
+// What the tests look at: e^x and 1 - e^x of each kind, phi_2 and phi_3 with whether they hold, and ln(1 - x).
+void exponentials(const double *x, int64_t n, double *out) {
+    for (int64_t i = 0; i < n; i += WIDTH) {
+        const Lanes at = load(x + i, n - i);
+        const auto [value, rest] = exponential(at);
+        const ExponentialParts parts = exponential_parts(at);
+        const auto [rough, rough_rest] = rough_exponential(at);
+        const Lanes rows[] = {value, rest, parts.value, parts.rest, parts.second, parts.third,
+                              where(parts.near, all(1.0), Lanes{}), rough, rough_rest, rough_logarithm(-at)};
+        double *to = out + i;
+        for (const Lanes row : rows) {
+            store(to, row, n - i);
+            to += n;
+        }
+    }
 }
 
 }  // namespace PRETOUCH_VARIANT

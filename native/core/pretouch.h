@@ -51,23 +51,27 @@ PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, con
                                             int64_t p, int64_t q, const double *terms, int64_t k, double horizon,
                                             double *found, int8_t *status);
 
-/* ---- many encounters of a constant slope, side by side (lanes_linear.cpp) ----
- * inputs: M, D, K, x~(0), x~'(0), p, v, a, D_p. states, where not null: five rows of m numbers, filled from column
- * `first` on with x~, x~', x~'', l' and the integral of x~; no numbers where open. status: 0 or -1, open. */
+/* ---- many encounters of a constant slope, side by side (lanes_linear.cpp) ---- */
+/* Rows of numbers, one of each row for each encounter: the first row, and how far the next ones lie behind it. */
+typedef struct {
+    double *at;
+    int64_t stride;
+} pretouch_rows;
+
+/* What is wanted of contacts. time, and status, 0 or -1 (open), are found, or `given` by an earlier call. The rest is
+ * filled where not null, with no numbers where open: l'; x~, x~', x~'', l' and the integral of x~; the derivatives of
+ * time, x~ and l', ten rows each: by the inputs up to D_p and by the slope; the largest demands, five rows. */
+typedef struct {
+    double *time;
+    int8_t *status;
+    int64_t given;
+    double *approach;
+    pretouch_rows states, gradients, peaks;
+} pretouch_linear;
+
+/* inputs: M, D, K, x~(0), x~'(0), p, v, a, D_p, and for the demands velocity and acceleration of the reference. */
 PRETOUCH_API void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
-                                           double *time, int8_t *status, double *states, int64_t m, int64_t first);
-/* The same with nothing but l' of the state. */
-PRETOUCH_API void pretouch_linear_approaches(const pretouch_column *inputs, int64_t n, double slope, double horizon,
-                                             double *time, int8_t *status, double *approach);
-PRETOUCH_API void pretouch_linear_states(const pretouch_column *inputs, int64_t n, double slope, const double *time,
-                                         const int8_t *status, double *states, int64_t m, int64_t first);
-/* out: derivatives of time, x~ and l' by the nine inputs and the slope, shape (3, 10, n). */
-PRETOUCH_API void pretouch_linear_gradients(const pretouch_column *inputs, int64_t n, double slope, const double *time,
-                                            const int8_t *status, double *out);
-/* reference: its velocity and acceleration. out: the largest demands, five rows of m numbers. */
-PRETOUCH_API void pretouch_linear_peaks(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
-                                        double slope, const double *time, const int8_t *status, double *out, int64_t m,
-                                        int64_t first);
+                                           const pretouch_linear *wanted);
 
 /* For tests: of x <= 0 the rows e^x and 1 - e^x; the same two beside phi_2, phi_3 and whether these hold, 1 or 0; e^x
  * and 1 - e^x roughly; ln(1 - x) roughly. out, shape (10, n). */

@@ -20,13 +20,13 @@ struct System {
 };
 
 struct Response {
-    double y, velocity, acceleration, jerk, integral;  // y, y', y'', y''' and the integral of y
+    double y[4], integral;  // y, y', y'', y''' and the integral of y
 };
 
 struct DividedDifferences {
-    double derivative;      // of t G_0: G_-1
-    double h0;              // the free response to a unit displacement
-    double g0, g1, g2, g3;  // those that were asked for
+    double derivative;  // of t G_0: G_-1
+    double h0;          // the free response to a unit displacement
+    double g0, g1, g2, g3;
 };
 
 constexpr double SERIES_RADIUS = 1.5;
@@ -59,15 +59,15 @@ template <int LAST> inline void find_phi(double z, double *phi) {
 }
 
 // z1 + z2 = p, z1 z2 = q >= 0: sums of (z1^k + z1^(k-1) z2 + ... + z2^k) / (k + m + 1)!.
-template <int LAST> inline DividedDifferences near_the_origin(double p, double q) {
+inline DividedDifferences near_the_origin(double p, double q) {
     const double *inverse = INVERSE_FACTORIALS.of;
     double symmetric = 1.0, before = 0.0, derivative = 0.0, g0 = 0.0, g1 = 0.0, g2 = 0.0, g3 = 0.0;
     for (int k = 0; k < SERIES_TERMS; k++) {
         derivative += symmetric * inverse[k];
         g0 += symmetric * inverse[k + 1];
         g1 += symmetric * inverse[k + 2];
-        if (LAST > 1) g2 += symmetric * inverse[k + 3];
-        if (LAST > 2) g3 += symmetric * inverse[k + 4];
+        g2 += symmetric * inverse[k + 3];
+        g3 += symmetric * inverse[k + 4];
         const double next = p * symmetric - q * before;
         before = symmetric;
         symmetric = next;
@@ -75,28 +75,26 @@ template <int LAST> inline DividedDifferences near_the_origin(double p, double q
     return {derivative, 1.0 - q * g1, g0, g1, g2, g3};
 }
 
-// At z = lambda t, L(13): z1 + z2 = p, z1 z2 = q >= 0, (z1 - z2)^2 / 4 = d; G_0 to G_LAST, LAST > 0.
-template <int LAST> inline DividedDifferences divided_differences(double p, double q, double d) {
-    if ((d > 0 ? fabs(p) / 2 + sqrt(d) : sqrt(q)) < SERIES_RADIUS) return near_the_origin<LAST>(p, q);
-    DividedDifferences g = {};
+// At z = lambda t, L(13): z1 + z2 = p, z1 z2 = q >= 0, (z1 - z2)^2 / 4 = d.
+inline DividedDifferences divided_differences(double p, double q, double d) {
+    if ((d > 0 ? fabs(p) / 2 + sqrt(d) : sqrt(q)) < SERIES_RADIUS) return near_the_origin(p, q);
+    DividedDifferences g;
     if (d > 0) {
         const double root = sqrt(d), far = p < 0 ? p / 2 - root : p / 2 + root, near = q / far;
         const double e_far = exp(far), e_near = exp(near);
-        double between, phi[LAST];
+        double between, phi[3];
         find_phi<1>(near > far ? far - near : near - far, &between);
-        find_phi<LAST>(near, phi);
+        find_phi<3>(near, phi);
         g.g0 = (near > far ? e_near : e_far) * between;
         g.derivative = e_far + near * g.g0, g.h0 = e_near - near * g.g0;
-        g.g1 = (g.g0 - phi[0]) / far;
-        if constexpr (LAST > 1) g.g2 = (g.g1 - phi[1]) / far;
-        if constexpr (LAST > 2) g.g3 = (g.g2 - phi[2]) / far;
+        g.g1 = (g.g0 - phi[0]) / far, g.g2 = (g.g1 - phi[1]) / far, g.g3 = (g.g2 - phi[2]) / far;
         return g;
     }
     const double decay = exp(p / 2), angle = sqrt(-d), cosine = cos(angle), sinc = angle > 0 ? sin(angle) / angle : 1.0;
     g.g0 = decay * sinc, g.derivative = decay * (cosine + p / 2 * sinc), g.h0 = decay * (cosine - p / 2 * sinc);
     g.g1 = (1.0 + p * g.g0 - g.derivative) / q;
-    if (LAST > 1) g.g2 = (1.0 + p * g.g1 - g.g0) / q;
-    if (LAST > 2) g.g3 = (0.5 + p * g.g2 - g.g1) / q;
+    g.g2 = (1.0 + p * g.g1 - g.g0) / q;
+    g.g3 = (0.5 + p * g.g2 - g.g1) / q;
     return g;
 }
 
@@ -113,27 +111,11 @@ struct Motion {
         j0 = c1 - 2 * sigma * a0 - square * v0;
     }
 
-    template <int LAST> DividedDifferences differences(double t) const {
-        return divided_differences<LAST>(-2 * sigma * t, square * t * t, disc * t * t);
-    }
-
-    double velocity(double t) const {
-        const DividedDifferences g = differences<1>(t);
-        const double f1 = t * g.g0;
-        return -square * y0 * f1 + v0 * g.derivative + c0 * f1 + c1 * (t * t * g.g1);
-    }
-
-    double acceleration(double t) const {
-        const DividedDifferences g = differences<1>(t);
-        return a0 * g.h0 + j0 * (t * g.g0);
-    }
-
-    // All of it; the integral for LAST = 3 only.
-    template <int LAST = 3> Response at(double t) const {
-        const DividedDifferences g = differences<LAST>(t);
+    Response at(double t) const {
+        const DividedDifferences g = divided_differences(-2 * sigma * t, square * t * t, disc * t * t);
         const double t2 = t * t, f1 = t * g.g0, f2 = t2 * g.g1, f3 = t2 * t * g.g2, f4 = t2 * t2 * g.g3;
-        return {y0 * g.h0 + v0 * f1 + c0 * f2 + c1 * f3, -square * y0 * f1 + v0 * g.derivative + c0 * f1 + c1 * f2,
-                a0 * g.h0 + j0 * f1, j0 * g.derivative - square * a0 * f1,
+        return {{y0 * g.h0 + v0 * f1 + c0 * f2 + c1 * f3, -square * y0 * f1 + v0 * g.derivative + c0 * f1 + c1 * f2,
+                 a0 * g.h0 + j0 * f1, j0 * g.derivative - square * a0 * f1},
                 y0 * (f1 + 2 * sigma * f2) + v0 * f2 + c0 * f3 + c1 * f4};
     }
 };

@@ -119,7 +119,7 @@ def test_a_constant_slope_takes_the_lanes_where_the_closed_form_leaves_a_contact
     assert sure.reached[proved].all()
     assert np.abs(path.known["time"] / sure.end.time - 1)[proved].max() < 1e-9
     assert proved[sure.reached].mean() > 0.95, "what is left is stiff, or starts with two motions that balance"
-    by_form = fast_path._solve_form(request, approach=False)[1]
+    by_form = path.by_form
     assert (by_form[proved] != 0).mean() > 0.01, "some are the work of the lanes"
     assert (proved | (by_form != 0)).all()
 

@@ -6,14 +6,7 @@ from mpmath import mp, mpf
 
 from pretouch._core.native import INTEGER, POINTER, address, kernel
 from pretouch.motion import ContactStatus
-from pretouch.motion.native_linear import (
-    OPEN,
-    contact_approaches,
-    contact_gradients,
-    contact_states,
-    contact_times,
-    solve_linear,
-)
+from pretouch.motion.closed_form import OPEN, find_contacts, solve_linear
 
 CONTACT = ContactStatus.CONTACT
 SLOPE, HORIZON = -61.0, 60.0
@@ -61,8 +54,13 @@ KINDS = ("at rest", "moving plant", "near critical", "any obstacle")
 def solve(inputs, n=None, horizon=HORIZON):
     n = max(x.size for x in inputs) if n is None else n
     time, status = np.full(n, 7.0), np.full(n, 7, np.int8)
-    contact_times(tuple(inputs), SLOPE, horizon, time, status)
+    find_contacts(inputs, SLOPE, horizon, time, status)
     return time, status
+
+
+def at_contacts(inputs, time, status, **wanted):
+    """Fill what is wanted of contacts that are found."""
+    find_contacts(inputs, SLOPE, HORIZON, time, status, given=True, **wanted)
 
 
 def guaranteed(inputs):
@@ -191,7 +189,7 @@ def test_times_and_states_agree_with_arithmetic_of_many_digits(kind):
     inputs = scattered(400, 5, kind)
     time, status = solve(inputs)
     out = np.empty((5, 400))
-    contact_states(tuple(inputs), SLOPE, time, status, out)
+    at_contacts(inputs, time, status, states=out)
     for i in np.flatnonzero(status == CONTACT)[:150]:
         q = exact(x[i] for x in inputs)
         t = mpf(float(time[i]))
@@ -243,7 +241,7 @@ def test_gradients_are_the_differences_of_many_digits(kind):
     inputs = [np.array(x) for x in np.broadcast_arrays(*letter(60))] if kind == "letter" else scattered(60, 6, kind)
     time, status = solve(inputs)
     gradients = np.empty((3, 10, 60))
-    contact_gradients(tuple(inputs), SLOPE, time, status, gradients)
+    at_contacts(inputs, time, status, gradients=gradients)
     chosen = np.flatnonzero(status == CONTACT)[:25]
     for i in chosen:
         q = exact(x[i] for x in inputs)
@@ -298,12 +296,12 @@ def everything(inputs, n):
     time, status = np.empty(n), np.empty(n, np.int8)
     states, again, gradients = np.empty((5, n)), np.empty((5, n)), np.empty((3, 10, n))
     times, approach, statuses = np.empty(n), np.empty(n), np.empty(n, np.int8)
-    contact_times(inputs, SLOPE, HORIZON, time, status, states=states)
-    contact_approaches(inputs, SLOPE, HORIZON, (times, approach), statuses)
+    find_contacts(inputs, SLOPE, HORIZON, time, status, states=states)
+    find_contacts(inputs, SLOPE, HORIZON, times, statuses, approach=approach)
     np.testing.assert_array_equal(times, time)
     np.testing.assert_array_equal(statuses, status)
-    contact_states(inputs, SLOPE, time, status, again)
-    contact_gradients(inputs, SLOPE, time, status, gradients)
+    at_contacts(inputs, time, status, states=again)
+    at_contacts(inputs, time, status, gradients=gradients)
     return np.vstack([time, status, approach, states, again, gradients.reshape(30, n)])
 
 
@@ -321,9 +319,8 @@ def test_states_of_the_same_pass_are_those_at_the_times_found(kind):
     time, status = solve(inputs)
     wider, alone = np.full((5, 507), 7.0), np.empty((5, 500))
     again, approach, same = np.empty(500), np.empty(500), np.empty(500, np.int8)
-    contact_times(inputs, SLOPE, HORIZON, again, same, states=wider, first=4)
-    contact_states(inputs, SLOPE, time, status, alone)
-    contact_approaches(inputs, SLOPE, HORIZON, (np.empty(500), approach), np.empty(500, np.int8))
+    find_contacts(inputs, SLOPE, HORIZON, again, same, approach=approach, states=wider[:, 4:504])
+    at_contacts(inputs, time, status, states=alone)
     np.testing.assert_array_equal(again, time)
     np.testing.assert_array_equal(same, status)
     assert (wider[:, [0, 3, 504, 506]] == 7).all()
@@ -338,6 +335,15 @@ def test_states_of_the_same_pass_are_those_at_the_times_found(kind):
     assert (np.abs(approach - alone[3]) <= 1e-13 * speed)[status == CONTACT].all()
 
 
+def test_gradients_of_the_same_pass_are_those_at_the_times_found():
+    time, status, gradients = np.empty(500), np.empty(500, np.int8), np.empty((2, 3, 10, 500))
+    find_contacts(letter(500), SLOPE, HORIZON, time, status, gradients=gradients[0])
+    at_contacts(letter(500), time, status, gradients=gradients[1])
+    # as above, and what is a difference of larger numbers
+    sizes = np.abs(gradients[1]).max(axis=-1, keepdims=True)
+    assert (np.abs(gradients[0] - gradients[1]) <= 1e-13 * sizes).all()
+
+
 def test_one_value_for_all_equals_the_same_value_for_each():
     one = letter(1000)
     each = [np.array(x) for x in np.broadcast_arrays(*one)]
@@ -345,8 +351,7 @@ def test_one_value_for_all_equals_the_same_value_for_each():
     time, status = solve(one)
     states, gradients = np.empty((2, 5, 1000)), np.empty((2, 3, 10, 1000))
     for k, inputs in enumerate((one, each)):
-        contact_states(tuple(inputs), SLOPE, time, status, states[k])
-        contact_gradients(tuple(inputs), SLOPE, time, status, gradients[k])
+        at_contacts(inputs, time, status, states=states[k], gradients=gradients[k])
     np.testing.assert_array_equal(states[0], states[1])
     np.testing.assert_array_equal(gradients[0], gradients[1])
 
@@ -356,7 +361,6 @@ def test_what_is_open_has_no_state_and_no_gradient():
     inputs[A] = np.array([0, 1.0] * 5)
     time, status = solve(inputs)
     states, gradients = np.empty((5, 10)), np.empty((3, 10, 10))
-    contact_states(tuple(inputs), SLOPE, time, status, states)
-    contact_gradients(tuple(inputs), SLOPE, time, status, gradients)
+    at_contacts(inputs, time, status, states=states, gradients=gradients)
     for out in (time, *states, *gradients.reshape(30, 10)):
         np.testing.assert_array_equal(np.isnan(out), status == OPEN)

@@ -9,9 +9,9 @@ from test_linear_block import KINDS as LINEAR_KINDS
 
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
+from pretouch.motion.closed_form import find_contacts, solve_linear
 from pretouch.motion.layout import PEAKS
 from pretouch.motion.native_lanes import contact_peaks
-from pretouch.motion.native_linear import contact_times, largest_demands, solve_linear
 from pretouch.motion.windows import alone, curve_windows
 from pretouch.sensors import SensorModel
 
@@ -51,8 +51,7 @@ def test_the_closed_form_finds_the_largest_demands_of_the_guaranteed_path(kind: 
         inputs = scattered(COUNT, 21, kind)
     drift, pull = references(COUNT, 22)
     time, status, found = np.empty(COUNT), np.empty(COUNT, dtype=np.int8), np.empty((5, COUNT))
-    contact_times(tuple(inputs), SLOPE, HORIZON, time, status)
-    largest_demands(tuple(inputs), (drift, pull), SLOPE, time, status, out=found)
+    find_contacts([*inputs, drift, pull], SLOPE, HORIZON, time, status, peaks=found)
     proved = status == 0
     assert np.isnan(found[:, ~proved]).all()
     expected, size = linear_rows(inputs, drift, pull), sizes(inputs, drift, pull, time)
@@ -69,9 +68,8 @@ def test_all_demands_of_the_letter_are_settled() -> None:
     inputs = [np.array(x) for x in np.broadcast_arrays(*letter(500))]
     zero = np.zeros(500)
     time, status, found = np.empty(500), np.empty(500, dtype=np.int8), np.empty((5, 500))
-    contact_times(tuple(inputs), SLOPE, HORIZON, time, status)
+    find_contacts([*inputs, zero, zero], SLOPE, HORIZON, time, status, peaks=found)
     assert (status == 0).all()
-    largest_demands(tuple(inputs), (zero, zero), SLOPE, time, status, out=found)
     expected = linear_rows(inputs, zero, zero)
     for row, name in enumerate(PEAKS):
         # as above: the end of the motion is known to 2e-11, and a demand at most to five times that

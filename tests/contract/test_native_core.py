@@ -50,6 +50,29 @@ def test_an_array_that_a_kernel_would_misread_is_refused(array):
         native.address(array)
 
 
+def test_an_array_of_another_shape_is_refused():
+    array = np.zeros((3, 4))
+    assert native.shaped(array, (3, 4)) == array.ctypes.data
+    with pytest.raises(TypeError, match=r"an array of shape \(4, 3\) here, not \(3, 4\)"):
+        native.shaped(array, (4, 3))
+    with pytest.raises(TypeError, match="contiguous arrays of int64"):
+        native.shaped(array, (3, 4), np.dtype(np.int64))
+
+
+@pytest.mark.parametrize("part", [np.s_[:, 1:3], np.s_[:, :], np.s_[1:2, 4:], np.s_[::2, :3]])
+def test_a_part_of_an_array_is_filled_where_its_rows_are_contiguous(part):
+    array = np.zeros((5, 6))[part]
+    assert native.rows_of(array, array.shape) == (array.ctypes.data, array.strides[0] // 8)
+
+
+@pytest.mark.parametrize(
+    "array", [np.zeros((3, 8))[:, ::2], np.zeros((4, 3)).T, np.zeros((3, 4), dtype=np.float32), np.zeros((4, 3))]
+)
+def test_rows_that_a_kernel_would_misread_are_refused(array):
+    with pytest.raises(TypeError, match="a kernel takes"):
+        native.rows_of(array, (3, 4))
+
+
 @pytest.mark.parametrize("size", [0, 1, 7])
 @pytest.mark.parametrize("writeable", [True, False])
 def test_the_address_is_where_the_numbers_lie(size, writeable):

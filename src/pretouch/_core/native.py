@@ -21,7 +21,19 @@ from numpy.typing import NDArray
 
 from .errors import InvalidInputError
 
-__all__ = ["DOUBLE", "INTEGER", "POINTER", "VARIANTS", "address", "columns", "entry", "kernel", "variant"]
+__all__ = [
+    "DOUBLE",
+    "INTEGER",
+    "POINTER",
+    "VARIANTS",
+    "address",
+    "columns",
+    "entry",
+    "kernel",
+    "rows_of",
+    "shaped",
+    "variant",
+]
 
 POINTER: Final = ctypes.c_void_p
 INTEGER: Final = ctypes.c_int64
@@ -128,6 +140,45 @@ def address(array: NDArray[Any], dtype: np.dtype[Any] = _FLOAT) -> int:
     if _HEAD is None:
         return int(array.__array_interface__["data"][0])
     return _word(id(array) + _HEAD).value  # ten times as fast as to ask for it
+
+
+def shaped(array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any] = _FLOAT) -> int:
+    """Return where the numbers of an array of a certain shape lie.
+
+    Args:
+        array: see `address`.
+        shape: what a kernel reads or fills.
+        dtype: see `address`.
+
+    Returns:
+        The address.
+
+    Raises:
+        TypeError: the array is not of that shape or type, or not contiguous.
+    """
+    if array.shape != shape:
+        raise TypeError(f"a kernel takes an array of shape {shape} here, not {array.shape}")
+    return address(array, dtype)
+
+
+def rows_of(array: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return where the rows of a part of an array lie, that a kernel fills.
+
+    Args:
+        array: as for `address`, but only its last axis need be contiguous.
+        shape: what a kernel fills.
+
+    Returns:
+        The address, and for each axis but the last how many numbers lie from one index to the next.
+
+    Raises:
+        TypeError: the array is not of that shape or type, or has another last axis.
+    """
+    *steps, last = array.strides
+    if array.shape != shape or (last != _FLOAT.itemsize and array.size) or not array.flags.aligned:
+        raise TypeError(f"a kernel takes rows of shape {shape} here, not {array.shape} with strides {array.strides}")
+    start = address(array[..., :0])  # a part without numbers is contiguous
+    return (start, *[step // _FLOAT.itemsize for step in steps])
 
 
 def columns(arrays: Sequence[NDArray[np.float64]], count: int | None = None) -> bytes:

@@ -1,15 +1,138 @@
-"""The closed form L(10)-(13) for a constant slope, in a form that keeps its digits for every damping and K -> 0."""
+"""The closed form L(10)-(13) for a constant slope, of the compiled core: arrays are checked here, and solved there.
+
+Over-damped contacts are found side by side on vectors, each proved to be the first; what that leaves open is solved one
+by one, whatever it is like, in a form that keeps its digits for every damping and K -> 0.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from struct import pack
+from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel, rows_of, shaped
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .native_linear import respond_many, solve_linear
+from .layout import COLUMNS, PEAKS, STATES
 from .request import Request, Which
 
-__all__ = ["solve_closed_form", "trace_closed_form"]
+__all__ = [
+    "OPEN",
+    "find_contacts",
+    "respond_many",
+    "solve_closed_form",
+    "solve_linear",
+    "trace_closed_form",
+]
+
+OPEN: Final = -1
+"""The status of an encounter that is left to other ways."""
+
+_INPUTS: Final = 9
+_ALL_INPUTS: Final = 11  # with those of the reference
+_VALUES: Final = 10
+_RESPONSE: Final = 7  # M, D, K, y(0), y'(0) and the force
+_STATUS: Final = np.dtype(np.int8)
+_INT: Final = np.dtype(np.int64)
+
+_contacts = kernel("linear_contacts", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER)
+_solve = kernel("solve_linear", POINTER, INTEGER, DOUBLE, POINTER, DOUBLE, DOUBLE, DOUBLE, POINTER, POINTER)
+_respond = kernel("respond", POINTER, INTEGER, POINTER, INTEGER, POINTER, INTEGER, INTEGER, INTEGER)
+
+
+def find_contacts(
+    inputs: Sequence[FloatArray],
+    slope: float,
+    horizon: float,
+    time: FloatArray,
+    status: NDArray[np.int8],
+    *,
+    given: bool = False,
+    approach: FloatArray | None = None,
+    states: FloatArray | None = None,
+    gradients: FloatArray | None = None,
+    peaks: FloatArray | None = None,
+) -> None:
+    """Find first contacts of M x~'' + (D + c) x~' + K x~ = c (v + a t), c = slope gain, l = p + v t + a t^2 / 2 - x~.
+
+    What is filled beside times and statuses has no numbers where the status is OPEN.
+
+    Args:
+        inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
+            [m/s^2] of the obstacle relative to the reference, and D_p [N s]; for peaks, velocity [m/s] and acceleration
+            [m/s^2] of the reference after them: nine or eleven arrays, (n,) or (1,), contiguous.
+        slope: g [1/m], one number.
+        horizon: latest time of contact [s].
+        time: filled with the times of contact [s], shape (n,).
+        status: filled with 0 (contact, proved to be the first, to 2e-11 of its time) or OPEN, shape (n,), int8.
+        given: whether time and status are what an earlier call has found, and only the rest is filled.
+        approach: where wanted, filled with l' [m/s] at contact, shape (n,).
+        states: where wanted, filled with x~ [m], x~' [m/s], x~'' [m/s^2], l' [m/s] and the integral of x~ over [0, t]
+            [m s], layout.STATES after the time, shape (5, n): any part of an array whose last axis is contiguous.
+        gradients: where wanted, filled with the derivatives of time, x~ and l' at contact by the nine inputs and g in
+            SI, shape (3, 10, n).
+        peaks: where wanted, filled with layout.PEAKS, max |x~| [m], |x - x(0)| [m], |x'| [m/s], |x''| [m/s^2] and
+            |F_p| [N], also without numbers where not settled, shape (5, n): any part, as states.
+
+    Raises:
+        TypeError: a kernel would misread one of them.
+    """
+    n, expected = time.size, _INPUTS if peaks is None else _ALL_INPUTS
+    if len(inputs) < expected:
+        raise TypeError(f"a kernel takes {expected} columns, not {len(inputs)}")
+    wanted = pack(
+        "10q",
+        shaped(time, (n,)),
+        shaped(status, (n,), _STATUS),
+        given,
+        0 if approach is None else shaped(approach, (n,)),
+        *((0, 0) if states is None else rows_of(states, (len(STATES) - 1, n))),
+        *((0, 0) if gradients is None else (shaped(gradients, (3, 10, n)), n)),
+        *((0, 0) if peaks is None else rows_of(peaks, (len(PEAKS), n))),
+    )
+    _contacts(columns(inputs[:expected], n), n, slope, horizon, wanted)
+
+
+def solve_linear(
+    values: FloatArray,
+    slope: float,
+    gains: FloatArray,
+    limits: tuple[float, float, float],
+    rows: FloatArray,
+    *,
+    status: IntArray,
+) -> None:
+    """Solve L(7), in the distance L(8), where ln xi' is a slope, each encounter alone, whatever it is like.
+
+    Args:
+        values: relative quantities of Scenario.relative, shape (n, 10).
+        slope: g [1/m].
+        gains: D_p [N s], shape (n,).
+        limits: horizon [s], smallest and largest valid distance [m].
+        rows: filled with layout.COLUMNS, shape (n, 15).
+        status: filled with the numbers of ContactStatus, shape (n,), int64.
+    """
+    n = len(values)
+    encounters = shaped(values, (n, _VALUES)), n, slope, shaped(gains, (n,))
+    _solve(*encounters, *limits, shaped(rows, (n, len(COLUMNS))), shaped(status, (n,), _INT))
+
+
+def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
+    """Solve M y'' + D y' + K y = f_0 + f_1 t at given times.
+
+    Args:
+        rows: M, D, K, y(0), y'(0), f_0, f_1 in SI units, shape (n, 7).
+        times: t [s], shape (n, m).
+        out: filled with the first k of y, y', y'', y''' and the integral of y, shape (n, m, k): any part of an array
+            whose last axis is contiguous.
+    """
+    n, m = times.shape
+    count = min(out.shape[-1], 5)
+    into = rows_of(out, (n, m, count))
+    _respond(shaped(rows, (n, _RESPONSE)), n, address(times), m, *into, count)
 
 
 def solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
@@ -22,13 +145,11 @@ def solve_closed_form(request: Request, which: Which, rows: FloatArray, status: 
         status: filled with the numbers of ContactStatus, shape (m,).
     """
     values, gain = request.part(which)
-    low, high = request.sensor.valid_range
-    slope = request.sensor.constant_log_slope or 0.0
-    solve_linear(values, slope, gain, (request.horizon, low, high), rows, status=status)
+    solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
 
 def trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -> None:
     """Fill trace with x~, x~' and x~'' of L(10)-(13) in its last three columns at given times, shape (n, times, 4)."""
-    v, coupling = request.values, (request.sensor.constant_log_slope or 0.0) * request.gain
+    v, coupling = request.values, request.slope * request.gain
     rows = np.column_stack([v[:, 0], v[:, 1] + coupling, v[:, 2:5], coupling * v[:, 6], coupling * v[:, 7]])
     respond_many(rows, times, trace[..., 1:])

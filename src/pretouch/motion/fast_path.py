@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Travels
 
+from .closed_form import find_contacts
 from .lane_path import peaks_in_lanes, solve_in_lanes
 from .layout import PEAKS, STATES
-from .native_linear import contact_approaches, contact_states, contact_times, largest_demands
 from .parallel import for_stretches
 from .request import Request
 
@@ -46,14 +46,15 @@ class FastPath(Travels):
 
     Attributes:
         status: 0 where a contact is proved, else another, shape (n,).
+        by_form: the statuses that the closed form left, shape (n,); None where it is not asked.
         known: their times, and what else of QUICK came with them, shape (n,) each; without meaning where not proved.
     """
 
-    __slots__ = ("_by_form", "_in_lanes", "_which", "known", "request", "status")
+    __slots__ = ("_in_lanes", "_which", "by_form", "known", "request", "status")
 
     def __init__(self, request: Request) -> None:
         self.request = request
-        self._by_form: NDArray[np.int8] | None = None
+        self.by_form: NDArray[np.int8] | None = None
         self._which: IntArray = np.arange(0)
         self._in_lanes: dict[str, FloatArray] = {}
         is_small = request.size <= _KEPT
@@ -61,26 +62,46 @@ class FastPath(Travels):
             states, self.status = solve_in_lanes(request, None, whole=is_small)
             self.known = _at_surface(states) if is_small else states
             return
-        self.known, self.status = _solve_form(request, approach=is_small)
+        self.known, wanted = {"time": np.empty(request.size)}, {}
+        if is_small:
+            self.known["relative_velocity"] = wanted["approach"] = np.empty(request.size)
+        self.by_form = self.status = np.empty(request.size, dtype=np.int8)
+        self._fill(given=False, **wanted)
         if self.status.any():
             which = np.flatnonzero(self.status)
             states, status = solve_in_lanes(request, which, whole=is_small)
-            self._by_form, self._which = self.status.copy(), which[status == _CONTACT]
+            self.status, self._which = self.status.copy(), which[status == _CONTACT]
             self.status[which] = status
             for name, values in self.known.items():
                 values[which] = states[name]
             if is_small:
                 self._in_lanes = {name: values[status == _CONTACT] for name, values in states.items()}
 
+    def _fill(self, *, given: bool = True, **wanted: Any) -> None:
+        """Fill what is wanted of the contacts of the closed form, by its names in `find_contacts`."""
+        request, slope, time = self.request, self.request.slope, self.known["time"]
+        status = self.status if self.by_form is None else self.by_form
+
+        def run(start: int, stop: int) -> None:
+            part = slice(start, stop)
+            views = (
+                {name: array[..., part] for name, array in wanted.items()} if stop - start < request.size else wanted
+            )
+            found = time[part], status[part]
+            find_contacts(request.inputs(start, stop), slope, request.horizon, *found, given=given, **views)
+
+        for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
+
     def states(self) -> dict[str, FloatArray]:
         """Return all of QUICK, shape (n,) each; without meaning where no contact is proved."""
         request = self.request
-        if request.method != "closed-form":
+        if self.by_form is None:
             return _at_surface(solve_in_lanes(request, None)[0])
-        states = _form_states(request, self.known["time"], self._form_status)
+        rows = np.empty((len(STATES) - 1, request.size))
+        self._fill(states=rows)
+        states = dict(zip(STATES, (self.known["time"], *rows), strict=True))
         if len(self._which):
             for name, values in (self._in_lanes or solve_in_lanes(request, self._which)[0]).items():
-                states[name] = states[name].copy() if name == "time" else states[name]
                 states[name][self._which] = values
         return _at_surface(states)
 
@@ -95,19 +116,16 @@ class FastPath(Travels):
             return {name: np.zeros(request.size)}
         if name == "settling_distance":
             return {name: _settling(request)}
-        if request.method != "closed-form":
+        if self.by_form is None:
             return peaks_in_lanes(request, None)
-        peaks = _form_peaks(request, self.known["time"], self._form_status)
-        open_ones = np.isnan(sum(peaks.values())) & (self.status == _CONTACT)  # none of them is negative
-        if open_ones.any():
-            which = np.flatnonzero(open_ones)
+        rows = np.empty((len(PEAKS), request.size))
+        self._fill(peaks=rows)
+        which = np.flatnonzero(np.isnan(rows).any(axis=0) & (self.status == _CONTACT))
+        peaks = dict(zip(PEAKS, rows, strict=True))
+        if len(which):
             for peak, values in peaks_in_lanes(request, which).items():
                 peaks[peak][which] = np.where(np.isnan(peaks[peak][which]), values, peaks[peak][which])
         return peaks
-
-    @property
-    def _form_status(self) -> NDArray[np.int8]:
-        return self.status if self._by_form is None else self._by_form
 
 
 def _settling(request: Request) -> FloatArray:
@@ -117,55 +135,10 @@ def _settling(request: Request) -> FloatArray:
     rests = ((v == 0) | floats) & (a == 0)
     if request.method != "closed-form":
         return np.where(rests & held & (request.gain <= 0), p, np.inf)
-    total = damping + (request.sensor.constant_log_slope or 0.0) * request.gain
+    total = damping + request.slope * request.gain
     free = p - x_0 + (v - u_0) * mass / np.where(total > 0, total, 1.0)
     return np.where(rests & (total > 0), np.where(held, p, free), np.inf)
 
 
 def _at_surface(states: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {**states, "distance": np.zeros_like(states["time"])}
-
-
-def _solve_form(request: Request, *, approach: bool) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find contacts by the closed form; return their times, with l' if that is wanted, and statuses."""
-    slope = request.sensor.constant_log_slope or 0.0
-    time, status = np.empty(request.size), np.empty(request.size, dtype=np.int8)
-    speed = np.empty(request.size) if approach else None
-
-    def run(start: int, stop: int) -> None:
-        c, part = request.block(start, stop), slice(start, stop)
-        inputs = *c[:8], c[10]
-        if speed is None:
-            contact_times(inputs, slope, request.horizon, time[part], status[part])
-        else:
-            contact_approaches(inputs, slope, request.horizon, (time[part], speed[part]), status[part])
-
-    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
-    return {"time": time} if speed is None else {"time": time, "relative_velocity": speed}, status
-
-
-def _form_states(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
-    """Return STATES at contacts that the closed form has found."""
-    slope = request.sensor.constant_log_slope or 0.0
-    rows = np.empty((len(STATES) - 1, request.size))
-
-    def run(start: int, stop: int) -> None:
-        c = request.block(start, stop)
-        contact_states((*c[:8], c[10]), slope, time[start:stop], status[start:stop], rows, first=start)
-
-    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
-    return dict(zip(STATES, (time, *rows), strict=True))
-
-
-def _form_peaks(request: Request, time: FloatArray, status: NDArray[np.int8]) -> dict[str, FloatArray]:
-    """Return PEAKS until contacts that the closed form has found; nan elsewhere and where they are not settled."""
-    slope = request.sensor.constant_log_slope or 0.0
-    rows = np.empty((len(PEAKS), request.size))
-
-    def run(start: int, stop: int) -> None:
-        c = request.block(start, stop)
-        found = time[start:stop], status[start:stop]
-        largest_demands((*c[:8], c[10]), c[8:10], slope, *found, out=rows, first=start)
-
-    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
-    return dict(zip(PEAKS, rows, strict=True))

@@ -7,7 +7,6 @@ algebra on these two rows (`gradients`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +16,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Travels
 from pretouch.sensors.change import SlopeChange
 
-from . import native_linear
+from .closed_form import OPEN, find_contacts
 from .contact import ContactStatus
 from .curve import curve_reach
 from .curve_changes import changed_pieces
@@ -25,7 +24,7 @@ from .native_lanes import contact_gradients
 from .native_series import follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF
-from .windows import alone, curve_windows
+from .windows import alone, curve_windows, farthest, reach_of
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -44,7 +43,6 @@ _MOST_FOLLOWED: Final = 256
 _FARTHEST: Final = 1e12
 _GROWTH: Final = 64.0
 _STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
-_OPEN: Final = np.int8(-1)
 
 
 class GradientRows(Travels):
@@ -128,15 +126,17 @@ class GradientRows(Travels):
     def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what has a closed form; return what is left."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
-        slope = request.sensor.constant_log_slope or 0.0
+        slope = request.slope
         mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
         total = damping + slope * gain
-        status = np.where(left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), _OPEN)
+        status = np.where(
+            left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), np.int8(OPEN)
+        )
 
         def run(start: int, stop: int) -> None:
-            c, out = request.block(start, stop), np.empty((3, 10, stop - start))
-            native_linear.contact_gradients((*c[:8], c[10]), slope, time[start:stop], status[start:stop], out)
-            rows[:, :, start:stop] = out[::2, kept]
+            inputs, out, part = request.inputs(start, stop), np.empty((3, 10, stop - start)), slice(start, stop)
+            find_contacts(inputs, slope, request.horizon, time[part], status[part], given=True, gradients=out)
+            rows[:, :, part] = out[::2, kept]
 
         for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
         return np.asarray(left & (status != 0))
@@ -144,9 +144,7 @@ class GradientRows(Travels):
     def _in_lanes(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what Taylor steps in lanes prove; return what is left."""
         request = self._solution.request
-        farthest = float(np.max(request.columns[5] - request.columns[3], initial=0.0))
-        top = min(_power_of_two(farthest), request.sensor.valid_range[1])
-        curves = alone(curve_windows(request.sensor, 0.0, top))
+        curves = alone(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(left)
         whole = len(where) == request.size
         status = np.empty(len(where), dtype=np.int8)
@@ -170,11 +168,11 @@ class GradientRows(Travels):
         sensor = request.sensor
         found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
         status = np.ones(len(where), dtype=np.int8)
-        farthest = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
-        reach = _power_of_two(4 * farthest)
+        start = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
+        reach = 4 * reach_of(request.scenario)
         while (status == 1).any():
             wanted = min(reach, sensor.valid_range[1])
-            top = curve_reach(sensor, 0.0, min(wanted, farthest), wanted)
+            top = curve_reach(sensor, 0.0, min(wanted, start), wanted)
             pieces, terms = changed_pieces(sensor, slopes, top)
             open_ones = np.flatnonzero(status == 1)
 
@@ -189,7 +187,3 @@ class GradientRows(Travels):
                 break
             reach *= _GROWTH  # a motion may have gone beyond the pieces, and come back
         return found[:, :, kept].transpose(1, 2, 0)
-
-
-def _power_of_two(distance: float) -> float:
-    return 2.0 ** math.ceil(math.log2(distance))

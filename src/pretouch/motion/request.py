@@ -86,6 +86,11 @@ class Request(Value):
         return values, self.column(10)[which].copy()
 
     @property
+    def slope(self) -> float:
+        """The one slope g [1/m] of a curve of constant slope; 0 for any other."""
+        return self.sensor.constant_log_slope or 0.0
+
+    @property
     def holds_at_contact(self) -> bool:
         """Whether all curves hold down to l = 0."""
         return self.many is not None or self.sensor.valid_range[0] <= 0
@@ -108,6 +113,11 @@ class Request(Value):
         if stop - start == self.size:
             return self.columns
         return tuple(c if len(c) == 1 else c[start:stop] for c in self.columns)
+
+    def inputs(self, start: int, stop: int) -> tuple[FloatArray, ...]:
+        """Return the columns of a stretch in the order of the kernels: what drives l, D_p, then the reference."""
+        c = self.block(start, stop)
+        return (*c[:8], c[10], c[8], c[9])
 
 
 def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:

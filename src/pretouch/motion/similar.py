@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +21,7 @@ from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult
+from .inputs import SCENARIO_INPUTS, scenario_with
 from .scenario import Scenario
 
 __all__ = ["Likeness", "find_likeness"]
@@ -44,11 +46,8 @@ _LENGTHS: Final = frozenset(
 )
 """What grows with the unit of length; forces do, since masses stay."""
 
-_SCALED: Final = (
-    *(("obstacle", name) for name in ("position", "velocity", "acceleration")),
-    *(("plant", name) for name in ("position", "velocity")),
-    *(("reference", name) for name in ("position", "velocity", "acceleration")),
-)
+_SCALED: Final = tuple(name for name in SCENARIO_INPUTS if not name.startswith("admittance."))
+"""The inputs of an encounter that do so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,12 +70,7 @@ class Likeness(Value):
         """Return the encounters of the one sensor."""
         if np.ndim(self.length) == 0 and self.length == 1:
             return scenario
-        bodies = {}
-        for part in ("obstacle", "plant", "reference"):
-            body: Any = getattr(scenario, part)
-            names = [name for owner, name in _SCALED if owner == part]
-            bodies[part] = replace(body, **{name: getattr(body, name) * self.length for name in names})
-        return replace(scenario, **bodies)
+        return scenario_with(scenario, {name: attrgetter(name)(scenario) * self.length for name in _SCALED})
 
     def result(self, found: ContactResult, scenario: Scenario) -> ContactResult:
         """Return what was found in the lengths and gains of the many sensors.
@@ -139,10 +133,7 @@ class _RescaledGradients(Value):
         total = gain * own.of(quantity, "gain") * self.columns.found.gain * weight
         if np.any(length != 0):
             scenario = likeness.scenario(self.columns.scenario)
-            moved = sum(
-                np.asarray(getattr(getattr(scenario, part), field)) * own.of(quantity, f"{part}.{field}")
-                for part, field in _SCALED
-            )
+            moved = sum(np.asarray(attrgetter(name)(scenario)) * own.of(quantity, name) for name in _SCALED)
             level = self.columns.column(quantity) if quantity in _LENGTHS else 0.0
             total = total + length * (moved * weight - level)
         return total

@@ -46,7 +46,6 @@ class Solution(Value):
     """
 
     __slots__ = (
-        "_demands",
         "_fast",
         "_gradients",
         "_known",
@@ -65,7 +64,6 @@ class Solution(Value):
         self._gradients: ContactGradients | ManyGradients | None = None
         self._status: NDArray[Any]
         self._fast: dict[str, FloatArray] = {}
-        self._demands: dict[str, FloatArray] = {}
         if whole or not request.holds_at_contact or not is_worth_it(request):
             self._rows, self._status = _guaranteed(request)
             return
@@ -114,31 +112,20 @@ class Solution(Value):
             )
         return self._gradients
 
-    @property
-    def rows(self) -> FloatArray:
-        """What the guaranteed path gives for every run, shape (n, 15)."""
-        if self._rows is None:
-            self._rows, _ = _guaranteed(self.request)
-        return self._rows
-
     def raw(self, name: str) -> FloatArray:
         """Return one of layout.COLUMNS, shape (n,)."""
-        if self._rows is None and name not in self._fast:
-            if name in QUICK:
-                states = self._path.states()
-                self._fill(states)
-                self._fast = {**states, **self._fast}
-            elif name == "virtual_force":
+        if self._rows is not None:
+            return self._rows[:, _AT[name]]
+        if name not in self._fast:
+            if name == "virtual_force":
                 found = {name: self._path.force(self.raw("relative_velocity"))}
-                self._fill(found)
-                self._fast |= found
-            elif name in DEMANDS:
-                if name not in self._demands:
-                    demands = self._path.demands(name)
-                    self._fill(demands)
-                    self._demands |= demands
-                self._fast[name] = self._settled(name)
-        return self._fast[name] if name in self._fast else self.rows[:, _AT[name]]
+            else:
+                found = self._path.states() if name in QUICK else self._path.demands(name)
+            self._fill(found)
+            self._fast = {**found, **self._fast}
+        if name in DEMANDS:
+            self._settle(name)
+        return self._fast[name]
 
     def _fill(self, states: dict[str, FloatArray]) -> None:
         """Put what the guaranteed path has found where the fast one left encounters open."""
@@ -146,14 +133,14 @@ class Solution(Value):
             for name, values in states.items():
                 values[self._open] = self._open_rows[:, _AT[name]]
 
-    def _settled(self, name: str) -> FloatArray:
-        """Return a demand, by the guaranteed path where the fast one found the contact but not what came before."""
-        which = np.flatnonzero(np.isnan(self._demands[name]))
+    def _settle(self, name: str) -> None:
+        """Solve by the guaranteed path where the fast one found a contact, but not this demand until then."""
+        which = np.flatnonzero(np.isnan(self._fast[name]))
         if len(which):
             rows, _ = _guaranteed(self.request, which)
-            for other, values in self._demands.items():
+            for other in DEMANDS & self._fast.keys():
+                values = self._fast[other]
                 values[which] = np.where(np.isnan(values[which]), rows[:, _AT[other]], values[which])
-        return self._demands[name]
 
     @property
     def settled_acceleration(self) -> FloatArray:

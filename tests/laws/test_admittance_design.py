@@ -21,8 +21,8 @@ from pretouch.design import (
     excursion_objective,
     time_objective,
 )
-from pretouch.design.freedom import make_freedom
-from pretouch.design.trials import Trials, magnitude, merit
+from pretouch.design.search.freedom import make_freedom
+from pretouch.design.search.trials import Trials, magnitude, merit
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import InversePower
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.design.freedom import make_freedom
-from pretouch.design.local_search import _settled
+from pretouch.design.search.freedom import make_freedom
+from pretouch.design.search.local import _settled
 from pretouch.design.search import GainAxis
-from pretouch.design.trials import Trials, merit
+from pretouch.design.search.trials import Trials, merit
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 
 RNG = np.random.default_rng(7)

@@ -9,21 +9,22 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
 from .constraints import Constraint
-from .freedom import make_freedom
 from .gain import design_gain
 from .impact import ImpactModel
-from .local_search import descend, kkt_residual
 from .own_objective import AnyObjective, as_objective
 from .problem import Evaluator
 from .result import GainDesign
-from .trials import HELD, Trials, merit
+from .search import HELD
+from .search.freedom import make_freedom
+from .search.local import descend, kkt_residual
+from .search.trials import Trials, merit
 
 __all__ = ["design_admittance"]
 
@@ -103,11 +104,8 @@ def design_admittance(
             "natural_frequency: found neither it nor damping_ratio free, expected bounds of at least one; "
             "use design_gain for the gain alone"
         )
-    low, high = (finite(b, "bounds", "N*s") for b in bounds)
-    if not low < high:
-        raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
     objective = as_objective(objective)
-    freedom = make_freedom(scenario, (low, high), natural_frequency, damping_ratio)
+    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
     trials = Trials(
         freedom=freedom,
         sensor=sensor,
@@ -119,7 +117,7 @@ def design_admittance(
         evaluator=evaluate,
     )
 
-    def gain_at(admittance: Admittance, within: tuple[float, float] = (low, high)) -> GainDesign:
+    def gain_at(admittance: Admittance, within: tuple[float, float] = bounds) -> GainDesign:
         return design_gain(
             replace(scenario, admittance=admittance),
             sensor,

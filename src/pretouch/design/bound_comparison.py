@@ -11,7 +11,7 @@ from pretouch.motion import ContactResult, Scenario, solve_motion
 
 from .front import BoundComparison
 from .physical_bound import PhysicalBound, why_no_bound
-from .trials import Trials
+from .search.trials import Trials
 
 __all__ = ["compare_with_bound"]
 

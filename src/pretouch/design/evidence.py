@@ -40,9 +40,7 @@ class Evidence(Value):
     @cached_property
     def scanned(self) -> Scan:
         """The scan of the whole range, refined until neighbors predict each other."""
-        axis = self.problem.axis
-        low, high = axis.coordinate(np.array([axis.low, axis.high]))
-        return scan(self.problem.landscape, float(low), float(high))
+        return scan(self.problem.landscape, *self.problem.axis.span)
 
     @cached_property
     def minima(self) -> tuple[Minimum, ...]:
@@ -245,8 +243,8 @@ class Evidence(Value):
 
 
 def _at_bound(axis: GainAxis, coordinate: float) -> bool:
-    ends = axis.coordinate(np.array([axis.low, axis.high]))
-    return bool(np.any(np.abs(ends - coordinate) <= 1e-9 * (ends[1] - ends[0])))
+    low, high = axis.span
+    return min(abs(coordinate - low), abs(coordinate - high)) <= 1e-9 * (high - low)
 
 
 def _stationarity(problem: Problem, best: Minimum) -> float | None:

@@ -15,8 +15,8 @@ import numpy as np
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .domination import non_dominated, shortfall
-from .local_search import advance, descend
-from .trials import Trials
+from .search.local import advance, descend
+from .search.trials import Trials
 
 __all__ = ["SurfaceFront", "find_front"]
 

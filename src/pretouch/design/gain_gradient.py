@@ -85,7 +85,7 @@ def _kinds(problem: Problem, gain: FloatArray) -> Any:
     """Tell where each optimum sits: the number of the active constraint, or one of the three above."""
     axis = problem.axis
     kinds = np.full(len(gain), _INSIDE)
-    ends = axis.coordinate(np.array([axis.low, axis.high]))
+    ends = np.array(axis.span)
     near = np.abs(axis.coordinate(gain)[:, None] - ends) <= _ON_BOUND * (ends[1] - ends[0])
     kinds[near.any(axis=1)] = _BOUND
     if problem.constraints:

@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from pretouch._core.chebyshev import chebyshev_basis, chebyshev_sum
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion.contact import ContactResult, ContactState
@@ -36,11 +37,9 @@ __all__ = [
 Slope: TypeAlias = Callable[[str], Any]
 """From a quantity at contact to its derivative by some input."""
 
-_NODES: Final = np.cos((np.arange(9) + 0.5) * np.pi / 9)
+_BASIS: Final = chebyshev_basis(9)
 _HALF: Final = 0.08  # of u, from the optimum to the outermost samples: its eighth power is below the rounding of those
 _BESIDE: Final = 0.5  # of that: no search is this far from its optimum
-_TO_SLOPE: Final = np.polynomial.chebyshev.chebder(np.linalg.inv(np.polynomial.chebyshev.chebvander(_NODES, 8))) / _HALF
-_TO_TERMS: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_NODES, 8))
 _AT_CONTACT: Final = frozenset(
     ("time", "position", "velocity", "acceleration", "displacement", "relative_velocity", "virtual_force")
 )
@@ -106,7 +105,7 @@ def follow_optimum(
         By name, arrays of shape (n,); NaN where a sample does not end in contact.
     """
     center = axis.coordinate(gain)
-    gains = axis.scale * np.sinh(center[:, None] + _HALF * _NODES)
+    gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)
     stretch = np.hypot(gains, axis.scale)
     result = run(gains)
     if held or constraint is not None:
@@ -206,12 +205,12 @@ def _constraint_slope(result: ContactResult, constraint: Constraint, impact: Imp
 
 
 def _value(samples: FloatArray, place: FloatArray) -> FloatArray:
-    return np.asarray(np.polynomial.chebyshev.chebval(place, _TO_TERMS @ samples.T, tensor=False))
+    return chebyshev_sum(_BASIS.to_terms @ samples.T, place)
 
 
 def _rise(samples: FloatArray, place: FloatArray) -> FloatArray:
     """Return the derivative by u of what was sampled at the nodes, at a place in [-1, 1]."""
-    return np.asarray(np.polynomial.chebyshev.chebval(place, _TO_SLOPE @ samples.T, tensor=False))
+    return chebyshev_sum(_BASIS.to_slope @ samples.T, place) / _HALF
 
 
 def _root(slope: FloatArray) -> FloatArray:

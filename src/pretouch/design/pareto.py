@@ -17,7 +17,6 @@ from pretouch.sensors import SensorModel
 from .bound_comparison import compare_with_bound
 from .constraints import Constraint
 from .domination import shortfall
-from .freedom import make_freedom
 from .front import FrontPoint, FrontStatus, ParetoFront
 from .front_curve import trace_front
 from .front_surface import find_front
@@ -26,7 +25,8 @@ from .knee import find_knee
 from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
 from .problem import Evaluator
 from .quantities import QUANTITY_UNITS
-from .trials import Trials, magnitude
+from .search.freedom import make_freedom
+from .search.trials import Trials, magnitude
 
 __all__ = ["Chosen", "pareto_front"]
 
@@ -83,7 +83,7 @@ def pareto_front(
     Args:
         scenario: one encounter; its virtual mass is kept.
         sensor: the sensor curve.
-        quantities: two or three names of QUANTITY_UNITS; their magnitudes are minimized.
+        quantities: two or three different names of QUANTITY_UNITS; their magnitudes are minimized.
         bounds: smallest and largest gain [N s]; mitigating gains are negative.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; the damping ratio is kept then.
         damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) where it is free.
@@ -97,9 +97,6 @@ def pareto_front(
 
     Returns:
         The front; infeasible and no-contact are statuses of it, not errors.
-
-    Raises:
-        InvalidInputError: quantities are not known or not two or three different ones, or bounds are no interval.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle
@@ -119,11 +116,8 @@ def pareto_front(
         True
     """
     names = _quantities(quantities)
-    low, high = (finite(b, "bounds", "N*s") for b in bounds)
-    if not low < high:
-        raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
     trials = Trials(
-        freedom=make_freedom(scenario, (low, high), natural_frequency, damping_ratio),
+        freedom=make_freedom(scenario, bounds, natural_frequency, damping_ratio),
         sensor=sensor,
         measures=tuple(magnitude(name, impact) for name in names),
         constraints=tuple(constraints),

@@ -73,7 +73,7 @@ class RobustProblem(Value):
         Gains are appraised from the weakest on; where the part of the measure that only grows exceeds the best
         measure found, the axis ends.
         """
-        low, high = map(float, self.axis.coordinate(np.array(self.axis.ends)))
+        low, high = self.axis.span
         if not self._touch_later():
             return low
         best = np.inf

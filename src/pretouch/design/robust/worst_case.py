@@ -1,7 +1,7 @@
 """The gain whose worst encounter is the mildest: a few encounters decide, and none of the others is worse.
 
 Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
-found the worst encounter of the whole box is searched for and certified (`certified_maximum`). If it is worse than
+found the worst encounter of the whole box is searched for and certified (`search.box_maximum`). If it is worse than
 those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
 Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never exceeds,
 and their difference is all that is not known.
@@ -23,8 +23,8 @@ from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample
 from pretouch.uncertainty.distributions import Interval
 
 from ..gradient import has_gradients
-from ..search import Minimum, Scan, refine, scan
-from .certified_maximum import CertifiedMaximum, Function, maximize_on_box
+from ..search import Minimum, Scan, search_axis
+from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
 from .problem import RobustProblem
 from .result import WorstEncounter
 from .slopes import limit_slope, objective_slope
@@ -96,9 +96,7 @@ def search_worst_case(
     points = _first_points(box)
     for _ in range(_ROUNDS):
         problem = RobustProblem(ensemble=make(dict(zip(box, points.T, strict=True))), **common)
-        top = float(problem.axis.coordinate(problem.axis.high))
-        scanned = scan(problem.landscape, problem.lowest_needed(), top)
-        minima = refine(_merit(problem), scanned.coordinate, scanned.landscape.merit)
+        scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
         if not minima:
             return WorstSearch(problem, scanned, minima, None)
         gain, decided = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
@@ -112,10 +110,6 @@ def search_worst_case(
             break
         points = np.concatenate([points, worse])
     return WorstSearch(problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain))
-
-
-def _merit(problem: RobustProblem) -> Callable[[FloatArray], FloatArray]:
-    return lambda u: problem.landscape(u).merit
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:

@@ -18,10 +18,10 @@ from pretouch.motion.windows import Curves, alone, curve_windows, farthest
 from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
 
-from .bound import falls
-from .impact import HertzImpact, ImpactModel, SpringImpact
-from .objectives import Objective
-from .problem import Problem
+from ..bound import falls
+from ..impact import HertzImpact, ImpactModel, SpringImpact
+from ..objectives import Objective
+from ..problem import Problem
 
 __all__ = ["known_terms", "search_compiled"]
 

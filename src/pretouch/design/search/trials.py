@@ -13,17 +13,17 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.sensors import SensorModel
 
-from .constraints import Constraint
+from ..constraints import Constraint
+from ..impact import ImpactModel
+from ..objectives import Objective
+from ..own_objective import appraise
+from ..problem import Evaluator
+from ..quantities import quantity_of
 from .freedom import Freedom
-from .impact import ImpactModel
-from .objectives import Objective
-from .own_objective import appraise
-from .problem import Evaluator
-from .quantities import quantity_of
+from .scan import HELD
 
-__all__ = ["HELD", "Measure", "Trials", "magnitude", "merit"]
+__all__ = ["Measure", "Trials", "magnitude", "merit"]
 
-HELD: Final = 1 - 1e-11  # of a limit: so that the encounter that is chosen, solved again, holds it, too
 _STEP: Final = 2e-4  # of a coordinate in [0, 1]: differences of order 4 are then as good as the contacts
 _NODES: Final = np.arange(-2.0, 3.0)
 

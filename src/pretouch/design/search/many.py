@@ -17,31 +17,18 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.inputs import map_fields
 
-from .certificate import DesignStatus
-from .compiled_search import search_compiled
+from ..certificate import DesignStatus
+from ..problem import Problem
+from ..result import GainDesign
+from .compiled import search_compiled
 from .family import find_family
-from .problem import Problem
-from .result import GainDesign
-from .search import RESOLVED, SCANNED
+from .minima import NODES, minimize_polynomials
+from .scan import EXACT, predict
 
 __all__ = ["ArrayEvidence", "design_many", "settle_one"]
 
 _BLOCK: Final = 8192  # designs that are scanned side by side: 65 encounters each
-_COUNTS: Final = (
-    SCANNED,
-    2 * SCANNED - 1,
-    4 * SCANNED - 3,
-)  # gains that are scanned until neighbors predict each other
-_NODES: Final = 17
-_DEGREE: Final = 8
-_FIT: Final = 1e-7  # of the range of values: how well the polynomial must meet the nodes
-_EDGE: Final = np.array([5.0, 15.0, -5.0, 1.0]) / 16
-_CHEBYSHEV: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
-_VALUES: Final = np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _DEGREE)
-_TO_COEFFICIENTS: Final = np.linalg.pinv(_VALUES)  # few, for a derivative without the rounding of the nodes
-_SLOPE: Final = np.polynomial.chebyshev.chebder(np.eye(_DEGREE + 1)).T
-_BEND: Final = np.pad(np.polynomial.chebyshev.chebder(np.eye(_DEGREE + 1), 2).T, ((0, 0), (0, 1)))
-_TO_ALL: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_CHEBYSHEV, _NODES - 1))  # all, for the value
+_COUNTS: Final = (EXACT.first, 2 * EXACT.first - 1, 4 * EXACT.first - 3)  # gains, until neighbors predict each other
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +50,7 @@ class ArrayEvidence(Value):
         Returns:
             The design, with its evidence.
         """
-        from .gain import design_one  # noqa: PLC0415 - it makes evidence of this kind
+        from ..gain import design_one  # noqa: PLC0415 - it makes evidence of this kind
 
         return design_one(self.problem.at(index))
 
@@ -77,7 +64,7 @@ class ArrayEvidence(Value):
         Returns:
             The derivatives, of the shape of the gains.
         """
-        from .gain_gradient import gain_gradient  # noqa: PLC0415 - few arrays of designs are differentiated
+        from ..gain_gradient import gain_gradient  # noqa: PLC0415 - few arrays of designs are differentiated
 
         return gain_gradient(self.problem, gain, name, self.design_one)
 
@@ -141,7 +128,7 @@ def settle_one(problem: Problem) -> tuple[float, float] | None:
     Returns:
         The optimal gain [N s] and the objective there, or None where that is not settled for certain.
     """
-    gain, objective, settled = _design_block(problem, SCANNED)
+    gain, objective, settled = _design_block(problem, EXACT.first)
     return (float(gain[0]), float(objective[0])) if settled[0] else None
 
 
@@ -157,56 +144,22 @@ def _column(problem: Problem, which: Any) -> Problem:
 
 def _design_block(problem: Problem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Design a column of encounters; return gain, objective, and for which that is settled."""
-    low, high = problem.axis.coordinate(np.array([problem.axis.low, problem.axis.high]))
-    u = np.linspace(low, high, count)
+    u = np.linspace(*problem.axis.span, count)
     scanned = problem.landscape(u[None])
     every, merit = scanned.objective, scanned.merit
     settled = scanned.feasible.all(axis=1)  # an edge of contact or of a limit needs the search that halves intervals
     with np.errstate(invalid="ignore"):
-        error = np.abs(_middles(every[:, ::2]) / every[:, 1::2] - 1).max(axis=1)
-    settled &= error <= RESOLVED
+        predicted = predict(u[::2], every[:, ::2], np.arange(count // 2))
+        error = np.abs(predicted / every[:, 1::2] - 1).max(axis=1)
+    settled &= error <= EXACT.resolved
     best = np.argmin(merit, axis=1)
     lower, upper = np.clip(best - 1, 0, None), np.clip(best + 1, None, count - 1)
     settled &= (best > 0) & (best < count - 1) & (_count_minima(merit) == 1)
-    at, value, polished = _polish(problem, u[lower], u[upper])
-    return np.asarray(problem.axis.gain(at)), value, settled & polished
-
-
-def _middles(f: FloatArray) -> FloatArray:
-    """Predict f halfway between equally spaced nodes by the cubic through the four nodes nearest to each."""
-    inner = (9 * (f[:, 1:-2] + f[:, 2:-1]) - f[:, :-3] - f[:, 3:]) / 16
-    first, last = f[:, :4] @ _EDGE, f[:, :-5:-1] @ _EDGE
-    return np.column_stack([first, inner, last])
+    middle, half = (u[lower] + u[upper]) / 2, (u[upper] - u[lower]) / 2
+    z, value, polished = minimize_polynomials(problem.landscape(middle[:, None] + half[:, None] * NODES).objective)
+    return np.asarray(problem.axis.gain(middle + half * z)), value, settled & polished
 
 
 def _count_minima(merit: FloatArray) -> Any:
     padded = np.pad(merit, ((0, 0), (1, 1)), constant_values=np.inf)
     return ((merit <= padded[:, :-2]) & (merit < padded[:, 2:]) & np.isfinite(merit)).sum(axis=1)
-
-
-def _polish(problem: Problem, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Minimize the polynomial through the Chebyshev nodes of every bracket."""
-    middle, half = (left + right) / 2, (right - left) / 2
-    values = problem.landscape(middle[:, None] + half[:, None] * _CHEBYSHEV).objective
-    usable: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
-    values = np.where(usable[:, None], values, 0.0)
-    coefficients = values @ _TO_COEFFICIENTS.T
-    miss = np.abs(coefficients @ _VALUES.T - values).max(axis=1)
-    usable &= miss <= _FIT * np.ptp(values, axis=1)
-    first_two = np.stack([coefficients @ _SLOPE, coefficients @ _BEND])  # df/dz and its derivative
-    both = np.asarray(first_two.transpose(2, 0, 1), dtype=np.float64)
-    z = _CHEBYSHEV[np.argmin(values, axis=1)]
-    with np.errstate(all="ignore"):
-        for _ in range(8):
-            slope, bend = _each(both, z)
-            step = slope / bend
-            z = np.clip(z - step, -1.0, 1.0)
-            if (np.abs(step) < 1e-13).all():
-                break
-    usable &= (np.abs(step) < 1e-10) & (bend > 0) & (np.abs(z) < 1)
-    return middle + half * z, _each((values @ _TO_ALL.T).T, z), usable
-
-
-def _each(coefficients: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate Chebyshev series, coefficients first and one column per point, at one point each."""
-    return np.asarray(np.polynomial.chebyshev.chebval(z, coefficients, tensor=False))

@@ -15,12 +15,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.chebyshev import chebyshev_basis
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import Scenario
 
-from .compiled_search import known_terms, search_compiled
-from .problem import Problem
+from ..problem import Problem
+from .compiled import known_terms, search_compiled
 
 __all__ = ["find_family"]
 
@@ -31,8 +32,7 @@ _PROBES: Final = 3  # encounters of an interval that are designed alone, too
 _GAIN: Final = 1e-9  # of the gain: what its last coefficients, and the probes, may amount to
 _VALUE: Final = 1e-10  # of the objective: the same, and the test of every encounter
 _LOGARITHMIC: Final = 3.0  # ratio of largest to smallest from which the logarithm is the better coordinate
-_Z: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
-_TO_COEFFICIENTS: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_Z, _NODES - 1))
+_BASIS: Final = chebyshev_basis(_NODES)
 
 _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, INTEGER, POINTER)
 
@@ -118,11 +118,13 @@ class _Family:
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
         """Return the coefficients of gain and objective on an interval, shape (2, nodes), or None if they do not do."""
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
-        found = search_compiled(self.at(np.concatenate([0.5 * (low + high) + 0.5 * (high - low) * _Z, probes])))
+        found = search_compiled(
+            self.at(np.concatenate([0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes, probes]))
+        )
         if found is None or not found[2].all():
             return None
         both = np.stack(found[:2])
-        coefficients = both[:, :_NODES] @ _TO_COEFFICIENTS.T
+        coefficients = both[:, :_NODES] @ _BASIS.to_terms.T
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
         between = _evaluate(probes, low, high, coefficients, np.empty((2, _PROBES)))
         error = np.abs(between - both[:, _NODES:]).max(axis=1)

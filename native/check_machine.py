@@ -11,13 +11,15 @@ import argparse
 import shlex
 import subprocess
 import sys
+from ctypes import byref
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import pretouch as pt
-from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
+from pretouch._core.native import address
+from pretouch.design.compiled_search import find_gains
 from pretouch.motion.curve import curve_pieces
 from pretouch.motion.native_lanes import contact_times, of_core
 from pretouch.motion.native_linear import contact_times as linear_contact_times
@@ -30,8 +32,6 @@ N = 203
 
 def cases() -> dict[str, Any]:
     """Return inputs and answers by the names that check_machine.cpp knows."""
-    from ctypes import byref, c_int  # noqa: PLC0415
-
     rng = np.random.default_rng(8)
     sensor = pt.InversePower(scale=1.3e-5, distance_offset=0.0419, exponent=3.32, maximum_distance=0.3)
     scenario = pt.Scenario(
@@ -51,9 +51,6 @@ def cases() -> dict[str, Any]:
     contact_times(inputs, curves, 30.0, lanes, status)
     pieces, rows, ended = curve_pieces(sensor, 0.0, 0.3), np.empty((N, 15)), np.empty(N, dtype=np.int64)
     solve_series(values, gain, pieces, (30.0, True, False), rows, ended)
-    find_gains = kernel(
-        *("find_gains", POINTER, INTEGER, DOUBLE, POINTER, c_int, DOUBLE, POINTER, INTEGER), *([DOUBLE] * 5), POINTER
-    )
     terms, designs, of_all = np.array([[4.0, 1, 2, 0], [1, 25, 2, 0]]), np.empty((3, N)), np.stack(columns)
     ends = (0.05, float(np.arcsinh(-10 / 0.05)), float(np.arcsinh(-0.01 / 0.05)), -10.0, -0.01)
     find_gains(

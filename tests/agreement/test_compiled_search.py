@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pretouch.design import HertzImpact, SpringImpact, Term
-from pretouch.design.search.compiled import search_compiled
 from pretouch.design.evidence import Evidence
-from pretouch.design.search.family import find_family
 from pretouch.design.objectives import Objective, excursion_objective, time_objective
 from pretouch.design.problem import Problem
 from pretouch.design.search import GainAxis
+from pretouch.design.search.compiled import search_compiled
+from pretouch.design.search.family import find_family
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import (
     CustomSensor,

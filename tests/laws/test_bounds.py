@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch.design.search import GainAxis
 from pretouch.design.search.freedom import make_freedom
 from pretouch.design.search.local import _settled
-from pretouch.design.search import GainAxis
 from pretouch.design.search.trials import Trials, merit
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 

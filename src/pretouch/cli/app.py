@@ -63,3 +63,5 @@ def main() -> None:
         app(prog_name="pretouch")
     except KeyboardInterrupt:
         sys.exit(130)
+    finally:
+        gc.freeze()  # looking through all that is loaded for garbage, once more, would take 0.13 s of the end

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -101,9 +102,8 @@ def design_one(problem: Problem) -> GainDesign:
     """
     free = problem.within_gain_limit()
     found = search_compiled(free)
-    if found is not None and found[2][0]:
-        gain, value = float(found[0][0]), float(found[1][0])
-    else:
+    gain, value, known = (math.nan, math.nan, 0.0) if found is None else found[:, 0].tolist()
+    if not known:
         settled = settle_one(free)
         if settled is None:
             return _search_one(problem)

@@ -18,6 +18,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 
 from .linear_loop import ComplexArray, LinearLoop
+from .zeros import zero_between
 
 __all__ = ["Crossover", "first_crossover", "spectral_radius"]
 
@@ -129,20 +130,16 @@ def _moved(loop: LinearLoop, angle: float, damping: float) -> float:
 
 def _departures(loop: LinearLoop, angle: FloatArray, response: ComplexArray, poles: list[float]) -> list[float]:
     """Return the angles at which the imaginary part of P rises through 0, those of the smallest dampings at least."""
-    from scipy.optimize import brentq  # noqa: PLC0415 - heavy
-
     rising = _changes(response) & np.signbit(response.imag[:-1]) & ~_holds_any(angle, poles) & _heard(response)
     # at pi P is real, and with a double eigenvalue it is flat there: the sign is that of the last angle with any
     certain = response.imag[np.abs(response.imag) > _FLAT * np.abs(response)]
     found = [math.pi] if math.pi not in poles and (not len(certain) or certain[-1] < 0) else []
     for i in np.flatnonzero(rising & (angle[1:] < math.pi)):
         # the signs at both ends are those of the scan: computed one by one they may differ by rounding
-        ends = {float(angle[j]): float(response[j].imag) for j in (i, i + 1)}
-
-        def imaginary(w: float, ends: dict[float, float] = ends) -> float:
-            return ends[w] if w in ends else float(loop.response(np.array([w]))[0].imag)
-
-        found.append(float(brentq(imaginary, *ends, xtol=1e-14)))
+        below, above = ((float(angle[j]), float(response[j].imag)) for j in (i, i + 1))
+        found.append(
+            zero_between(lambda w: float(loop.response(np.array([w]))[0].imag), below, above, 1e-14 * below[0])
+        )
     return found
 
 

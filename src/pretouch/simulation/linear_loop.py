@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from .timing import LoopTiming
 __all__ = ["ComplexArray", "LinearLoop", "linear_loop"]
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
+_TERMS: Final = 18  # of an exponential: the next is 1/19! of it, below rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,34 +112,23 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
     Returns:
         The loop, open at the damping.
     """
-    from scipy.linalg import expm  # noqa: PLC0415 - heavy
-
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
     block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push
     start = exposure / 2 + timing.delay  # of the force, after the start of the exposure
     count = max(int(np.ceil((start + timing.holding) / period - 1e-12)), 1)
-    steps: dict[float, FloatArray] = {}
-
-    def since(time: float) -> FloatArray:
-        """State and integral that a unit force makes in some time, from rest."""
-        if time <= 0:
-            return np.zeros(n + 1)
-        if time not in steps:
-            steps[time] = expm(block * time)[: n + 1, n + 1]
-        return steps[time]
-
-    def pulse(time: float) -> FloatArray:
-        return since(time - start) - since(time - start - timing.holding)
-
     lag = max(math.floor((start - exposure) / period - 1e-9), 0)
     ends = np.arange(lag, count + 1) * period
-    states = np.array([pulse(t)[:n] for t in ends])
-    transition = expm(system * period)
+    # a pulse is a force from its start on less one from its end on, each felt before and after an exposure
+    since = np.array([ends, ends + exposure])[:, :, None] - np.array([start, start + timing.holding])
+    made = _exponentials(block * np.array([period, exposure, *np.maximum(since, 0.0).ravel()])[:, None, None])
+    felt = made[2:, : n + 1, n + 1].reshape(*since.shape, n + 1)
+    before, after = felt[:, :, 0] - felt[:, :, 1]
+    states, transition = before[:, :n], made[0, :n, :n]
     if exposure > 0:
-        reading = expm(block[: n + 1, : n + 1] * exposure)[n, :n] / exposure
+        reading = made[1, n, :n] / exposure
         # the integral of a pulse that has ended still grows with the state: it is taken over the exposure alone
-        feedthrough = np.array([pulse(t + exposure)[n] - pulse(t)[n] for t in ends]) / exposure - states @ reading
+        feedthrough = (after[:, n] - before[:, n]) / exposure - states @ reading
     else:
         reading, feedthrough = output.copy(), np.zeros(len(ends))
     pushes = np.zeros((len(ends), n))
@@ -152,3 +142,20 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
         feedthrough=feedthrough,
         modes=np.asarray(np.linalg.eigvals(system) * period, dtype=np.complex128),
     )
+
+
+def _exponentials(matrices: FloatArray) -> FloatArray:
+    """Return the exponentials of matrices, shape (k, n, n): Taylor's series for norms up to 1, then squared.
+
+    It is exp A - 1 that is squared, so that what is small stays exact. SciPy's takes longer, and longer still to load.
+    """
+    norm = np.abs(matrices).sum(axis=1).max(axis=1)
+    halvings = np.ceil(np.log2(np.maximum(norm, 1.0))).astype(int)
+    small = matrices / 2.0 ** halvings[:, None, None]
+    unit, found = np.eye(matrices.shape[1]), small
+    for k in range(_TERMS, 1, -1):
+        found = small @ (unit + found / k)
+    for i in range(halvings.max()):
+        left = halvings > i
+        found[left] = 2 * found[left] + found[left] @ found[left]
+    return np.asarray(found + unit)

@@ -20,6 +20,7 @@ from .crossover import first_crossover, spectral_radius
 from .linear_loop import linear_loop
 from .plant import IdealPlant, PlantModel, linear_plant
 from .timing import LoopTiming
+from .zeros import zero_between
 
 __all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate", "passed_distances"]
 
@@ -282,28 +283,26 @@ def lowest_rate(
     ends = _last_change(spare, top)
     if ends is None:
         return 0.0
-    from scipy.optimize import brentq  # noqa: PLC0415 - heavy
-
-    return math.exp(float(brentq(spare, *ends, xtol=1e-9)))
+    return math.exp(zero_between(spare, *ends, 1e-9))
 
 
-def _last_change(spare: Callable[[float], float], top: float) -> tuple[float, float] | None:
-    """Return the ends of an interval below `top` in which a function falls below 0, going down from there.
+def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return the ends of an interval below `top` in which a function falls below 0, going down, with its values there.
 
     Where it has a minimum between three points of the scan that may be below 0, the minimum is sought.
     """
-    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - heavy
-
     step = math.log(10) / _PER_DECADE
     above, at = (math.inf, math.inf), (top, spare(top))
     while at[0] > math.log(_SLOWEST):
         below = at[0] - step, spare(at[0] - step)
         change = max(above[1] - at[1], below[1] - at[1]) if at[1] < min(above[1], below[1]) < math.inf else 0.0
         if 0 < at[1] < change < math.inf:
+            from scipy.optimize import minimize_scalar  # noqa: PLC0415 - heavy
+
             least = minimize_scalar(spare, bounds=(below[0], above[0]), method="bounded", options={"xatol": 1e-4})
             if least.fun <= 0:
-                return float(least.x), at[0] if least.x < at[0] else above[0]
+                return (float(least.x), float(least.fun)), at if least.x < at[0] else above
         if below[1] <= 0:
-            return below[0], at[0]
+            return below, at
         above, at = at, below
     return None

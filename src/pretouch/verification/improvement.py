@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch.design import GainDesign
-from pretouch.simulation import GainLimit
+from pretouch.simulation import GainLimit, SimulationResult
 
 from .best_gain import LoopOptimum, best_on_loop
 from .changes import try_changes
@@ -71,7 +71,7 @@ def find_improvements(
         r.loop,
         gain,
         whole=outcomes,
-        part=outcomes if runs == r.runs else problem.appraise(r.loop, gain, runs),
+        part=problem.appraised(_first(outcomes.result, runs), r.loop, gain),
         other=other,
         stability=stability,
         limit=limit,
@@ -79,6 +79,11 @@ def find_improvements(
         fastest=fastest,
     )
     return {"loss": _loss(r, outcomes, gain, optimum, best), "changes": tried}
+
+
+def _first(result: SimulationResult, count: int) -> SimulationResult:
+    columns = {name: column[:count] for name, column in result.columns.items()}
+    return SimulationResult(columns, result.contact_list[:count], result.trace_of)
 
 
 def _loss(r: Request, outcomes: Outcomes, gain: float, optimum: LoopOptimum, best: Outcomes | None) -> Loss:

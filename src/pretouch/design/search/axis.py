@@ -31,10 +31,10 @@ class GainAxis:
     @classmethod
     def between(cls, bounds: Sequence[float]) -> GainAxis:
         """Make the axis between two bounds [N s], and refuse what is no interval."""
-        low, high = (float(finite(b, "bounds", "N*s")) for b in bounds)
-        if not low < high:
+        low, high = bounds
+        if not finite(low, "bounds", "N*s") < finite(high, "bounds", "N*s"):
             raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
-        return cls(low=low, high=high)
+        return cls(low=float(low), high=float(high))
 
     @property
     def scale(self) -> float:

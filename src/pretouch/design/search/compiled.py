@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from ctypes import byref, c_int
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
-from pretouch._core.numbers import BoolArray, FloatArray, positive
+from pretouch._core.numbers import FloatArray, positive
 from pretouch.motion import Scenario
 from pretouch.motion.native_lanes import of_core
 from pretouch.motion.parallel import for_stretches
@@ -23,26 +23,34 @@ from ..impact import HertzImpact, ImpactModel, SpringImpact
 from ..objectives import Objective
 from ..problem import Problem
 
-__all__ = ["known_terms", "search_compiled"]
+__all__ = ["find_gains", "known_terms", "search_compiled"]
 
-_ROWS: Final = ("time", "displacement", "velocity", "acceleration", "relative_velocity", "virtual_force")
+_ROWS: Final = {
+    "time": 0,
+    "displacement": 1,
+    "velocity": 2,
+    "acceleration": 3,
+    "relative_velocity": 4,
+    "virtual_force": 5,
+}
 _LEAST_LINEAR: Final = 128  # designs that are worth a thread
 _LEAST_SERIES: Final = 16
 _MOST: Final = 4096
 
-_find_gains: Final = kernel(
+find_gains: Final = kernel(
     *("find_gains", POINTER, INTEGER, DOUBLE, POINTER, c_int, DOUBLE, POINTER, INTEGER), *([DOUBLE] * 5), POINTER
 )
+"""Of addresses and numbers, as native/core/pretouch.h declares it."""
 
 
-def search_compiled(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+def search_compiled(problem: Problem) -> FloatArray | None:
     """Find the optimal gains of encounters, each alone, in compiled code.
 
     Args:
         problem: the problem, with one encounter or an array of them.
 
     Returns:
-        The gain [N s] and the objective of each encounter and whether both are known for certain, shape (n,); or None
+        The gain [N s] and the objective of each encounter and 1 where both are known for certain, shape (3, n); or None
         where a problem asks for what this search does not know: constraints, quantities of the whole motion, another
         evaluator; or there is no encounter.
     """
@@ -68,56 +76,47 @@ def known_terms(problem: Problem) -> list[tuple[float, float, float, float]] | N
     """
     if problem.evaluator is not None or problem.constraints or problem.sensor.valid_range[0] > 0:
         return None
-    if problem.method == "uniform-motion" or type(problem.objective) is not Objective or not _has_scales(problem):
+    if problem.method == "uniform-motion" or type(problem.objective) is not Objective:
         return None
-    return _terms(problem.objective, problem.impact)
+    return _terms(problem.objective, problem.impact, problem.scenario)
 
 
-def _search(
-    problem: Problem, linear: bool, horizon: float, terms: FloatArray, size: int
-) -> tuple[FloatArray, FloatArray, BoolArray]:
+def _search(problem: Problem, linear: bool, horizon: float, terms: FloatArray, size: int) -> FloatArray:
     axis, inputs = problem.axis, _inputs(problem.scenario, size)
     reach = farthest(problem.scenario, problem.sensor)
-    slope, falling, curve = _curve(problem.sensor, reach, linear)
-    curves = None if curve is None else byref(of_core(curve, 1))
+    slope, *curve, _held = _curve(problem.sensor, reach, linear)
     scale, low, high = axis.scale, axis.low, axis.high
     ends = (scale, math.asinh(low / scale), math.asinh(high / scale), low, high)
+    wanted = (slope, *curve, horizon, address(terms), len(terms), *ends)
     out = np.empty((3, size))
 
     def run(start: int, stop: int) -> None:
         whole = stop - start == size
         part = inputs if whole else np.ascontiguousarray(inputs[:, start:stop])
         found = out if whole else np.empty((3, stop - start))
-        wanted = (curves, falling, horizon, address(terms), len(terms))
-        _find_gains(address(part), stop - start, slope, *wanted, *ends, address(found))
+        find_gains(address(part), stop - start, *wanted, address(found))
         if not whole:
             out[:, start:stop] = found
 
     for_stretches(run, size, least=_LEAST_LINEAR if linear else _LEAST_SERIES, most=_MOST)
-    return out[0], out[1], out[2] == 1
+    return out
 
 
-def _terms(objective: Objective, impact: ImpactModel | None) -> list[tuple[float, float, float, float]] | None:
-    """Return the rows of the kernel's terms, or None where a quantity is not known there."""
+def _terms(
+    objective: Objective, impact: ImpactModel | None, scenario: Scenario
+) -> list[tuple[float, float, float, float]] | None:
+    """Return the rows of the kernel's terms; None where it does not know a quantity, or a scale follows a rest."""
     rows: list[tuple[float, float, float, float]] = []
     for term in objective.terms:
-        factor, exponent, quantity = 1.0, 2.0, term.quantity
+        factor, exponent, quantity, scale = 1.0, 2.0, term.quantity, term.scale
         if quantity == "impact_force" and type(impact) in {SpringImpact, HertzImpact} and impact is not None:
             factor, quantity = impact.peak_force(1.0), "relative_velocity"
             exponent = 2.0 if type(impact) is SpringImpact else 2.4
-        if quantity not in _ROWS:
+        row, follows = _ROWS.get(quantity), isinstance(scale, str)
+        if row is None or (follows and not np.all(np.asarray(scenario.obstacle.velocity) != 0)):
             return None
-        follows = isinstance(term.scale, str)
-        scale = 1.0 if isinstance(term.scale, str) else term.scale
-        rows.append((_ROWS.index(quantity), term.weight * (factor / scale) ** 2, exponent, float(follows)))
+        rows.append((row, term.weight * (factor if isinstance(scale, str) else factor / scale) ** 2, exponent, follows))
     return rows
-
-
-def _has_scales(problem: Problem) -> bool:
-    """Tell whether no scale follows an obstacle at rest."""
-    if not any(isinstance(term.scale, str) for term in problem.objective.terms):
-        return True
-    return bool(np.all(np.asarray(problem.scenario.obstacle.velocity) != 0))
 
 
 def _inputs(scenario: Scenario, size: int) -> FloatArray:
@@ -132,7 +131,8 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 
 
 @kept_by_curve(256)
-def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, bool, Curves | None]:
-    """Return g [1/m] at contact, whether g < 0 up to a distance, and the curve as the kernel reads it."""
+def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, bool, Curves | None]:
+    """Return g [1/m] at contact, the curve as the kernel reads it, whether g < 0 up to a distance, and what is read."""
     curve = None if linear else alone(curve_windows(sensor, 0.0, reach))
-    return float(sensor.log_slope(0.0)), falls(sensor, reach), curve
+    read = None if curve is None else byref(of_core(curve, 1))
+    return float(sensor.log_slope(0.0)), read, falls(sensor, reach), curve

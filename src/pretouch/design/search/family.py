@@ -123,7 +123,7 @@ class _Family:
         )
         if found is None or not found[2].all():
             return None
-        both = np.stack(found[:2])
+        both = found[:2]
         coefficients = both[:, :_NODES] @ _BASIS.to_terms.T
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
         between = _evaluate(probes, low, high, coefficients, np.empty((2, _PROBES)))

@@ -99,7 +99,7 @@ def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -
     for again in (False, True):
         tried = search_compiled(_column(free, waiting)) if again else found
         if tried is not None:
-            settled = tried[2]
+            settled = tried[2] == 1
             gain[waiting[settled]], objective[waiting[settled]] = tried[0][settled], tried[1][settled]
             waiting = waiting[~settled]
     for start in range(0, len(waiting), _BLOCK):

@@ -16,15 +16,15 @@ from pretouch.sensors import SensorModel
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
 from .constraints import Constraint
-from .gain import design_gain
+from .gain import design_one
 from .impact import ImpactModel
 from .own_objective import AnyObjective, as_objective
-from .problem import Evaluator
+from .problem import Evaluator, Problem
 from .result import GainDesign
-from .search import HELD
+from .search import HELD, GainAxis
 from .search.freedom import make_freedom
 from .search.local import descend, kkt_residual
-from .search.trials import Trials, merit
+from .search.trials import Trials
 
 __all__ = ["design_admittance"]
 
@@ -104,31 +104,22 @@ def design_admittance(
             "natural_frequency: found neither it nor damping_ratio free, expected bounds of at least one; "
             "use design_gain for the gain alone"
         )
-    objective = as_objective(objective)
     freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
-    trials = Trials(
-        freedom=freedom,
+    problem = Problem(
+        scenario=scenario,
         sensor=sensor,
-        measures=(merit(objective, abs(float(scenario.obstacle.velocity)), impact),),
+        objective=as_objective(objective),
         constraints=tuple(constraints),
         impact=impact,
+        axis=freedom.axis,
         method=method,
         horizon=horizon,
         evaluator=evaluate,
     )
+    trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
-    def gain_at(admittance: Admittance, within: tuple[float, float] = bounds) -> GainDesign:
-        return design_gain(
-            replace(scenario, admittance=admittance),
-            sensor,
-            objective,
-            bounds=within,
-            constraints=constraints,
-            impact=impact,
-            method=method,
-            horizon=horizon,
-            evaluate=evaluate,
-        )
+    def gain_at(admittance: Admittance, axis: GainAxis = problem.axis) -> GainDesign:
+        return design_one(replace(problem, scenario=replace(scenario, admittance=admittance), axis=axis))
 
     as_it_is = gain_at(scenario.admittance)
     search = _Search(trials)
@@ -149,8 +140,7 @@ def design_admittance(
         if chosen.status is DesignStatus.OPTIMAL:
             break
         ends = np.clip(found[0].at[0] + np.array([-share, share]), 0.0, 1.0)  # feasible where the scan has no gain
-        low_, high_ = (float(g) for g in freedom.gain(ends[:, None]))
-        chosen = gain_at(admittance, (low_, high_))
+        chosen = gain_at(admittance, GainAxis.between(freedom.gain(ends[:, None]).tolist()))
     return _design(search, as_it_is, chosen, found, chosen.status)
 
 

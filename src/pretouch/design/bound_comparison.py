@@ -35,7 +35,7 @@ def compare_with_bound(
         The comparison; None where the bound does not speak of such encounters.
     """
     given = trials.freedom.scenario
-    if trials.method == "uniform-motion" or trials.evaluator is not None or why_no_bound(given):
+    if not trials.encounters.is_differentiable or why_no_bound(given):
         return None
     end = result.end
     acceleration, speed = np.asarray(end.largest_acceleration), np.abs(end.relative_velocity)
@@ -72,7 +72,8 @@ def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: Con
     proved = damped & (np.asarray(gain) <= 0) & (trials.freedom.scenario.obstacle.acceleration <= 0)
     if np.all(proved):
         return np.ones(np.shape(gain), dtype=bool)
-    motion = solve_motion(scenario, trials.sensor, gain, method=trials.method, horizon=trials.horizon, samples=_SAMPLES)
+    how = trials.encounters
+    motion = solve_motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
     forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
     return np.asarray(proved | forward)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,7 @@ from .certificate import Certificate, ConstraintOutcome, IdealDesign, Sensitivit
 from .constraints import Constraint
 from .problem import Problem
 from .search import HELD, GainAxis, Minimum, Scan, refine, scan
-from .sensitivity import gain_sensitivities
+from .sensitivity import gain_gradient, gain_sensitivities
 
 __all__ = ["Evidence"]
 
@@ -183,19 +183,7 @@ class Evidence(Value):
         p = self.problem
         if p.evaluator is not None and self.at == "interior" and not self._is_smooth():
             return ()
-        return gain_sensitivities(
-            scenario=p.scenario,
-            sensor=p.sensor,
-            objective=p.objective,
-            constraint=next((c for c in p.constraints if c.name == self.at and c.quantity != "gain"), None),
-            impact=p.impact,
-            evaluate=p.evaluate,
-            sampled=p.evaluator is not None,
-            differentiable=p.is_differentiable,
-            axis=p.axis,
-            gain=self.gain,
-            at=self.at,
-        )
+        return gain_sensitivities(p, self.gain, self.at)
 
     def _is_smooth(self) -> bool:
         """Tell whether the objective of somebody else's encounters is smooth as far as differences reach."""
@@ -208,18 +196,9 @@ class Evidence(Value):
         p = self.problem
         if p.evaluator is None or self.gain is None:
             return None
-        from .gain import design_gain  # noqa: PLC0415 - it makes designs of evidence
+        from .gain import design_one  # noqa: PLC0415 - it makes designs of evidence
 
-        found = design_gain(
-            p.scenario,
-            p.sensor,
-            p.objective,
-            bounds=p.axis.ends,
-            constraints=p.constraints,
-            impact=p.impact,
-            method=p.method,
-            horizon=p.horizon,
-        )
+        found = design_one(replace(p, evaluator=None))
         if found.gain is None:
             return None
         both = p.landscape(p.axis.coordinate(np.array([found.gain, self.gain])))
@@ -237,8 +216,6 @@ class Evidence(Value):
         Returns:
             The derivative.
         """
-        from .gain_gradient import gain_gradient  # noqa: PLC0415 - few designs are differentiated
-
         return gain_gradient(self.problem, gain, name, lambda _: self)
 
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from pretouch._core.errors import InvalidInputError
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
@@ -84,7 +83,6 @@ def design_gain(
         horizon=horizon,
         evaluator=evaluate,
     )
-    _check(problem)
     if scenario.shape == ():
         return design_one(problem)
     search = design_one if problem.is_noisy else _search_one
@@ -132,11 +130,3 @@ def _design(problem: Problem, status: Any, gain: Any, objective: Any, evidence: 
         impact=problem.impact,
         evidence=evidence,
     )
-
-
-def _check(problem: Problem) -> None:
-    """Refuse what makes no sense as a design problem."""
-    names = [c.name for c in problem.constraints]
-    for name in names:
-        if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: found twice, expected once")

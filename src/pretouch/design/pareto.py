@@ -16,6 +16,7 @@ from pretouch.sensors import SensorModel
 
 from .bound_comparison import compare_with_bound
 from .constraints import Constraint
+from .criteria import magnitude
 from .domination import shortfall
 from .front import FrontPoint, FrontStatus, ParetoFront
 from .front_curve import trace_front
@@ -23,10 +24,10 @@ from .front_surface import find_front
 from .impact import ImpactModel
 from .knee import find_knee
 from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
-from .problem import Evaluator
+from .problem import Encounters, Evaluator
 from .quantities import QUANTITY_UNITS
 from .search.freedom import make_freedom
-from .search.trials import Trials, magnitude
+from .search.trials import Trials
 
 __all__ = ["Chosen", "pareto_front"]
 
@@ -116,16 +117,18 @@ def pareto_front(
         True
     """
     names = _quantities(quantities)
-    trials = Trials(
-        freedom=make_freedom(scenario, bounds, natural_frequency, damping_ratio),
+    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
+    encounters = Encounters(
+        scenario=scenario,
         sensor=sensor,
-        measures=tuple(magnitude(name, impact) for name in names),
         constraints=tuple(constraints),
         impact=impact,
         method=method,
         horizon=horizon,
         evaluator=evaluate,
     )
+    measures = tuple(magnitude(name, impact) for name in names)
+    trials = Trials(freedom=freedom, encounters=encounters, measures=measures)
     found = _find(trials)
     return _assemble(trials, names, found, choice)
 
@@ -199,7 +202,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: flo
         knee=None if knee is None else maker.point("knee", *maker.choice_at(knee[0]), depth=knee[1]),
         choice=None if choice is None else maker.chosen(choice),
         ends=maker.ends(found.at),
-        comparison=None if result is None else compare_with_bound(trials, freedom.encounters(found.at), gain, result),
+        comparison=None if result is None else compare_with_bound(trials, freedom.scenarios(found.at), gain, result),
         bound=_bound(trials),
         no_bound=_why_no_bound(trials),
         scanned=found.scanned_values[reached],
@@ -210,8 +213,8 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: flo
         damping_ratio_bounds=freedom.damping_ratio,
         constraints=trials.constraints,
         scenario=freedom.scenario,
-        sensor=trials.sensor,
-        impact=trials.impact,
+        sensor=trials.encounters.sensor,
+        impact=trials.encounters.impact,
         result=result,
     )
 
@@ -222,7 +225,7 @@ def _why_empty(trials: Trials, found: _Found) -> FrontStatus:
 
 
 def _why_no_bound(trials: Trials) -> str:
-    if trials.method == "uniform-motion" or trials.evaluator is not None:
+    if not trials.encounters.is_differentiable:
         return "the motion is not that of L(1) from rest, of which the bound speaks"
     return why_no_bound(trials.freedom.scenario)
 
@@ -251,7 +254,7 @@ class _Points:
         freedom = self.trials.freedom
         scenario = freedom.scenario
         if freedom.size > 1:
-            every = freedom.encounters(at[None]).admittance
+            every = freedom.scenarios(at[None]).admittance
             one = {f.name: float(np.reshape(getattr(every, f.name), -1)[0]) for f in dataclasses.fields(every)}
             scenario = dataclasses.replace(scenario, admittance=dataclasses.replace(every, **one))
         return scenario, float(freedom.gain(at[None])[0])
@@ -278,7 +281,7 @@ class _Points:
     def point(self, name: str, scenario: Scenario, gain: float, depth: float | None = None) -> FrontPoint | None:
         """Solve an encounter and place it; None where it does not end in contact."""
         trials = self.trials
-        result: ContactResult = trials.solve(scenario, gain)
+        result: ContactResult = trials.encounters.solve(scenario, gain)
         if not result.reached.all():
             return None
         rows = trials.rows_of(result).reshape(1, -1)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from typing import Any, Final, NamedTuple
 
@@ -22,12 +21,10 @@ from pretouch._core.numbers import FloatArray
 from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
 from pretouch.uncertainty.distributions import Interval
 
-from ..gradient import has_gradients
 from ..search import Minimum, Scan, search_axis
 from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
 from .problem import RobustProblem
 from .result import WorstEncounter
-from .slopes import limit_slope, objective_slope
 
 __all__ = ["WorstSearch", "box_of", "search_worst_case"]
 
@@ -140,11 +137,10 @@ def _function(
         found = value(points)
         if not np.isfinite(found).all():
             return found, np.full(points.shape, np.nan)
-        if _is_smooth(problem, which):
-            ensemble = make(dict(zip(names, points.T, strict=True)))
-            result = ensemble.contacts(gain)
-            slope = partial(objective_slope, problem) if which < 0 else partial(limit_slope, problem, which)
-            return found, np.stack([slope(ensemble, result, name) for name in names], axis=1)
+        if problem.criterion(which)[0].has_gradients:
+            inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+            result = inner.ensemble.contacts(gain)
+            return found, np.stack([inner.slope(result, name, which) for name in names], axis=1)
         slopes = []
         for j, step in enumerate(_STEP * (high - low)):
             ahead, behind = points.copy(), points.copy()
@@ -154,13 +150,6 @@ def _function(
         return found, np.stack(slopes, axis=1)
 
     return both
-
-
-def _is_smooth(problem: RobustProblem, which: int) -> bool:
-    """Tell whether the objective or the ratio is made of quantities that have gradients."""
-    if which < 0:
-        return has_gradients(problem.objective, None)
-    return has_gradients(problem.objective, problem.limits[which].constraint)
 
 
 def _worst(

@@ -19,6 +19,7 @@ from pretouch._core.chebyshev import chebyshev_basis
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import Scenario
+from pretouch.motion.inputs import scenario_with
 
 from ..problem import Problem
 from .compiled import known_terms, search_compiled
@@ -48,7 +49,7 @@ def find_family(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | 
         where the encounters differ in more, are few, or are no matter for the compiled search.
     """
     varied = list(_varied(problem.scenario))
-    if len(varied) != 1 or np.size(varied[0][2]) < _LEAST or known_terms(problem) is None:
+    if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or known_terms(problem) is None:
         return None
     family = _family(problem, *varied[0])
     out = np.full((2, family.place.size), np.nan)
@@ -98,14 +99,12 @@ class _Family:
 
     Args:
         problem: the problem of any of them.
-        part: the part of the scenario that holds the quantity.
-        name: the field.
+        name: the quantity, one of SCENARIO_INPUTS.
         sign: of the quantity where its logarithm is the coordinate, else 0.
         place: the coordinate of every encounter, shape (n,).
     """
 
     problem: Problem
-    part: str
     name: str
     sign: float
     place: FloatArray
@@ -113,7 +112,7 @@ class _Family:
     def at(self, place: FloatArray) -> Problem:
         """Return the problem of the encounters at some places."""
         value = self.sign * np.exp(place) if self.sign else place
-        return replace(self.problem, scenario=_with(self.problem.scenario, self.part, self.name, value))
+        return replace(self.problem, scenario=scenario_with(self.problem.scenario, {self.name: value}))
 
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
         """Return the coefficients of gain and objective on an interval, shape (2, nodes), or None if they do not do."""
@@ -133,25 +132,20 @@ class _Family:
         return np.asarray(coefficients)
 
 
-def _family(problem: Problem, part: str, name: str, value: Any) -> _Family:
+def _family(problem: Problem, name: str, value: Any) -> _Family:
     x = np.asarray(value, dtype=np.float64).reshape(-1)
     low, high = float(x.min()), float(x.max())
     near, far = sorted((abs(low), abs(high)))
     logarithmic = low * high > 0 and far > _LOGARITHMIC * near
     sign = float(np.sign(low)) if logarithmic else 0.0
-    return _Family(problem=problem, part=part, name=name, sign=sign, place=np.log(np.abs(x)) if logarithmic else x)
+    return _Family(problem=problem, name=name, sign=sign, place=np.log(np.abs(x)) if logarithmic else x)
 
 
-def _varied(scenario: Scenario) -> Iterator[tuple[str, str, Any]]:
+def _varied(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     """Yield the fields that are arrays of more than one number."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
         for f in fields(body):
             value = getattr(body, f.name)
             if np.size(value) > 1:
-                yield part, f.name, value
-
-
-def _with(scenario: Scenario, part: str, name: str, value: Any) -> Scenario:
-    body: Any = getattr(scenario, part)
-    return replace(scenario, **{part: replace(body, **{name: value})})
+                yield f"{part}.{f.name}", value

@@ -76,7 +76,7 @@ class Freedom:
         ratio = own.damping_ratio if own.stiffness > 0 else np.nan
         return frequency, np.full(len(at), ratio)
 
-    def encounters(self, at: FloatArray) -> Scenario:
+    def scenarios(self, at: FloatArray) -> Scenario:
         """Return the encounters at coordinates, shape (n, size)."""
         if self.size == 1:
             return self.scenario

@@ -7,7 +7,7 @@ bracket. An encounter that this does not settle for certain, by the measures of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -15,14 +15,14 @@ import numpy as np
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
-from pretouch.motion.inputs import map_fields
 
 from ..certificate import DesignStatus
 from ..problem import Problem
 from ..result import GainDesign
+from ..sensitivity import gain_gradient
 from .compiled import search_compiled
 from .family import find_family
-from .minima import NODES, minimize_polynomials
+from .minima import NODES, interpolate, minimize_polynomials
 from .scan import EXACT, predict
 
 __all__ = ["ArrayEvidence", "design_many", "settle_one"]
@@ -64,8 +64,6 @@ class ArrayEvidence(Value):
         Returns:
             The derivatives, of the shape of the gains.
         """
-        from ..gain_gradient import gain_gradient  # noqa: PLC0415 - few arrays of designs are differentiated
-
         return gain_gradient(self.problem, gain, name, self.design_one)
 
     def __getattr__(self, name: str) -> Any:
@@ -97,7 +95,7 @@ def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -
     gain, objective = np.full(size, np.nan), np.full(size, np.nan)
     waiting = np.arange(size)
     for again in (False, True):
-        tried = search_compiled(_column(free, waiting)) if again else found
+        tried = search_compiled(free.column(waiting)) if again else found
         if tried is not None:
             settled = tried[2] == 1
             gain[waiting[settled]], objective[waiting[settled]] = tried[0][settled], tried[1][settled]
@@ -105,7 +103,7 @@ def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -
     for start in range(0, len(waiting), _BLOCK):
         which = waiting[start : start + _BLOCK]
         for count in () if problem.is_noisy else _COUNTS:  # noise belongs to an encounter, not to its place in a block
-            best, value, settled = _design_block(_column(free, which), count)
+            best, value, settled = _design_block(free.column(which), count)
             gain[which[settled]], objective[which[settled]] = best[settled], value[settled]
             which = which[~settled]
             if not len(which):
@@ -132,16 +130,6 @@ def settle_one(problem: Problem) -> tuple[float, float] | None:
     return (float(gain[0]), float(objective[0])) if settled[0] else None
 
 
-def _column(problem: Problem, which: Any) -> Problem:
-    """Return the problem of some encounters as a column, shape (m, 1), so that a row of gains broadcasts with them."""
-    shape = problem.scenario.shape
-
-    def taken(value: Any) -> Any:
-        return value if np.ndim(value) == 0 else np.broadcast_to(value, shape).reshape(-1)[which][:, None]
-
-    return replace(problem, scenario=map_fields(problem.scenario, taken))
-
-
 def _design_block(problem: Problem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Design a column of encounters; return gain, objective, and for which that is settled."""
     u = np.linspace(*problem.axis.span, count)
@@ -156,8 +144,9 @@ def _design_block(problem: Problem, count: int) -> tuple[FloatArray, FloatArray,
     lower, upper = np.clip(best - 1, 0, None), np.clip(best + 1, None, count - 1)
     settled &= (best > 0) & (best < count - 1) & (_count_minima(merit) == 1)
     middle, half = (u[lower] + u[upper]) / 2, (u[upper] - u[lower]) / 2
-    z, value, polished = minimize_polynomials(problem.landscape(middle[:, None] + half[:, None] * NODES).objective)
-    return np.asarray(problem.axis.gain(middle + half * z)), value, settled & polished
+    values = problem.landscape(middle[:, None] + half[:, None] * NODES).objective
+    z, polished = minimize_polynomials(values)
+    return np.asarray(problem.axis.gain(middle + half * z)), interpolate(values, z), settled & polished
 
 
 def _count_minima(merit: FloatArray) -> Any:

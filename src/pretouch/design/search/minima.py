@@ -15,7 +15,7 @@ from pretouch._core.values import Value
 
 from .scan import EXACT, Effort, Evaluate, Scan, scan
 
-__all__ = ["NODES", "Minimum", "minimize_polynomials", "refine", "search_axis"]
+__all__ = ["NODES", "Minimum", "interpolate", "minimize_polynomials", "refine", "search_axis"]
 
 _COUNT: Final = 17
 _FIT: Final = 1e-7  # of the range of values: how well a polynomial must meet the nodes
@@ -24,6 +24,8 @@ _ROUNDED: Final = 1e-5  # of the range of values, at most: a corner leaves a hun
 _NARROWEST: Final = 1e-9  # an interval in which a polynomial says more than rounding
 _WIDEST: Final = 0.1  # of u, that a polynomial may span
 _SMOOTH: Final = chebyshev_basis(_COUNT, 8)  # few terms, for a derivative without the rounding of the nodes
+_TO_MISS: Final = (_SMOOTH.values @ _SMOOTH.to_terms - np.eye(_COUNT)).T
+_ORDERS: Final = np.arange(8.0)[:, None]
 _THROUGH: Final = chebyshev_basis(_COUNT)  # all, for the value
 NODES: Final = _SMOOTH.nodes
 """Where a bracket is sampled for its polynomial, on [-1, 1]."""
@@ -124,16 +126,14 @@ def _polish(function: Function, left: float, right: float) -> tuple[float, float
     if not 0 < span < np.inf:
         return None
     rounding = min(_LOOP_ROUNDING * float(np.abs(values).max()) / span, _ROUNDED)
-    z, _, settled = minimize_polynomials(values[None], max(_FIT, rounding), steps=64)
+    z, settled = minimize_polynomials(values[None], max(_FIT, rounding), steps=64)
     if not settled[0]:
         return None
     at = middle + half * float(z[0])
     return at, float(function(np.array([at]))[0])
 
 
-def minimize_polynomials(
-    values: FloatArray, fit: float = _FIT, *, steps: int = 8
-) -> tuple[FloatArray, FloatArray, BoolArray]:
+def minimize_polynomials(values: FloatArray, fit: float = _FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
     """Minimize each function by the polynomial that meets it at the nodes, by Newton's steps from the lowest node.
 
     Args:
@@ -142,23 +142,27 @@ def minimize_polynomials(
         steps: how many steps at most.
 
     Returns:
-        The places in [-1, 1], the values there, and where there is a minimum inside that is certain, each shape (m,).
+        The places in [-1, 1], and where there is a minimum inside that is certain, each shape (m,).
     """
+    z = NODES[np.argmin(values, axis=1)]
     settled: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
     values = np.where(settled[:, None], values, 0.0)
-    miss = np.abs(values @ _SMOOTH.to_terms.T @ _SMOOTH.values.T - values).max(axis=1)
-    settled &= miss <= fit * np.ptp(values, axis=1)
-    both = np.zeros((8, 2, len(values)))  # df/dz and its derivative
-    both[:, 0], both[:-1, 1] = _SMOOTH.to_slope @ values.T, _SMOOTH.to_bend @ values.T
-    z = NODES[np.argmin(values, axis=1)]
+    settled &= np.abs(values @ _TO_MISS).max(axis=1) <= fit * np.ptp(values, axis=1)
     if not settled.any():
-        return z, values.min(axis=1), settled
+        return z, settled
+    slopes, bends = _SMOOTH.to_slope @ values.T, _SMOOTH.to_bend @ values.T  # df/dz and its derivative
     with np.errstate(all="ignore"):
         for _ in range(steps):
-            slope, bend = chebyshev_sum(both, z)
-            step = slope / bend
+            powers = np.cos(_ORDERS * np.arccos(z))  # the polynomials themselves
+            bend = (bends * powers[:-1]).sum(axis=0)
+            step = (slopes * powers).sum(axis=0) / bend
             z = np.clip(z - step, -1.0, 1.0)
             if (np.abs(step) < 1e-13).all():
                 break
-    settled &= (np.abs(step) < 1e-10) & (bend > 0) & (np.abs(z) < 1)
-    return z, chebyshev_sum(_THROUGH.to_terms @ values.T, z), settled
+    return z, settled & (np.abs(step) < 1e-10) & (bend > 0) & (np.abs(z) < 1)
+
+
+def interpolate(values: FloatArray, z: FloatArray) -> FloatArray:
+    """Return what functions known at NODES, shape (m, 17), are at one place each, by polynomials through all nodes."""
+    with np.errstate(invalid="ignore"):  # a function that does not exist at some node is NaN
+        return chebyshev_sum(_THROUGH.to_terms @ values.T, z)

@@ -2,82 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch.motion import ContactResult, Scenario, find_contact
-from pretouch.sensors import SensorModel
+from pretouch.motion import ContactResult
 
 from ..constraints import Constraint
-from ..impact import ImpactModel
-from ..objectives import Objective
-from ..own_objective import appraise
-from ..problem import Evaluator
-from ..quantities import quantity_of
+from ..criteria import Criterion, along, magnitude
+from ..problem import Encounters
 from .freedom import Freedom
 from .scan import HELD
 
-__all__ = ["Measure", "Trials", "magnitude", "merit"]
+__all__ = ["Trials"]
 
 _STEP: Final = 2e-4  # of a coordinate in [0, 1]: differences of order 4 are then as good as the contacts
 _NODES: Final = np.arange(-2.0, 3.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measure:
-    """A number of an encounter that is minimized.
-
-    Args:
-        value: the number, from a result.
-        parts: the quantities that it is made of, with the derivative of the number by each, from a result; None where
-            it is known as a whole only.
-    """
-
-    value: Callable[[ContactResult], Any]
-    parts: Callable[[ContactResult], list[tuple[str, Any]]] | None
-
-
-def magnitude(quantity: str, impact: ImpactModel | None) -> Measure:
-    """Make the measure |quantity|."""
-
-    def parts(result: ContactResult) -> list[tuple[str, Any]]:
-        if quantity == "impact_force":
-            return [("relative_velocity", _impact_slope(impact, result))]
-        return [(quantity, np.sign(quantity_of(quantity, result.end, impact)))]
-
-    return Measure(value=lambda result: np.abs(quantity_of(quantity, result.end, impact)), parts=parts)
-
-
-def merit(objective: Objective, obstacle_speed: float, impact: ImpactModel | None) -> Measure:
-    """Make the measure that an objective is."""
-
-    def parts(result: ContactResult) -> list[tuple[str, Any]]:
-        found = []
-        for term in objective.terms:
-            scale = term.scale_for(obstacle_speed)
-            slope = 2 * term.weight * quantity_of(term.quantity, result.end, impact) / scale**2
-            if term.quantity == "impact_force":
-                found.append(("relative_velocity", slope * _impact_slope(impact, result)))
-            else:
-                found.append((term.quantity, slope))
-        return found
-
-    return Measure(
-        value=lambda result: appraise(objective, result.end, result.reached, obstacle_speed, impact),
-        parts=parts if type(objective) is Objective else None,  # a class of the user's may compute anything
-    )
-
-
-def _impact_slope(impact: ImpactModel | None, result: ContactResult) -> Any:
-    """Differentiate the peak force by l'."""
-    if impact is None:
-        raise ResultUnavailableError("impact_force: needs the physical properties of robot and obstacle")
-    return impact.peak_force_slope(result.end.relative_velocity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,33 +29,22 @@ class Trials:
 
     Args:
         freedom: what is free.
-        sensor: the sensor curve.
+        encounters: how encounters are solved, and what they must keep.
         measures: what is minimized.
-        constraints: the limits.
-        impact: the physical properties, where given.
-        method: how encounters are solved.
-        horizon: how long to wait for contact [s].
-        evaluator: solves encounters in the place of `find_contact`, where given.
     """
 
     freedom: Freedom
-    sensor: SensorModel
-    measures: tuple[Measure, ...]
-    constraints: tuple[Constraint, ...]
-    impact: ImpactModel | None
-    method: str
-    horizon: float
-    evaluator: Evaluator | None
+    encounters: Encounters
+    measures: tuple[Criterion, ...]
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The limits."""
+        return self.encounters.constraints
 
     def run(self, at: FloatArray) -> ContactResult:
         """Solve the encounters at coordinates, shape (n, size)."""
-        return self.solve(self.freedom.encounters(at), self.freedom.gain(at))
-
-    def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
-        """Solve any encounters."""
-        if self.evaluator is not None:
-            return self.evaluator(scenario, self.sensor, gain)
-        return find_contact(scenario, self.sensor, gain, method=self.method, horizon=self.horizon)
+        return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return measures, then |quantity| / limit of every constraint.
@@ -164,36 +96,26 @@ class Trials:
     def rows_of(self, result: ContactResult) -> FloatArray:
         """Return the rows of a result, its runs along the first axis."""
         columns = [m.value(result) for m in self.measures]
-        columns += [c.magnitude(result.end, self.impact) / c.limit for c in self.constraints]
+        columns += [c.magnitude(result.end, self.encounters.impact) / c.limit for c in self.constraints]
         return np.stack([np.asarray(c, dtype=np.float64) for c in columns], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
         """Return exact derivatives, NaN where there are none."""
-        limited = [(magnitude(c.quantity, self.impact), c.limit) for c in self.constraints]
+        limited = [(magnitude(c.quantity, self.encounters.impact), c.limit) for c in self.constraints]
         every = [*((m, 1.0) for m in self.measures), *limited]
         found = np.full((len(every), len(at)), np.nan)
         try:
-            gradients = result.gradients if self.evaluator is None else None
+            gradients = result.gradients if self.encounters.evaluator is None else None
         except ResultUnavailableError:
             gradients = None
         if gradients is None:
             return found
-        known, chain = {*gradients.quantities, "gain"}, self.freedom.chain(at)
-
-        def slope(name: str, by: str) -> Any:
-            return float(by == "gain") if name == "gain" else gradients.of(name, by)
-
+        chain = self.freedom.chain(at)
         for i, (measure, scale) in enumerate(every):
-            parts = None if measure.parts is None else measure.parts(result)
-            if parts is None or any(name not in known for name, _ in parts):
-                continue
-            for j, inputs in enumerate(chain):
-                total = sum(
-                    np.asarray(weight) * rate * np.asarray(slope(name, by))
-                    for name, weight in parts
-                    for by, rate in inputs
-                )
-                found[i, j] = float(np.reshape(total, -1)[0]) / scale
+            if measure.has_gradients:
+                by = {name: measure.slope(result.end, along(gradients.of, name)) for one in chain for name, _ in one}
+                for j, inputs in enumerate(chain):
+                    found[i, j] = sum(rate * by[name].item() for name, rate in inputs) / scale
         return found
 
     def _differences(self, at: FloatArray) -> FloatArray:

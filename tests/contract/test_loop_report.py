@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.report.html import design_report_html
+from page_rows import row, table
+from pretouch.report import report_html
 from pretouch.report.loop_motion import loop_motion
 from pretouch.report.motion_panels import runs_of
-from pretouch.report.robust_html import robust_report_html
 
 pytest.importorskip("matplotlib")
 
@@ -44,7 +44,7 @@ def design(evaluate: Any) -> pt.GainDesign:
 
 def test_a_design_report_shows_the_loop() -> None:
     found = design(LOOP)
-    page = design_report_html(found)
+    page = report_html(found)
     assert "The sampled loop: sensor chain" in page
     assert "One run of the sampled loop" in page
     assert "one run and its noise" in page
@@ -58,7 +58,7 @@ def test_a_design_report_shows_the_loop() -> None:
 
 
 def test_the_report_of_a_design_by_a_function_says_that_its_motion_is_not_known() -> None:
-    page = design_report_html(design(theirs))
+    page = report_html(design(theirs))
     assert "the function that the design was handed gives none" in page
     assert "what that assumes is not known here" in page
     assert "Time is continuous" not in page
@@ -85,8 +85,10 @@ def test_a_robust_report_names_the_ideal_design() -> None:
     found = pt.design_robust_gain(
         SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32
     )
-    page = robust_report_html(found)
-    assert "gain of the ideal design" in page
+    page = report_html(found)
+    assert table(page, "What the gain leads to")[0][1:] == ["robust gain", "gain of the ideal design", "no mitigation"]
+    assert row(page, "noise") == ["that of the sampled loop, another run in each encounter"]
+    assert row(page, "encounters run on")[0].startswith("the sampled loop, with the same noise for every gain")
     assert "The sampled loop: sensor chain" in page
     assert "nominal gain" not in page
     assert "Price of robustness" not in page  # it is known in continuous time only

@@ -11,16 +11,17 @@ import pytest
 
 from figure_checks import assert_legible, visible_texts
 from page_checks import EVIL, assert_sound, parse
+from page_rows import line, row, table
 from pretouch._core.errors import OutputExistsError, ResultUnavailableError
 from pretouch._core.files import is_own_unchanged
 from pretouch.design import Constraint, DesignStatus, SpringImpact, excursion_objective
 from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
-from pretouch.design.robust.result import WorstEncounter
-from pretouch.design.robust.wording import share_in_words
+from pretouch.design.robust.worst_case import WorstEncounter
 from pretouch.motion import Admittance, Obstacle, Scenario
-from pretouch.report import outcome_figure, price_figure, robust_figure, robust_report_html, write_robust_report
+from pretouch.report import outcome_figure, price_figure, report_html, robust_figure, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Normal, TruncatedNormal, Uniform
+from pretouch.uncertainty.describing import share_in_words
 
 SCENARIO = Scenario(
     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
@@ -93,7 +94,7 @@ def test_figures_show_the_numbers_of_the_design(one: RobustDesign) -> None:
         assert f"{gain:.4g} N s".replace("-", "\u2212") in texts.replace("\n", " ")
     texts = " ".join(text for text, _ in visible_texts(outcome_figure(one)))
     assert "limit" in texts
-    assert "relative speed at contact" in texts
+    assert "relative velocity at contact" in texts
     texts = " ".join(text for text, _ in visible_texts(price_figure(one)))
     assert {"obstacle.velocity", "sensor.exponent", "best for each value"} <= {
         name for name in ("obstacle.velocity", "sensor.exponent", "best for each value") if name in texts
@@ -110,43 +111,68 @@ def test_curves_of_shares_are_the_distribution_of_the_outcomes(one: RobustDesign
 
 
 def test_reports_are_sound_for_every_status(found: RobustDesign) -> None:
-    words = assert_sound(robust_report_html(found)).words
+    words = assert_sound(report_html(found)).words
     assert "Method and assumptions" in words
     status = {"optimal": "robust gain found", "infeasible": "infeasible", "no-contact": "no contact"}
     assert status[found.status.value] in words
-    for name in found.uncertainty:
-        assert name in words or isinstance(found.uncertainty[name], CorrelatedNormal)
+    inputs = {cells[0] for cells in table(report_html(found), "What is uncertain")}
+    assert inputs == {"uncertain input", *(m for n, k in found.uncertainty.items() for m in getattr(k, "names", (n,)))}
     assert ("What knowing one input would gain" in words) == (found.gain is not None)
     assert ("What encounters come to" in words) == (found.status is not DesignStatus.NO_CONTACT)
 
 
 def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign) -> None:
-    words = parse(robust_report_html(one)).words
+    page = report_html(one)
     v = one.validation
     assert v is not None
-    for number in (
-        f"{one.gain:.4g} N s",
-        f"{v.value:.4g}",
-        f"{v.low:.4g} to {v.high:.4g}",
-        f"{one.nominal_gain:.4g} N s",
-    ):
-        assert number in words
-    assert "sensor.exponent normal, 3.32 with a standard deviation of 0.1, together with the others" in words
+    assert v.loss is not None
+    head = table(page, "What the gain leads to")[0]
+    assert head == ["on 256 fresh samples (95 % confidence)", "robust gain", "nominal gain", "no mitigation"]
+    measure = row(page, "mean of the worst 10 % of the objective")
+    assert measure[:2] == [f"{v.value:.4g} ({v.low:.4g} to {v.high:.4g})", f"{v.nominal:.4g}"]
+    assert row(page, "more than with the robust gain")[1].startswith(f"{100 * v.loss.relative:+.3g} \u00b1 ")
+    own = np.abs(one.outcomes().state.relative_velocity)
+    assert row(page, "relative velocity at contact, median")[0] == f"{np.sort(own)[127]:.3g} m/s"
+    told = row(page, "sensor.exponent", "What is uncertain")
+    assert told == ["normal, 3.32 with a standard deviation of 0.1, together with the others of calibration"]
     (speed, excursion) = v.limits
-    assert share_in_words(speed.held) in words
-    assert share_in_words(speed.low) in words
-    assert "every sample" in words
+    cells = row(page, "relative velocity at contact |l\u2032|", "Constraints")
+    assert cells[:4] == ["0.1 m/s", "95 %", share_in_words(speed.held), share_in_words(speed.low)]
     assert excursion.held == 1
-    assert "256 fresh, independent encounters" in words
+    cells = row(page, "largest excursion max |x \u2212 x_d|", "Constraints")
+    assert cells[1:3] == ["every sample", "100 %"]
+    assert cells[-1] == "held in every sample"
+    assert row(page, "gain: bounds") == ["-10 N s to -0.01 N s"]
+    tiles = parse(page).words
+    for number in (f"{one.gain:.4g} N s robust gain D_p", f"{one.nominal_gain:.4g} N s nominal gain D_p"):
+        assert number in tiles
+
+
+def test_text_and_page_say_the_same(one: RobustDesign) -> None:
+    page, text = report_html(one), str(one)
+    for label in ("end in contact", "time of contact, median", "scan", "seed"):
+        assert line(text, label) == " ".join(row(page, label))
+    assert "What knowing one input" not in text  # which takes its time
 
 
 def test_a_report_tells_what_the_objective_varies_with(one: RobustDesign) -> None:
-    words = parse(robust_report_html(one)).words
-    assert "What the objective varies with" in words
+    page = report_html(one)
     for share in one.importance:
-        assert f"{share.name} {100 * share.alone:.1f} % ± {100 * share.alone_error:.1f}" in words
+        cells = row(page, share.name, "What the objective varies with")
+        assert cells[0] == f"{100 * share.alone:.1f} % \u00b1 {100 * share.alone_error:.1f}"
     alone = design()  # a single input has all of the variance
-    assert "What the objective varies with" not in parse(robust_report_html(alone)).words
+    assert table(report_html(alone), "What the objective varies with") == []
+
+
+def test_a_report_tells_what_knowing_an_input_would_gain(one: RobustDesign) -> None:
+    page = report_html(one)
+    assert [price.name for price in one.prices] == [
+        cells[0] for cells in table(page, "What knowing one input would gain")[1:]
+    ]
+    dearest = one.prices[0]
+    most = float(np.nanmax(dearest.loss))
+    assert most == max(float(np.nanmax(price.loss)) for price in one.prices)
+    assert row(page, dearest.name, "What knowing one input would gain")[2].startswith(f"{100 * most:.3g} % at ")
 
 
 def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign) -> None:
@@ -162,27 +188,44 @@ def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign) -> Non
         encounters=((-0.6,),),
     )
     shown = replace(one, worst=worst)
-    words = parse(robust_report_html(shown)).words
-    for text in ("The worst encounter", "-0.6 m/s, with which the objective only falls", "0.3101, for which 17 boxes"):
-        assert text in words
-    assert "none exceeds 0.3101 (17 boxes told apart)" in str(shown)
-    assert "The worst encounter" not in parse(robust_report_html(one)).words
+    page, title = report_html(shown), "The worst encounter"
+    assert row(page, "obstacle.velocity", title) == ["-0.6 m/s, with which the objective only falls"]
+    assert row(page, "none exceeds", title) == ["0.3101, for which 17 boxes of inputs were told apart"]
+    assert line(str(shown), "no gain gets below") == "0.29"
+    assert table(report_html(one), title) == []
+
+
+def test_what_fresh_samples_refuse_is_a_warning(one: RobustDesign) -> None:
+    """Fewer hold it than chance explains, and some never touch: both are said before anything else."""
+    from dataclasses import replace
+
+    v = one.validation
+    assert v is not None
+    missed = replace(v.limits[0], held=0.5)
+    warned = replace(one, validation=replace(v, limits=(missed,), reached=0.75))
+    assert [text[:30] for text in warned.warnings] == [
+        "25 % of the fresh encounters e",
+        "the fresh samples hold relativ",
+    ]
+    page = parse(report_html(warned)).words
+    assert all(text in page and f"warning: {text}" in str(warned) for text in warned.warnings)
+    assert row(report_html(warned), "relative velocity at contact |l\u2032|", "Constraints")[-1] == "missed"
 
 
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     made = design()
-    page = robust_report_html(made)
-    assert page == robust_report_html(made)
-    path = write_robust_report(made, tmp_path / "robust.html")
+    page = report_html(made)
+    assert page == report_html(made)
+    path = write_report(made, tmp_path / "robust.html")
     assert path.read_text(encoding="utf-8") == page
     assert is_own_unchanged(path)
     (tmp_path / "mine.html").write_text("mine", encoding="utf-8")
     with pytest.raises(OutputExistsError, match=r"mine\.html"):
-        write_robust_report(made, tmp_path / "mine.html")
+        write_report(made, tmp_path / "mine.html")
 
 
 def test_reports_escape_what_users_wrote(one: RobustDesign) -> None:
     source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
-    page = robust_report_html(one, source=source)
+    page = report_html(one, source=source)
     assert_sound(page)
     assert "<script" not in page

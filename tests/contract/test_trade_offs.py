@@ -9,15 +9,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_text import SCENARIO, command, lay_out, strict
 
 import pretouch as pt
 from figure_checks import assert_legible, visible_texts
 from page_checks import EVIL, assert_sound, parse
+from page_rows import line, row, table
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import is_own_unchanged
-from pretouch.report import design_report_html, pareto_report_html
+from pretouch._core.units import format_quantity, pretty_unit
+from pretouch._core.vocabulary import QUANTITIES
+from pretouch.report import admittance_figure, pareto_figure, report_html
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "trade-offs.md").read_text(encoding="utf-8")
@@ -80,8 +84,10 @@ def test_the_numbers_in_the_text_of_the_page_hold(problem):
 def test_pareto_prints_the_knee_and_where_the_report_is(run):
     code, out, err = run("pareto", "approach.toml")
     assert (code, err) == (0, "")
-    assert out.startswith("The knee of displacement and relative velocity lies at D_p = ")
-    assert "physical bound, knee" in out
+    assert out.startswith("The knee of deviation from the reference and relative velocity lies at D_p = ")
+    told = strict(run("pareto", "approach.toml", "--json")[1])
+    ratios = [told[point]["excursion"] / told[point]["least_excursion"] for point in ("knee", "choice")]
+    assert line(out, "times the least deviation").split()[-2:] == [f"{ratio:.3g}" for ratio in ratios]
     assert out.splitlines()[-1] == "Report with figures: approach-pareto.html"
     assert is_own_unchanged("approach-pareto.html")
 
@@ -201,7 +207,7 @@ def front(request, problem):
 
 
 def test_figures_of_fronts_are_legible(front):
-    figure = pt.pareto_figure(front)
+    figure = pareto_figure(front)
     assert_legible(figure)
     texts = " ".join(text for text, _ in visible_texts(figure))
     assert ("knee" in texts) == (front.knee is not None)
@@ -209,18 +215,32 @@ def test_figures_of_fronts_are_legible(front):
 
 
 def test_reports_of_fronts_are_whole_pages(front):
-    text = pareto_report_html(front, source={"name": EVIL, "text": EVIL, "sha256": "0"})
+    text = report_html(front, source={"name": EVIL, "text": EVIL, "sha256": "0"})
     assert_sound(text)
-    assert ("knee" in parse(text).words) == (len(front.gain) > 0)
+    assert ("The knee is the point" in parse(text).words) == (len(front.gain) > 0)
+    points = [p for p in (*front.ends, front.knee, front.choice) if p is not None]
+    for name, unit in zip(front.quantities, front.units, strict=True):
+        q = QUANTITIES[name]
+        symbol = q.symbol if "|" in q.symbol else f"|{q.symbol}|"
+        shown = [pretty_unit(format_quantity(p.values[name], unit)) for p in points]
+        assert row(text, f"{q.words} {symbol}", "The front") == shown
+    if front.comparison is not None:
+        ratios = ["\u2013" if np.isnan(p.bound.ratio) else f"{p.bound.ratio:.3g}" for p in points]
+        assert row(text, "times the least deviation") == ratios
+    for constraint in front.constraints:
+        assert row(text, f"limit of {QUANTITIES[constraint.quantity].words}", "Encounter")
+    heads = table(text, "The front")[0]
+    assert heads[1 + len(front.ends) :] == [p.name for p in (front.knee, front.choice) if p is not None]
+    assert len(str(front).splitlines()) > len(front.quantities) + 4
 
 
 @pytest.mark.parametrize("free", [{"natural_frequency": (3.0, 10.0)}, {"damping_ratio": (0.7, 1.5)}, FREE])
 def test_a_designed_admittance_is_drawn_and_reported(problem, free):
     design = pt.design_admittance(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free)
-    figure = pt.admittance_figure(design)
+    figure = admittance_figure(design)
     assert_legible(figure)
     assert {"chosen", "as it is"} <= {text for text, _ in visible_texts(figure)}
-    text = design_report_html(design)
+    text = report_html(design)
     assert_sound(text)
     assert "The admittance" in parse(text).words
     json.dumps(design.to_dict(), allow_nan=False)
@@ -229,10 +249,10 @@ def test_a_designed_admittance_is_drawn_and_reported(problem, free):
 def test_what_cannot_be_drawn_is_refused(problem):
     limits = [pt.Constraint(name="excursion", limit=1e-6)]
     with pytest.raises(InvalidInputError, match="expected one with points to draw"):
-        pt.pareto_figure(front_of(problem, constraints=limits))
+        pareto_figure(front_of(problem, constraints=limits))
     design = pt.design_admittance(
         problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE
     )
     with pytest.raises(InvalidInputError, match="no admittance that will do"):
-        pt.admittance_figure(design)
-    assert "as it is" in parse(design_report_html(design)).words
+        admittance_figure(design)
+    assert "as it is" in parse(report_html(design)).words

@@ -152,7 +152,8 @@ def test_quantities_that_do_not_conflict_leave_one_point(letter_encounter: Scena
     front = pareto_front(letter_encounter, CURVES["inverse-power"], ("time", "displacement"), bounds=BOUNDS)
     assert front.gain.tolist() == [-0.01]
     assert front.knee is None
-    assert str(front).startswith("Time and displacement do not conflict: D_p = -0.01 N s is best in both.")
+    headline = "Time of contact and deviation from the reference do not conflict: D_p = -0.01 N s is best in both."
+    assert str(front).startswith(headline)
 
 
 def test_the_optimum_of_any_weights_lies_on_the_front(letter_encounter: Scenario) -> None:
@@ -251,7 +252,7 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
         assert front.status is FrontStatus.INFEASIBLE
         assert len(front.gain) == 0
         assert not front.choice.feasible
-        assert json.loads(json.dumps(front.to_dict(), default=lambda a: a.tolist(), allow_nan=False))["knee"] is None
+        assert json.loads(json.dumps(front.to_dict(), allow_nan=False))["knee"] is None
         assert str(front).startswith("Infeasible")
     still = replace(letter_encounter, obstacle=Obstacle(position=0.03))
     front = pareto_front(still, sensor, bounds=BOUNDS, choice=-0.7)
@@ -292,7 +293,7 @@ def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> Non
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
     limits = [Constraint(name="acceleration", limit=5.0), Constraint(name="speed", limit=0.5)]
     front = pareto_front(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits, choice=-0.2)
-    found = json.loads(json.dumps(front.to_dict(), default=lambda a: a.tolist(), allow_nan=False))
+    found = json.loads(json.dumps(front.to_dict(), allow_nan=False))
     assert found["status"] == "found"
     assert found["knee"]["gain"] == front.knee.gain
     assert found["front"]["displacement"] == front.of("displacement").tolist()
@@ -302,10 +303,12 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     assert found["physical_bound"]["excursion_at_least_contact_speed"] == pytest.approx(0.3**2 / 10)
     text = str(front)
     assert "knee" in text
-    assert "choice lies on the front" in text
+    assert "The choice lies on the front." in text
     assert "9 mm" in text
     assert "<table>" in front._repr_html_()
-    assert repr(front).startswith("<ParetoFront: The knee of displacement and relative velocity")
+    assert found["knee"]["least_excursion"] == front.knee.bound.least_excursion
+    assert found["knee"]["relative_velocity"] == front.knee.values["relative_velocity"]
+    assert repr(front).startswith("<ParetoFront: The knee of deviation from the reference and relative velocity")
     assert repr(front.knee).startswith("<FrontPoint knee")
 
 

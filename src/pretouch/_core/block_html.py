@@ -8,7 +8,21 @@ from collections.abc import Callable, Iterable, Iterator
 from html import escape
 from typing import Final
 
-from .blocks import Block, Cell, Code, Listing, Measured, Named, Page, Paragraph, Picture, Section, Table, tables_of
+from .blocks import (
+    Block,
+    Cell,
+    Code,
+    Later,
+    Listing,
+    Measured,
+    Named,
+    Page,
+    Paragraph,
+    Picture,
+    Section,
+    Table,
+    tables_of,
+)
 from .units import format_quantity, pretty_unit
 
 __all__ = ["blocks_as_html", "cell_as_html", "page_as_excerpt", "page_top"]
@@ -58,6 +72,9 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             yield f"<p{QUIET if block.quiet else ''}>{_inline(block.text)}</p>"
         elif isinstance(block, Listing):
             yield "\n".join(["<ul>", *(f"<li>{_inline(item)}</li>" for item in block.items), "</ul>"])
+        elif isinstance(block, Later):
+            made = block.make()
+            yield from blocks_as_html(() if made is None else (made,), draw, level)
         elif isinstance(block, Code):
             yield f"<pre>{escape(block.text)}</pre>"
         else:

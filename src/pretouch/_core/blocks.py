@@ -7,7 +7,7 @@ pictures.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any, ClassVar, TypeAlias
@@ -20,6 +20,7 @@ __all__ = [
     "Cell",
     "Code",
     "Described",
+    "Later",
     "Listing",
     "Measured",
     "Named",
@@ -150,7 +151,19 @@ class Section(Value):
         return any(block.brief for block in self.blocks)
 
 
-Block: TypeAlias = Section | Table | Paragraph | Listing | Picture | Code
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Later(Value):
+    """A section that takes its time to work out: made by who shows it, and never part of the short text.
+
+    Args:
+        make: returns it; None where there is nothing to show.
+    """
+
+    make: Callable[[], Section | None]
+    brief: ClassVar[bool] = False
+
+
+Block: TypeAlias = Section | Table | Paragraph | Listing | Picture | Code | Later
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any, Final
 
-__all__ = ["as_json", "plain"]
+__all__ = ["as_json", "plain", "with_kind"]
 
 
 def as_json(value: Mapping[str, Any], *, indent: int | None = 2) -> str:
@@ -56,6 +56,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     return [plain(item) for item in value] if isinstance(value, _LISTS) else _plain_one(value)
+
+
+def with_kind(value: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass, and the name of its class as `kind`: where one of several may stand."""
+    return {"kind": type(value).__name__, **{f.name: getattr(value, f.name) for f in fields(value)}}
 
 
 _LISTS: Final = (list, tuple, set, frozenset)

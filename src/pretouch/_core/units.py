@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from .errors import UnitError
 from .magnitudes import WORKABLE, has_workable_magnitude
 
-__all__ = ["Unit", "format_quantity", "parse_unit", "pretty_unit", "read_quantity", "to_si"]
+__all__ = ["Unit", "format_quantity", "format_range", "parse_unit", "pretty_unit", "read_quantity", "to_si"]
 
 
 class Unit(NamedTuple):
@@ -296,6 +296,11 @@ def format_quantity(value: float, unit: str, digits: int = 4) -> str:
             shown, symbol = shown / factor, smaller
     text = f"{shown:.{digits}g}"
     return f"{text} {symbol.replace('*', ' ')}".strip()
+
+
+def format_range(ends: tuple[float, float], unit: str) -> str:
+    """Write the ends of a range of SI values for a person, such as `38 mm to 46 mm`."""
+    return " to ".join(format_quantity(end, unit) for end in ends)
 
 
 def pretty_unit(unit: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["QUANTITIES", "Quantity", "unit_of", "words_for"]
+__all__ = ["QUANTITIES", "Quantity", "in_short", "unit_of", "words_for"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +67,11 @@ def words_for(name: str) -> str:
         ('largest excursion', 'natural frequency')
     """
     return QUANTITIES[name].words if name in QUANTITIES else name.replace("_", " ").replace("-", " ")
+
+
+def in_short(name: str) -> str:
+    """Return the words for a quantity beside others of the same contact, such as `relative velocity`."""
+    return words_for(name).removesuffix(" at contact")
 
 
 def unit_of(name: str) -> str:

@@ -39,11 +39,9 @@ def _run(file: Path, presentation: Presentation) -> int:
     found = problem.trade_off()
 
     def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_pareto_report  # noqa: PLC0415 - Matplotlib, only when needed
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        return write_pareto_report(
-            found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
-        )
+        return write_report(found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite)
 
     presentation.show(found, f"{file.stem}-pareto.html", write, problem.reservations(found))
     return OK if found.status.value == "found" else NO_RESULT

@@ -57,12 +57,10 @@ def _run(file: Path, samples: int | None, seed: int | None, presentation: Presen
     found = problem.design_robust(samples=samples, seed=seed)
 
     def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_robust_report  # noqa: PLC0415 - Matplotlib, only when needed
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
         print_progress(f"{file}: drawing the report")
-        return write_robust_report(
-            found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite
-        )
+        return write_report(found, path, calibration=problem.calibration, source=problem.source, overwrite=overwrite)
 
     presentation.show(found, f"{file.stem}-robust.html", write, problem.reservations(found))
     return OK if found.status.value == "optimal" else NO_RESULT

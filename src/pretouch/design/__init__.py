@@ -2,9 +2,10 @@
 
 from .admittance import design_admittance
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
+from .bound_comparison import BoundComparison
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import CONSTRAINT_NAMES, Constraint
-from .front import BoundComparison, FrontPoint, FrontStatus, ParetoFront
+from .front import FrontPoint, FrontStatus, ParetoFront
 from .gain import Evaluator, design_gain
 from .impact import HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from pretouch._core.blocks import Cell, Measured, Page, Paragraph, Picture, Section, Table
-from pretouch._core.vocabulary import words_for
 
 from .admittance_result import AdmittanceDesign
 from .page import gain_page
@@ -66,7 +65,7 @@ def _evidence(design: AdmittanceDesign) -> Iterator[Row]:
     c = design.certificate
     if c is None:
         return
-    held = ", ".join(f"{words_for(name)} (multiplier {value:.3g})" for name, value in c.active)
+    held = ", ".join(f"{name.replace('_', ' ')} (multiplier {value:.3g})" for name, value in c.active)
     yield "searched", f"{c.grid} encounters on a grid; none of {c.tests} others is better than what was found"
     yield "the optimum is held by", held or "nothing: it lies inside"
     yield "first-order residual, of the objective", f"{c.residual:.1e}"

@@ -2,22 +2,59 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, solve_motion
 
-from .front import BoundComparison
 from .physical_bound import PhysicalBound, why_no_bound
 from .search.trials import Trials
 
-__all__ = ["compare_with_bound"]
+__all__ = ["BoundComparison", "compare_with_bound"]
 
 _SAMPLES: Final = 400
 _FORWARD: Final = 1e-9  # of the excursion: a motion that goes farther toward the obstacle first is another case
 _NOTHING: Final = 1e-9  # of the deceleration that the approach needs: as good as no acceleration at all
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class BoundComparison(Value):
+    """Encounters beside the best that a robot with the same largest acceleration could do; floats or arrays.
+
+    Args:
+        acceleration: the largest acceleration that the encounter takes [m/s^2].
+        excursion: its deviation from the reference at contact, |x - x_d| [m].
+        least_excursion: the least excursion with which any robot of that acceleration comes to the same contact speed
+            [m]; NaN where the plant first moves toward the obstacle, of which the bound does not speak.
+        least_acceleration: the least acceleration with which any robot comes to that contact speed from the same
+            detection distance [m/s^2].
+    """
+
+    acceleration: Any
+    excursion: Any
+    least_excursion: Any
+    least_acceleration: Any
+
+    @property
+    def ratio(self) -> Any:
+        """How many times the least excursion the encounter takes, never below 1; NaN where the least is 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.where(
+                np.asarray(self.least_excursion) > 0, np.divide(self.excursion, self.least_excursion), np.nan
+            )
+        return float(found) if found.ndim == 0 else found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as one JSON object, in SI; arrays as lists."""
+        others = {name: getattr(self, name) for name in ("excursion", "least_excursion", "least_acceleration")}
+        return {"largest_acceleration": self.acceleration, **others}
+
+    def __repr__(self) -> str:
+        return f"<BoundComparison: {np.size(self.acceleration)} encounters>"
 
 
 def compare_with_bound(

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from pretouch._core.blocks import Described
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.vocabulary import in_short, unit_of
 from pretouch.motion.contact import ContactResult
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 
+from .bound_comparison import BoundComparison
 from .constraints import Constraint
 from .impact import ImpactModel
 from .physical_bound import PhysicalBound
-from .quantities import QUANTITY_UNITS
 
-__all__ = ["BoundComparison", "FrontPoint", "FrontStatus", "ParetoFront"]
+__all__ = ["FREE_UNITS", "FrontPoint", "FrontStatus", "ParetoFront"]
+
+FREE_UNITS: Final = {"gain": "N*s", "natural_frequency": "rad/s", "damping_ratio": ""}
+"""What can be chosen along a front, with its SI unit."""
 
 
 class FrontStatus(StrEnum):
@@ -29,37 +36,6 @@ class FrontStatus(StrEnum):
     FOUND = "found"
     INFEASIBLE = "infeasible"
     NO_CONTACT = "no-contact"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class BoundComparison(Value):
-    """Encounters beside the best that a robot with the same largest acceleration could do; floats or arrays.
-
-    Args:
-        acceleration: the largest acceleration that the encounter takes [m/s^2].
-        excursion: its deviation from the reference at contact, |x - x_d| [m].
-        least_excursion: the least excursion with which any robot of that acceleration comes to the same contact speed
-            [m]; NaN where the plant first moves toward the obstacle, of which the bound does not speak.
-        least_acceleration: the least acceleration with which any robot comes to that contact speed from the same
-            detection distance [m/s^2].
-    """
-
-    acceleration: Any
-    excursion: Any
-    least_excursion: Any
-    least_acceleration: Any
-
-    @property
-    def ratio(self) -> Any:
-        """How many times the least excursion the encounter takes, never below 1; NaN where the least is 0."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.where(
-                np.asarray(self.least_excursion) > 0, np.divide(self.excursion, self.least_excursion), np.nan
-            )
-        return float(found) if found.ndim == 0 else found
-
-    def __repr__(self) -> str:
-        return f"<BoundComparison: {np.size(self.acceleration)} encounters>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -92,12 +68,18 @@ class FrontPoint(Value):
     bound: BoundComparison | None
     result: ContactResult
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the point as one JSON object, in SI."""
+        names = ("name", "gain", "natural_frequency", "damping_ratio", "behind", "feasible", "depth")
+        known = {name: getattr(self, name) for name in names}
+        return {**known, **self.values, **({} if self.bound is None else self.bound.to_dict())}
+
     def __repr__(self) -> str:
         return f"<FrontPoint {self.name}: D_p = {self.gain:.4g} N s>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ParetoFront(Value):
+class ParetoFront(Described, Value):
     """What `pareto_front` returns: choices of which none is better than another in every quantity.
 
     Args:
@@ -156,10 +138,17 @@ class ParetoFront(Value):
     impact: ImpactModel | None
     result: ContactResult | None
 
+    page: ClassVar[str] = "pretouch.design.front_page:front_page"
+
+    @property
+    def marked(self) -> tuple[FrontPoint, ...]:
+        """The knee and the choice, as far as there are any."""
+        return tuple(point for point in (self.knee, self.choice) if point is not None)
+
     @property
     def units(self) -> tuple[str, ...]:
         """The SI unit of each quantity."""
-        return tuple(QUANTITY_UNITS[name] for name in self.quantities)
+        return tuple(map(unit_of, self.quantities))
 
     def of(self, quantity: str) -> FloatArray:
         """Return the magnitudes of one quantity along the front, shape (n,).
@@ -191,18 +180,60 @@ class ParetoFront(Value):
             kept &= self.of(name) <= limit
         return kept
 
+    @property
+    def headline(self) -> str:
+        """The answer in one sentence."""
+        names = [in_short(name) for name in self.quantities]
+        traded = f"{', '.join(names[:-1])} and {names[-1]}"
+        if self.status is FrontStatus.INFEASIBLE:
+            return f"Infeasible: no choice within the bounds meets every constraint, so {traded} cannot be traded."
+        if self.status is FrontStatus.NO_CONTACT:
+            return "No choice within the bounds ends in contact."
+        if len(self.gain) == 1:
+            every = "both" if len(names) == 2 else "all"
+            return f"{traded[0].upper()}{traded[1:]} do not conflict: {self._chosen(self.ends[0])} is best in {every}."
+        if self.knee is None:
+            return f"{len(self.gain)} choices trade {traded}; no knee stands out among them."
+        found = zip(names, self.knee.values.values(), self.units, strict=True)
+        values = ", ".join(f"{name} {format_quantity(value, unit)}" for name, value, unit in found)
+        return f"The knee of {traded} lies at {self._chosen(self.knee)}: {values}."
+
+    def _chosen(self, point: FrontPoint) -> str:
+        chosen = {"gain": "D_p = ", "natural_frequency": "natural frequency ", "damping_ratio": "damping ratio "}
+        return ", ".join(
+            words + format_quantity(getattr(point, name), FREE_UNITS[name])
+            for name, words in chosen.items()
+            if name in ("gain", *self.free)
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Return the front as one JSON object: numbers in SI, None where there is none."""
-        return front_as_dict(self)
+        bound, least = self.bound, None
+        if bound is not None:
+            speed = bound.least_contact_speed
+            least = {
+                name: getattr(bound, name) for name in ("acceleration_limit", "speed_limit", "least_contact_speed")
+            }
+            least["excursion_at_least_contact_speed"] = bound.excursion(speed)
+        columns = {name: getattr(self, name) for name in ("gain", "natural_frequency", "damping_ratio", "piece")}
+        traded = {name: self.of(name) for name in self.quantities}
+        names = ("status", "free", "knee", "choice", "ends", "tried", "missed")
+        told: dict[str, Any] = plain(
+            {
+                **{name: getattr(self, name) for name in names},
+                "quantities": [{"name": n, "unit": u} for n, u in zip(self.quantities, self.units, strict=True)],
+                "bounds": {
+                    "gain": self.bounds,
+                    "natural_frequency": self.natural_frequency_bounds,
+                    "damping_ratio": self.damping_ratio_bounds,
+                },
+                "constraints": [{"name": c.name, "unit": c.unit, "limit": c.limit} for c in self.constraints],
+                "front": {**columns, **traded, **({} if self.comparison is None else self.comparison.to_dict())},
+                "physical_bound": least,
+                "no_bound": self.no_bound or None,
+            }
+        )
+        return told
 
     def __repr__(self) -> str:
-        return f"<ParetoFront: {front_headline(self)}>"
-
-    def __str__(self) -> str:
-        return front_as_text(self)
-
-    def _repr_html_(self) -> str:
-        return front_as_html(self)
-
-
-from .front_summary import front_as_dict, front_as_html, front_as_text, front_headline  # noqa: E402 - it describes the class above
+        return f"<ParetoFront: {self.headline}>"

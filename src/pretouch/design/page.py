@@ -10,11 +10,11 @@ import numpy as np
 
 from pretouch._core.blocks import Cell, Measured, Named, Page, Paragraph, Picture, Section, Table, named
 from pretouch._core.errors import ResultUnavailableError
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
 from pretouch.motion import ContactResult, ContactStatus
 from pretouch.motion.contact import ContactState
-from pretouch.motion.describing import inputs_section, method_section
+from pretouch.motion.describing import inputs_section, method_section, solved_on
 
 from .certificate import ConstraintOutcome, DesignStatus, IdealDesign
 from .impact import ImpactModel
@@ -29,7 +29,6 @@ __all__ = [
     "impact_rows",
     "objective_rows",
     "shows_equals",
-    "solved_on",
     "traded_quantity",
 ]
 
@@ -256,13 +255,6 @@ def _motion(design: GainDesign) -> Section:
     return Section(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
 
 
-def solved_on(design: GainDesign) -> str:
-    """Tell what encounters were solved on: `loop`, `other` (a function of the user's) or `motion`, that of L(1)."""
-    if not design.on_evaluator:
-        return "motion"
-    return "loop" if design.method == "loop" else "other"
-
-
 def _together(design: GainDesign) -> Section | None:
     """Say what the motion feels of gain and sensor together."""
     run = _shown(design)
@@ -301,15 +293,15 @@ def _evidence(design: GainDesign) -> Section:
 
 
 def _certificate_rows(design: GainDesign) -> Iterator[Row]:
-    known, low_high = design.certificate, [format_quantity(b, "N*s") for b in design.bounds]
-    yield "searched", f"every gain from {low_high[0]} to {low_high[1]}"
+    known = design.certificate
+    yield "searched", f"every gain from {format_range(design.bounds, 'N*s')}"
     if known is None:
         yield "scan", f"{len(design.trade_off.gain)} gains"
     else:
         text = f"{known.scanned} gains; neighbors predict each to {known.resolution:.1e} of the objective's range"
         yield "scan", text
         yield "local minima found and refined", str(len(known.local_minima))
-        yield "the optimum lies", _AT.get(known.at, f"on the limit of the constraint {words_for(known.at)}")
+        yield "the optimum lies", _AT.get(known.at, f"on the limit of the constraint {known.at.replace('_', ' ')}")
         low, high = (format_quantity(b, "N*s", 8) for b in sorted(known.bracket))
         yield "enclosed between", f"{low} and {high}"
         if known.stationarity is not None:
@@ -369,5 +361,5 @@ def impact_rows(impact: ImpactModel | None) -> Iterator[Row]:
 
 
 def _searched(design: GainDesign) -> Iterator[Row]:
-    yield "gain: bounds", " to ".join(format_quantity(b, "N*s") for b in design.bounds)
+    yield "gain: bounds", format_range(design.bounds, "N*s")
     yield from impact_rows(design.impact)

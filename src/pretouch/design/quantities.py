@@ -7,32 +7,19 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.vocabulary import unit_of
 from pretouch.motion.contact import ContactState
 
 from .impact import ImpactModel
 
 __all__ = ["QUANTITY_UNITS", "quantity_of"]
 
+_STATE_FIELDS: Final = tuple(name for name in ContactState.names() if name != "distance")  # which is 0 at contact
+
 QUANTITY_UNITS: Final[dict[str, str]] = {
-    "time": "s",
-    "position": "m",
-    "velocity": "m/s",
-    "acceleration": "m/s^2",
-    "displacement": "m",
-    "relative_velocity": "m/s",
-    "virtual_force": "N",
-    "largest_excursion": "m",
-    "largest_travel": "m",
-    "largest_speed": "m/s",
-    "largest_acceleration": "m/s^2",
-    "largest_virtual_force": "N",
-    "drive_force": "N",
-    "impact_force": "N",
-    "gain": "N*s",
+    name: unit_of(name) for name in (*_STATE_FIELDS, "drive_force", "impact_force", "gain")
 }
 """SI unit of every quantity: the fields of ContactState, two that need the robot's physical mass, and the gain."""
-
-_STATE_FIELDS = frozenset(ContactState.names())
 
 
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from pretouch._core.blocks import Block, Cell, Listing, Measured, Paragraph, Section, Table
 from pretouch._core.vocabulary import words_for
@@ -11,7 +11,7 @@ from pretouch.sensors import SensorModel
 
 from .scenario import Scenario
 
-__all__ = ["METHODS", "inputs_section", "method_section", "scenario_rows", "sensor_rows"]
+__all__ = ["METHODS", "inputs_section", "method_section", "scenario_rows", "sensor_rows", "solved_on"]
 
 Row = tuple[Cell, ...]
 
@@ -55,6 +55,25 @@ _INTEGRATOR: Final = (
     "This page predicts under these assumptions. Whether a robot cell is acceptable is for its integrator to assess, "
     "with measurements on the real machine."
 )
+
+
+class _Answer(Protocol):
+    """What comes of encounters."""
+
+    @property
+    def method(self) -> str:
+        """How they were solved."""
+
+    @property
+    def on_evaluator(self) -> bool:
+        """Whether by what the user gave."""
+
+
+def solved_on(answer: _Answer) -> str:
+    """Tell what encounters were solved on: `loop`, `other` (a function of the user's) or `motion`, that of L(1)."""
+    if not answer.on_evaluator:
+        return "motion"
+    return "loop" if answer.method == "loop" else "other"
 
 
 def scenario_rows(scenario: Scenario) -> Iterator[Row]:

@@ -15,7 +15,7 @@ from pretouch.sensors.change import parameter_units
 from .admittance import Admittance
 from .scenario import Scenario
 
-__all__ = ["SCENARIO_INPUTS", "map_fields", "scenario_with", "sensor_inputs", "sensor_with"]
+__all__ = ["SCENARIO_INPUTS", "input_units", "map_fields", "scenario_with", "sensor_inputs", "sensor_with"]
 
 SCENARIO_INPUTS: Final[dict[str, str]] = {
     "admittance.mass": "kg",
@@ -48,6 +48,18 @@ def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
         The units by name.
     """
     return {f"sensor.{name}": unit for name, unit in parameter_units(sensor).items()}
+
+
+def input_units(sensor: SensorModel) -> dict[str, str]:
+    """Return the SI unit of every input of encounters with a sensor, by name.
+
+    Args:
+        sensor: the curve.
+
+    Returns:
+        The units.
+    """
+    return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:

@@ -24,7 +24,6 @@ __all__ = [
     "price_figure",
     "report_html",
     "robust_figure",
-    "robust_report_html",
     "sensitivity_figure",
     "simulation_figure",
     "simulation_report_html",
@@ -36,7 +35,6 @@ __all__ = [
     "verdict_run_figure",
     "verdict_stability_figure",
     "write_report",
-    "write_robust_report",
     "write_simulation_report",
     "write_verdict_report",
 ]

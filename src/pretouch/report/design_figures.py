@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pretouch._core.units import format_quantity, pretty_unit
 from pretouch.design.certificate import Sensitivity
 from pretouch.design.result import GainDesign
 
 from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, minus, new_figure, scale_for
-from .wording import quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,6 +109,7 @@ def _draw_bars(axes: Axes, ranked: list[Sensitivity], scale: Scale) -> None:
             va="center",
         )
     axes.set(xlim=(-reach, reach), ylim=(len(ranked) - 0.4, -0.6), yticks=list(rows))
-    axes.set_yticklabels([f"{s.name} [{quantity(s.value, s.unit)}]" for s in ranked], parse_math=False)
+    values = (pretty_unit(format_quantity(s.value, s.unit)) for s in ranked)
+    axes.set_yticklabels([f"{s.name} [{value}]" for s, value in zip(ranked, values, strict=True)], parse_math=False)
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)

@@ -10,14 +10,13 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.admittance_result import AdmittanceDesign
 from pretouch.design.domination import shortfall
 from pretouch.design.front import FrontPoint, ParetoFront
-from pretouch.design.quantities import QUANTITY_UNITS
 
 from .panels import Curve, Mark, Panel, panel_figure
 from .style import Scale, scale_for
-from .wording import quantity_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -136,13 +135,13 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
     else:
         curves.append(Curve(x=x, y=y, label="Pareto front", kind="points", style=0))
     return Panel(
-        x_label=f"{quantity_label(names[0])} [{across.unit}]",
-        y_label=f"{quantity_label(names[1])} [{up.unit}]",
+        x_label=f"{words_for(names[0])} [{across.unit}]",
+        y_label=f"{words_for(names[1])} [{up.unit}]",
         title="What can be traded",
         curves=curves,
         marks=[
             _mark(point, point.values[names[0]] / across.factor, point.values[names[1]] / up.factor)
-            for point in _marked(front)
+            for point in front.marked
         ],
         x_log=_is_wide(x) and len(front.quantities) == 3,
         y_log=_is_wide(y) and len(front.quantities) == 3,
@@ -182,11 +181,11 @@ def _bound(front: ParetoFront) -> Panel:
         )
     marks = [
         _mark(p, abs(float(p.result.end.relative_velocity)) / across.factor, float(p.bound.excursion) / up.factor)
-        for p in _marked(front)
+        for p in front.marked
         if p.bound is not None and p.bound.excursion > 0
     ]
     return Panel(
-        x_label=f"relative speed at contact [{across.unit}]",
+        x_label=f"{words_for('relative_velocity')} [{across.unit}]",
         y_label=f"excursion at contact [{up.unit}]",
         title="What no controller can beat",
         curves=curves,
@@ -208,10 +207,10 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
     rows += [(*_CHOSEN[n], getattr(front, n)) for n in front.free[1:]]
     for label, unit, values in rows:
         shown = _broken(front, values) if plain else values[order]
-        points = [p for p in _marked(front) if p.feasible]
+        points = [p for p in front.marked if p.feasible]
         attribute = {"natural frequency": "natural_frequency", "damping ratio": "damping_ratio"}.get(label, "gain")
         yield Panel(
-            x_label=f"{quantity_label(name)} [{scale.unit}]",
+            x_label=f"{words_for(name)} [{scale.unit}]",
             y_label=f"{label} [{unit or '1'}]",
             title="What is chosen along the front",
             curves=[
@@ -236,21 +235,17 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
         )
 
 
-def _marked(front: ParetoFront) -> list[FrontPoint]:
-    return [p for p in (front.knee, front.choice) if p is not None]
-
-
 def _mark(point: FrontPoint, x: float, y: float) -> Mark:
     return Mark(x=x, y=y, label=point.name, shape="dot" if point.name == "knee" else "square")
 
 
 def _seen(front: ParetoFront, name: str) -> FloatArray:
-    every = [front.of(name), np.array([p.values[name] for p in _marked(front)])]
+    every = [front.of(name), np.array([p.values[name] for p in front.marked])]
     return np.concatenate(every)
 
 
 def _scale(name: str, values: FloatArray) -> Scale:
-    return scale_for(QUANTITY_UNITS[name], float(np.abs(values).max()))
+    return scale_for(unit_of(name), float(np.abs(values).max()))
 
 
 def _is_curve(front: ParetoFront) -> bool:

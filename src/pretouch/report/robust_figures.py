@@ -9,21 +9,19 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.design.quantities import QUANTITY_UNITS
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.robust.evidence import Outcomes
-from pretouch.design.robust.result import Price, RobustDesign
-from pretouch.uncertainty.sampling import names_of
+from pretouch.design.robust.price import Price
+from pretouch.design.robust.result import RobustDesign
 
 from .panels import Curve, Mark, Panel, panel_figure
-from .robust_page import nominal_name
 from .share_panels import share_panel
 from .style import Scale, scale_for
-from .wording import quantity_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["outcome_figure", "price_figure", "robust_figure", "shown_prices"]
+__all__ = ["outcome_figure", "price_figure", "robust_figure"]
 
 _HEADROOM: Final = 6.0  # times the smallest measure, up to where the measure is shown
 _MOST_PRICES: Final = 4
@@ -60,54 +58,35 @@ def outcome_figure(design: RobustDesign) -> Figure:
     Raises:
         ResultUnavailableError: no encounter ends in contact.
     """
-    runs = list(_runs(design))
+    runs = _runs(design)
     if not any(run.reached.any() for _, _, run in runs):
         raise ResultUnavailableError("outcomes: no encounter ends in contact, so there is nothing to draw")
     return panel_figure(*(_outcome_panel(design, name, runs) for name in _quantities(design)))
 
 
-def price_figure(design: RobustDesign, prices: list[Price] | None = None) -> Figure:
+def price_figure(design: RobustDesign) -> Figure:
     """Draw what knowing one input exactly would have gained.
 
     Args:
         design: a design with a gain.
-        prices: what `shown_prices` returned; computed where it is not given.
 
     Returns:
         Two panels for each input: the gain that is best for each of its values beside the one robust gain, and the
         loss of the robust and of the nominal gain in percent of the best objective.
+
+    Raises:
+        ResultUnavailableError: no price is known.
     """
-    shown = shown_prices(design) if prices is None else prices
-    return panel_figure(
-        *(panel for price in shown[:_MOST_PRICES] for panel in _price_panels(design, price)), height=2.6
-    )
+    shown = design.prices[:_MOST_PRICES]
+    if not shown:
+        raise ResultUnavailableError("price: none is known of this design, so there is nothing to draw; see the status")
+    return panel_figure(*(panel for price in shown for panel in _price_panels(design, price)), height=2.6)
 
 
-def shown_prices(design: RobustDesign) -> list[Price]:
-    """Return the price of each uncertain input, the dearest first.
-
-    Args:
-        design: a design with a gain.
-
-    Returns:
-        The prices; none where encounters were solved by what was given as `evaluate`.
-    """
-    if design.on_evaluator:  # what the best gain for each value would be is known in continuous time only
-        return []
-    prices = [design.price(name) for name in names_of(design.uncertainty)]
-    known = [price for price in prices if np.isfinite(price.loss).any()]
-    return sorted(known, key=lambda price: -float(np.nanmax(price.loss)))
-
-
-def _runs(design: RobustDesign) -> Iterator[tuple[str, int, Outcomes]]:
-    """Yield the gains that matter, with their names and looks, and what they lead to."""
-    if design.gain is not None:
-        yield "robust gain", _ROBUST, design.outcomes()
-    elif design.nearest_gain is not None:
-        yield "nearest gain", _ROBUST, design.outcomes(design.nearest_gain)
-    if design.nominal_gain is not None:
-        yield nominal_name(design), _NOMINAL, design.outcomes(design.nominal_gain)
-    yield "no mitigation", _NONE, design.outcomes(0.0)
+def _runs(design: RobustDesign) -> list[tuple[str, int, Outcomes]]:
+    """Return the gains that matter, with their names and looks, and what they lead to."""
+    looks = {design.nominal_name: _NOMINAL, "no mitigation": _NONE}
+    return [(name, looks.get(name, _ROBUST), run) for name, run in design.compared.items()]
 
 
 def _gain_axis(design: RobustDesign) -> tuple[float, str, bool]:
@@ -195,12 +174,11 @@ def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, O
     limit = next((r for r in design.limits if r.constraint.quantity == name), None)
     if limit is not None:
         largest = max(largest, limit.constraint.limit)
-    scale = scale_for(QUANTITY_UNITS[name], largest)
+    scale = scale_for(unit_of(name), largest)
     kept = [c for c, values in zip(columns, finite, strict=True) if not len(values) or values.max() > 1e-6 * largest]
     positions = {} if limit is None else {"limit": limit.constraint.limit}
-    label = "relative speed at contact" if name == "relative_velocity" else quantity_label(name)
     levels = {} if limit is None or limit.probability == 1 else {"required": 100 * limit.probability}
-    return share_panel(kept or columns, label, scale, of="encounters", positions=positions, levels=levels)
+    return share_panel(kept or columns, words_for(name), scale, of="encounters", positions=positions, levels=levels)
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:

@@ -9,10 +9,10 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.vocabulary import QUANTITIES, words_for
 
 from .panels import Curve, Panel, panel_figure
 from .style import CURVES, Scale, drawing, new_figure, scale_for
-from .wording import QUANTITY_LABELS, word
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +22,6 @@ __all__ = ["sweep_figure"]
 
 _MOST_POINTS: Final = 1000  # along a curve
 _MOST_CELLS: Final = 300  # along an axis of a map
-_SYMBOLS: Final = {"gain": ("optimal gain", "D_p"), "objective": ("objective", "f")}
 
 
 def sweep_figure(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
@@ -72,7 +71,7 @@ def _axis(flat: xr.Dataset, dim: str) -> tuple[FloatArray, Scale, str]:
     """Return the values of an axis in the unit in which they are shown, that unit, and the label."""
     values = np.asarray(flat[dim].values, dtype=np.float64)
     scale = _scale(flat[dim], values)
-    name = word(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
+    name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
     return values / scale.factor, scale, f"{'gain D_p' if dim == 'gain' else name} [{scale.unit or '1'}]"
 
 
@@ -83,8 +82,9 @@ def _scale(variable: Any, values: FloatArray) -> Scale:
 
 
 def _label(name: str, scale: Scale, *, short: bool = False) -> str:
-    words, symbol = _SYMBOLS.get(name) or QUANTITY_LABELS.get(name, (word(name), ""))
-    return f"{words} {'' if short else symbol} [{scale.unit or '1'}]".replace("  ", " ")
+    q = QUANTITIES[name]
+    words = f"optimal {q.words}" if name == "gain" else q.words
+    return f"{words} {'' if short else q.symbol} [{scale.unit or '1'}]".replace("  ", " ")
 
 
 def _equal_ratios(values: FloatArray) -> bool:
@@ -107,7 +107,7 @@ def _panel(flat: xr.Dataset, name: str, across: str, family: str | None) -> Pane
     else:
         values, unit, _ = _axis(flat, family)
         for i, value in enumerate(values):
-            label = f"{word(family.rpartition('.')[2])} {value:.4g} {unit.unit}".strip()
+            label = f"{words_for(family.rpartition('.')[2])} {value:.4g} {unit.unit}".strip()
             y = np.asarray(variable.isel({family: i}).values)[::step] / scale.factor
             if np.isfinite(y).any():
                 curves.append(_curve(x[::step], y, label, "units" in flat[across].attrs, style=i))

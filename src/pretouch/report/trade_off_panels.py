@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.design.certificate import ConstraintOutcome
 from pretouch.design.page import shows_equals, traded_quantity
-from pretouch.design.quantities import QUANTITY_UNITS, quantity_of
+from pretouch.design.quantities import quantity_of
 from pretouch.design.result import GainDesign
 
 from .labels import label_inside, label_near
 from .style import BASELINE, BLOCKED, CHOSEN, CURVES, INK, LIMIT, QUIET, Scale, log_axis, minus, scale_for, span
-from .wording import quantity_label, word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,11 +62,11 @@ def draw_plane(axes: Axes, design: GainDesign) -> None:
         np.concatenate([[p[0] for p in points.values()], cost]),
         np.concatenate([[p[1] for p in points.values()], speed]),
     )
-    across, up = _scale(QUANTITY_UNITS[name], every[0]), _scale("m/s", every[1])
+    across, up = _scale(unit_of(name), every[0]), _scale("m/s", every[1])
     axes.locator_params(nbins=6)
     axes.set_title("What the gain trades", y=1.0)
-    axes.set_xlabel(f"{quantity_label(name)} [{across.unit}]")
-    axes.set_ylabel(f"relative speed at contact [{up.unit}]")
+    axes.set_xlabel(f"{words_for(name)} [{across.unit}]")
+    axes.set_ylabel(f"{words_for('relative_velocity')} [{up.unit}]")
     x, y = cost / across.factor, speed / up.factor
     _plane_limits(axes, every[0] / across.factor, every[1] / up.factor)
     broken = reached & ~design.trade_off.feasible
@@ -122,7 +122,7 @@ def _label_terms(axes: Axes, gain: FloatArray, total: FloatArray, terms: dict[st
     places = order[(np.linspace(0.03, 0.97, 31) * (len(order) - 1)).astype(int)]
     label_near(axes, gain[places], np.where(np.isfinite(total), total, np.nan)[places], "f", color=INK, weight="bold")
     for i, (name, values) in enumerate(terms.items()):
-        text = f"{word(name)} term"
+        text = f"{in_short(name)} term"
         label_near(axes, gain[places], values[places], text, color=_TERMS[i % 3][0])
 
 
@@ -132,7 +132,8 @@ def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[tuple[float, floa
     reasons = np.full(len(gain), "", dtype=object)
     for outcome in design.constraints:
         for i in np.flatnonzero(trade.reached & _breaks(design, outcome)):
-            reasons[i] = f"{reasons[i]}, {word(outcome.name)}" if reasons[i] else word(outcome.name)
+            name = outcome.name.replace("_", " ")
+            reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else name
     reasons[~trade.reached] = "no contact"
     order = np.argsort(gain)
     edges = _edges(gain[order], logarithmic=_one_signed(design))
@@ -206,7 +207,9 @@ def _draw_limits(axes: Axes, design: GainDesign, name: str, across: Scale, up: S
             at = outcome.limit / across.factor
             if axes.get_xlim()[0] < at < axes.get_xlim()[1]:
                 axes.axvline(at, color=LIMIT, linestyle=":", linewidth=1.2)
-                label_near(axes, [at] * 5, _rungs(axes, "y"), f"{word(outcome.name)} limit", color=LIMIT, size=7.5)
+                label_near(
+                    axes, [at] * 5, _rungs(axes, "y"), f"{outcome.name.replace('_', ' ')} limit", color=LIMIT, size=7.5
+                )
         if outcome.quantity == "relative_velocity":
             at = outcome.limit / up.factor
             if axes.get_ylim()[0] < at < axes.get_ylim()[1]:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import QUANTITY_UNITS, DesignStatus, ImpactModel, quantity_of
+from pretouch._core.vocabulary import QUANTITIES, unit_of, words_for
+from pretouch.design import DesignStatus, ImpactModel, quantity_of
 from pretouch.motion import ContactResult, ContactState, ContactStatus
 
 __all__ = [
@@ -24,29 +25,21 @@ __all__ = [
 STATUS: Final = "status"
 """The result that every sweep has."""
 
-CONTACT_UNITS: Final[dict[str, str]] = {
-    "distance": "m",
-    **{name: unit for name, unit in QUANTITY_UNITS.items() if name != "gain"},  # an axis, or what a design gives
-    "closest_distance": "m",
-    "settling_distance": "m",
-    "impulse_residual": "",
-}
+_PHYSICAL: Final = ("drive_force", "impact_force")
+_ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
+
+CONTACT_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in (*ContactState.names(), *_PHYSICAL, *_ALWAYS)}
 """Contact quantities with their SI units."""
 
-DESIGN_UNITS: Final[dict[str, str]] = {"gain": "N*s", "objective": ""}
+DESIGN_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in ("gain", "objective")}
 """What only a design gives."""
 
 DESIGN_CODES: Final[dict[str, int]] = {status.value: code for code, status in enumerate(DesignStatus)}
 """The number of each status of a design, 0 for optimal."""
 
-WHOLE_MOTION: Final = frozenset(
-    {name for name in CONTACT_UNITS if name.startswith(("largest_", "closest_", "settling_", "impulse_"))}
-    | {"drive_force"}
-)
+WHOLE_MOTION: Final = frozenset(name for name in CONTACT_UNITS if QUANTITIES[name].whole)
 """Quantities that need the whole motion, not only its end: an encounter takes longer."""
 
-_PHYSICAL: Final = ("drive_force", "impact_force")
-_ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
 _DEFAULT_CONTACTS: Final = ("time", "relative_velocity", "displacement")
 _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 
@@ -119,12 +112,8 @@ def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
         {'long_name': 'relative velocity at contact', 'units': 'm/s'}
     """
     if name == STATUS:
-        words = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
-        meanings = " ".join(words)
-        return {"long_name": "how it ended", "flag_values": list(range(len(words))), "flag_meanings": meanings}
-    if name in DESIGN_UNITS:
-        return {"long_name": f"optimal {name}", "units": DESIGN_UNITS[name] or "1"}
-    whole = name in WHOLE_MOTION or name in {"time", "drive_force", "impact_force"}
-    where = ", optimal gain" if designs else ""
-    text = name.replace("_", " ") + ("" if whole else " at contact") + (" of contact" if name == "time" else "")
-    return {"long_name": text + where, "units": CONTACT_UNITS[name] or "1"}
+        ways = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
+        meanings = " ".join(ways)
+        return {"long_name": "how it ended", "flag_values": list(range(len(ways))), "flag_meanings": meanings}
+    words = f"optimal {name}" if name in DESIGN_UNITS else f"{words_for(name)}{', optimal gain' if designs else ''}"
+    return {"long_name": words, "units": unit_of(name) or "1"}

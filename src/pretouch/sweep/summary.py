@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch._core.text_table import aligned
+from pretouch._core.units import format_quantity
+
 from .results import STATUS
 
 if TYPE_CHECKING:
@@ -64,8 +67,6 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
     Returns:
         A few lines.
     """
-    from pretouch._core.units import format_quantity  # noqa: PLC0415
-
     size = int(np.prod(dataset[STATUS].shape))
     ended = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
     lines = [f"{size:,} encounters: {ended}", ""]
@@ -80,11 +81,7 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
         low, high = _range(dataset[name].values) if size <= _MOST_READ else (None, None)
         found = ("-" if v is None else format_quantity(v, _unit(dataset[name])) for v in (low, high))
         rows.append((str(name), *found, ""))
-    widths = [max(len(row[k]) for row in rows) for k in range(4)]
-    for name, *cells in rows:
-        aligned = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
-        lines.append("  ".join([name.ljust(widths[0]), *aligned]).rstrip())
-    return "\n".join(lines)
+    return "\n".join([*lines, *aligned(rows)])
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.json_text import with_kind
 from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.units import format_quantity, format_range
 
 __all__ = ["CorrelatedNormal", "Distribution", "Empirical", "Interval", "Normal", "TruncatedNormal", "Uniform"]
 
@@ -38,6 +41,30 @@ class Distribution(ABC):
     def _quantile(self, probability: FloatArray) -> FloatArray:
         """Return quantiles for probabilities in (0, 1)."""
 
+    def described(self, unit: str) -> str:
+        """Say what it is in words.
+
+        Args:
+            unit: the SI unit of the input.
+
+        Returns:
+            Text such as `uniform, 38 mm to 46 mm`.
+
+        Examples:
+            >>> Normal(mean=3.32, deviation=0.1).described("")
+            'normal, 3.32 with a standard deviation of 0.1'
+        """
+        return f"{type(self).__name__}, {format_range(self.support, unit)}"
+
+    @final
+    def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+        """Yield the name of each input that it speaks of, which here is its own, and what is known of it."""
+        yield name, self.described(units.get(name, ""))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as one JSON object: its kind and its fields, in SI."""
+        return with_kind(self)
+
     @final
     def quantile(self, probability: Any) -> Any:
         """Return the value that is not exceeded with a probability.
@@ -57,6 +84,10 @@ class Distribution(ABC):
         low, high = self.support
         found = np.where(p <= 0, low, np.where(p >= 1, high, self._quantile(inside)))
         return float(found) if found.ndim == 0 else found
+
+
+def _spread(mean: float, deviation: float, unit: str) -> str:
+    return f"normal, {format_quantity(mean, unit)} with a standard deviation of {format_quantity(deviation, unit)}"
 
 
 def _ordered(low: Any, high: Any) -> tuple[float, float]:
@@ -106,6 +137,10 @@ class Interval(Distribution):
     def _quantile(self, probability: FloatArray) -> FloatArray:
         return self.low + (self.high - self.low) * probability
 
+    def described(self, unit: str) -> str:
+        """Say between what it lies."""
+        return f"anywhere, {format_range(self.support, unit)}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform(Interval):
@@ -119,6 +154,10 @@ class Uniform(Interval):
         >>> Uniform(low=-0.5, high=-0.1).support
         (-0.5, -0.1)
     """
+
+    def described(self, unit: str) -> str:
+        """Say between what it lies, all of it equally likely."""
+        return f"uniform, {format_range(self.support, unit)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,6 +194,10 @@ class Normal(Distribution):
         from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
 
         return np.asarray(self.mean + self.deviation * ndtri(probability))
+
+    def described(self, unit: str) -> str:
+        """Say where its middle is and how far it spreads."""
+        return _spread(self.mean, self.deviation, unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,6 +271,10 @@ class TruncatedNormal(Distribution):
             z = ndtri(ndtr(a) * (1 - probability) + ndtr(b) * probability)
         return np.asarray(np.clip(self.location + self.deviation * z, self.low, self.high))
 
+    def described(self, unit: str) -> str:
+        """Say what it is before it is cut, and where that is."""
+        return f"{_spread(self.location, self.deviation, unit)}, cut to {format_range(self.support, unit)}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Empirical(Distribution):
@@ -267,6 +314,10 @@ class Empirical(Distribution):
     def _quantile(self, probability: FloatArray) -> FloatArray:
         count = len(self.samples)
         return np.asarray(self.samples)[np.minimum((probability * count).astype(np.int64), count - 1)]
+
+    def described(self, unit: str) -> str:
+        """Say how many values there are, and between what."""
+        return f"{len(self.samples)} measured values, {format_range(self.support, unit)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,3 +373,21 @@ class CorrelatedNormal:
         if values.min(initial=0) < -1e-9:
             raise InvalidInputError("covariance: found a matrix with a negative eigenvalue, which none has")
         return np.asarray(unit[:, None] * vectors * np.sqrt(values.clip(0)))
+
+    def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+        """Yield the name of each input that it speaks of, and what is known of it.
+
+        Args:
+            name: what all of them go by.
+            units: the SI unit of each.
+
+        Yields:
+            Name and text.
+        """
+        for i, member in enumerate(self.names):
+            text = _spread(self.mean[i], math.sqrt(self.covariance[i][i]), units.get(member, ""))
+            yield member, f"{text}, together with the others of {name}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as one JSON object: its kind and its fields, in SI."""
+        return with_kind(self)

@@ -14,7 +14,7 @@ from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.motion.evaluator import Evaluator, ManySensorEvaluator, with_noise_after
-from pretouch.motion.inputs import SCENARIO_INPUTS, map_fields, scenario_with, sensor_inputs, sensor_with
+from pretouch.motion.inputs import input_units, map_fields, scenario_with, sensor_with
 from pretouch.motion.many_curves import ManyCurves, many_curves
 from pretouch.motion.request import make_request
 from pretouch.motion.similar import Likeness, find_likeness
@@ -216,7 +216,7 @@ def make_ensemble(
     """
     if scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {scenario.shape}, expected one")
-    known = {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
+    known = input_units(sensor)
     checked: dict[str, FloatArray] = {}
     for name, given in values.items():
         if name not in known:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pretouch._core.units import format_quantity
 from pretouch.control import Controller
 from pretouch.design import ImpactModel
-from pretouch.design.robust.wording import uncertainty_in_words
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, HuntCrossley, ImpedancePlant, PositionPlant, SpringDamper
 from pretouch.uncertainty import Uncertainty
+from pretouch.uncertainty.describing import uncertainty_in_words
 
 from .elastic import ElasticImpact
 from .timing import fills_period, told_period

@@ -9,9 +9,9 @@ import numpy as np
 from pretouch._core.units import format_quantity
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign
-from pretouch.design.robust.wording import share_in_words
 from pretouch.motion import Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
+from pretouch.uncertainty.describing import share_in_words
 
 from .draws import Draws
 from .parts import Comparison

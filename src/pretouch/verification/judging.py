@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from pretouch._core.units import format_quantity
-from pretouch.design.robust.wording import share_in_words
+from pretouch.uncertainty.describing import share_in_words
 
 from .calibration_check import CalibrationCheck
 from .parts import Effect, LimitCheck, Reached, StabilityCheck, VerdictStatus

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pretouch._core.json_text import plain
 from pretouch._core.text_table import aligned
 from pretouch._core.units import format_quantity
-from pretouch.design.robust.wording import share_in_words
+from pretouch.uncertainty.describing import share_in_words
 
 from .parts import LimitCheck, Spread, StabilityCheck
 from .proposals import Change

@@ -25,9 +25,9 @@ from .importance import rank_uncertain_inputs
 from .measures import Expected, Measure, Required, WorstCase, checked_measure
 from .price import price_of_robustness
 from .problem import RobustProblem
-from .result import RobustDesign, WorstEncounter
+from .result import RobustDesign
 from .validation import validate
-from .worst_case import search_worst_case
+from .worst_case import WorstEncounter, search_worst_case
 
 __all__ = ["design_robust_gain"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -54,6 +55,10 @@ class Outcomes(Value):
         found = np.abs(np.asarray(quantity_of(quantity, self.state, self.impact)))
         return np.where(self.reached, np.broadcast_to(found, self.reached.shape), np.inf)
 
+    def reaches(self, quantity: str, share: float) -> float:
+        """Return the magnitude of a quantity that is not exceeded in a share of the encounters, in SI."""
+        return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
+
     def __repr__(self) -> str:
         return f"<Outcomes: {len(self.objective)} encounters with D_p = {self.gain:.4g} N s>"
 
@@ -89,6 +94,10 @@ class Reachable(Value):
     required: Required
     magnitude: float
     gain: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as one JSON object, in SI."""
+        return {"name": self.required.constraint.name, "magnitude": self.magnitude, "gain": self.gain}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

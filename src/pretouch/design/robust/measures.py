@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.json_text import with_kind
 from pretouch._core.numbers import FloatArray, finite
 
 from ..constraints import Constraint
@@ -25,6 +26,10 @@ class Measure(ABC):
     @abstractmethod
     def label(self) -> str:
         """What it is called in reports."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as one JSON object: its kind, its label and its fields."""
+        return {**with_kind(self), "label": self.label}
 
     @abstractmethod
     def of(self, values: Any) -> Any:

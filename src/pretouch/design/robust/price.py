@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
 from pretouch.motion import Scenario
-from pretouch.motion.inputs import SCENARIO_INPUTS, sensor_inputs
+from pretouch.motion.inputs import SCENARIO_INPUTS, input_units
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
 from pretouch.uncertainty.sampling import names_of
@@ -17,11 +19,44 @@ from pretouch.uncertainty.sampling import names_of
 from ..gain import design_gain
 from ..impact import ImpactModel
 from ..objectives import Objective
-from .result import Price
 
-__all__ = ["price_of_robustness"]
+__all__ = ["Price", "price_of_robustness"]
 
 _TAIL = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Price(Value):
+    """What one input, known exactly, would gain: the robust gain beside the one made for each value of the input.
+
+    Args:
+        name: the input.
+        unit: its SI unit.
+        value: its values, shape (n,).
+        best_gain: the gain that is optimal for each [N s]; NaN where there is none.
+        best: the objective there.
+        robust: the objective of the robust gain; NaN where it does not end in contact.
+        low: the input's 1 % quantile, or the smallest value that is possible.
+        high: its 99 % quantile, or the largest.
+    """
+
+    name: str
+    unit: str
+    value: FloatArray
+    best_gain: FloatArray
+    best: FloatArray
+    robust: FloatArray
+    low: float
+    high: float
+
+    @property
+    def loss(self) -> FloatArray:
+        """By how much the robust gain is worse than the best, as a share of the best objective."""
+        return self.robust / self.best - 1
+
+    def __repr__(self) -> str:
+        most = np.max(self.loss, initial=0.0, where=np.isfinite(self.loss))
+        return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {most:.3g}>"
 
 
 def price_of_robustness(
@@ -85,7 +120,7 @@ def price_of_robustness(
         each = [design_gain(*several.at(i), objective, **common) for i in range(count)]
         gains = np.array([np.nan if d.gain is None else d.gain for d in each])
         values = np.array([np.nan if d.objective is None else d.objective for d in each])
-    unit = {**SCENARIO_INPUTS, **sensor_inputs(sensor)}[name]
+    unit = input_units(sensor)[name]
     return Price(name=name, unit=unit, value=x, best_gain=gains, best=values, robust=robust, low=low, high=high)
 
 

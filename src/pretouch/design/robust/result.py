@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from pretouch._core.blocks import Described
 from pretouch._core.errors import ResultUnavailableError
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.json_text import plain
+from pretouch._core.numbers import finite
+from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
+from pretouch.uncertainty.describing import share_in_words
+from pretouch.uncertainty.sampling import names_of
 
 from ..certificate import DesignStatus
 from ..impact import ImpactModel
@@ -22,127 +28,15 @@ from ..objectives import Objective
 from .evidence import Outcomes, RobustEvidence, RobustTradeOff
 from .importance import InputImportance
 from .measures import Measure, Required
+from .price import Price
+from .validation import LossOfNominal, Validation
+from .worst_case import WorstEncounter
 
-__all__ = ["LimitOutcome", "LossOfNominal", "Price", "RobustDesign", "Validation", "WorstEncounter"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LimitOutcome(Value):
-    """One constraint at the chosen gain, on fresh samples.
-
-    Args:
-        required: the constraint and the probability with which it must hold.
-        held: the share of the fresh samples in which it does.
-        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
-        magnitude: |quantity| that is not exceeded with the required probability (in all samples, where that is 1), SI.
-    """
-
-    required: Required
-    held: float
-    low: float
-    magnitude: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LossOfNominal(Value):
-    """What is lost by the nominal gain, on fresh samples that meet both gains.
-
-    Args:
-        relative: by how much its measure exceeds that of the robust gain, as a share of the latter; negative where the
-            nominal gain does better.
-        standard_error: of that, from the differences sample by sample; NaN where it is not known.
-    """
-
-    relative: float
-    standard_error: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Validation(Value):
-    """What independent samples that the design has not seen say of its gain.
-
-    Args:
-        samples: how many.
-        confidence: of the intervals.
-        value: the measure of the objective.
-        low: lower end of its confidence interval.
-        high: upper end.
-        nominal: the measure at the gain that is optimal where nothing is uncertain; None where there is none.
-        loss: of the nominal gain against the robust one; None where either measure is not finite.
-        limits: each constraint.
-        reached: the share that ends in contact.
-    """
-
-    samples: int
-    confidence: float
-    value: float
-    low: float
-    high: float
-    nominal: float | None
-    loss: LossOfNominal | None
-    limits: tuple[LimitOutcome, ...]
-    reached: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorstEncounter(Value):
-    """The worst encounter of all that are possible, and why none is worse.
-
-    Args:
-        inputs: its inputs by name, in SI.
-        value: the objective there.
-        bound: what no possible encounter exceeds, as far as the search of all boxes certifies it.
-        lower: what no gain can get below, since these encounters alone ask for it.
-        boxes: how many boxes of inputs were told apart to find that out.
-        monotone: inputs in which the objective only grows or only falls over all of the box, with the sign.
-        encounters: the encounters that decide, as rows of inputs in the order of `inputs`.
-    """
-
-    inputs: dict[str, float]
-    value: float
-    bound: float
-    lower: float
-    boxes: int
-    monotone: dict[str, int]
-    encounters: tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Price(Value):
-    """What one input, known exactly, would gain: the robust gain beside the one made for each value of the input.
-
-    Args:
-        name: the input.
-        unit: its SI unit.
-        value: its values, shape (n,).
-        best_gain: the gain that is optimal for each [N s]; NaN where there is none.
-        best: the objective there.
-        robust: the objective of the robust gain; NaN where it does not end in contact.
-        low: the input's 1 % quantile, or the smallest value that is possible.
-        high: its 99 % quantile, or the largest.
-    """
-
-    name: str
-    unit: str
-    value: FloatArray
-    best_gain: FloatArray
-    best: FloatArray
-    robust: FloatArray
-    low: float
-    high: float
-
-    @property
-    def loss(self) -> FloatArray:
-        """By how much the robust gain is worse than the best, as a share of the best objective."""
-        return self.robust / self.best - 1
-
-    def __repr__(self) -> str:
-        most = np.max(self.loss, initial=0.0, where=np.isfinite(self.loss))
-        return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {most:.3g}>"
+__all__ = ["RobustDesign"]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class RobustDesign(Value):
+class RobustDesign(Described, Value):
     """What `design_robust_gain` returns.
 
     Args:
@@ -193,6 +87,8 @@ class RobustDesign(Value):
     ranking: Callable[[float], tuple[InputImportance, ...]] = field(repr=False, compare=False)
     pricing: Callable[..., Price] = field(repr=False, compare=False)
     evidence: RobustEvidence = field(repr=False)
+
+    page: ClassVar[str] = "pretouch.design.robust.page:robust_page"
 
     @property
     def loss_of_nominal(self) -> LossOfNominal | None:
@@ -262,17 +158,113 @@ class RobustDesign(Value):
         """
         return () if self.gain is None else self.ranking(self.gain)
 
+    @cached_property
+    def compared(self) -> dict[str, Outcomes]:
+        """What the gains that matter lead to in the fresh encounters, by the names of these gains.
+
+        The robust gain (where there is none, the one that exceeds the limits least), the nominal one, and none at all.
+        """
+        first = ("nearest gain", self.nearest_gain) if self.gain is None else ("robust gain", self.gain)
+        gains = (first, (self.nominal_name, self.nominal_gain), ("no mitigation", 0.0))
+        return {name: self.outcomes(gain) for name, gain in gains if gain is not None}
+
+    @property
+    def nominal_name(self) -> str:
+        """What the nominal gain is called: where encounters are not ideal, it is that of the ideal design."""
+        return "gain of the ideal design" if self.on_evaluator else "nominal gain"
+
+    @cached_property
+    def prices(self) -> tuple[Price, ...]:
+        """What knowing each uncertain input would gain, the dearest first.
+
+        Empty where there is no robust gain, and where encounters were solved by what was given as `evaluate`: what the
+        best gain for each value would be is known in continuous time only.
+        """
+        if self.gain is None or self.on_evaluator:
+            return ()
+        prices = [self.price(name) for name in names_of(self.uncertainty)]
+        known = [price for price in prices if np.isfinite(price.loss).any()]
+        return tuple(sorted(known, key=lambda price: -float(np.nanmax(price.loss))))
+
+    @property
+    def headline(self) -> str:
+        """The answer in a sentence or two."""
+        v = self.validation
+        if self.gain is None:
+            often = (
+                f"No gain within the bounds ends in contact as often as the measure asks for ({self.measure.label})."
+            )
+            return often if self.status is DesignStatus.NO_CONTACT else f"Infeasible: {_conflict(self)}."
+        text = f"Robust gain D_p = {format_quantity(self.gain, 'N*s')}: {self.measure.label} of the objective "
+        text += f"{self.value:.4g}"
+        if v is None or self.nominal_gain is None or v.nominal is None or not math.isfinite(v.value):
+            return text + "."
+        which = "that of the ideal design" if self.on_evaluator else "optimal where nothing is uncertain"
+        beside = f"the gain {format_quantity(self.nominal_gain, 'N*s')}, {which}"
+        if not math.isfinite(v.nominal):
+            return f"{text}; with {beside}, too many encounters end without contact."
+        change = 100 * (v.nominal / v.value - 1)
+        worse, but = ("worse", "and") if change >= 0 else ("better", "but")
+        broken = " and ".join(v.nominal_breaks)
+        too = f", {but} does not hold {broken} as often as it must" if broken else ""
+        return f"{text}. On fresh samples {beside}, is {abs(change):.2g} % {worse}{too}."
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences that a user should read before relying on the gain, in order of weight."""
+        return tuple(_warnings(self))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object: numbers in SI, None where there is none."""
-        return robust_as_dict(self)
+        names = ("status", "gain", "measure", "value", "method", "nominal_gain", "nearest_gain", "validation", "worst")
+        more = ("importance", "local_minima", "scanned", "bounds", "samples", "seed", "uncertainty", "warnings")
+        others = {
+            "objective_name": self.definition.name,
+            "reachable": self.evidence.reachable(),
+            "strongest_gain_needed": self.strongest,
+        }
+        told: dict[str, Any] = plain({**{name: getattr(self, name) for name in (*names, *more)}, **others})
+        return told
 
     def __repr__(self) -> str:
         if self.gain is None:
             return f"<RobustDesign: {self.status.value}>"
         return f"<RobustDesign: D_p = {self.gain:.4g} N s, {self.measure.label} {self.value:.4g}>"
 
-    def __str__(self) -> str:
-        return robust_as_text(self)
+
+def _conflict(design: RobustDesign) -> str:
+    """Name the limits that no gain holds as often as it must, or say that they exclude each other."""
+    said = []
+    for found in design.evidence.reachable():
+        c, p = found.required.constraint, found.required.probability
+        if found.magnitude > c.limit:
+            said.append(
+                f"{c.name} cannot be held at {format_quantity(c.limit, c.unit)} "
+                f"{'in every sample' if p == 1 else f'in {100 * p:g} %'}: the least that is, is "
+                f"{format_quantity(found.magnitude, c.unit)}, at D_p = {format_quantity(found.gain, 'N*s')}"
+            )
+    return "; ".join(said) or "each constraint can be held as often as it must, but no gain holds all of them"
 
 
-from .summary import robust_as_dict, robust_as_text  # noqa: E402 - it describes the classes above
+def _warnings(design: RobustDesign) -> Iterator[str]:
+    """Yield what should be read before relying on a gain, in order of weight."""
+    v = design.validation
+    if v is None or design.gain is None:
+        return
+    if v.reached < 1:
+        yield (
+            f"{100 * (1 - v.reached):.3g} % of the fresh encounters end without contact: the measure leaves them out, "
+            "or is infinite"
+        )
+    for o in v.limits:
+        if not v.may_hold(o):
+            yield (
+                f"the fresh samples hold {o.required.constraint.name} in {share_in_words(o.held)} only, less often "
+                f"than the {100 * o.required.probability:g} % that the design held in its own samples: take more "
+                "samples, or ask for a slightly larger probability"
+            )
+    if design.gain in design.bounds:
+        yield (
+            f"the optimum lies on the bound {format_quantity(design.gain, 'N*s')}: a wider range of gains may hold a "
+            "better one"
+        )

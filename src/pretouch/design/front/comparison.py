@@ -11,8 +11,8 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, solve_motion
 
+from ..search.trials import Trials
 from .physical_bound import PhysicalBound, why_no_bound
-from .search.trials import Trials
 
 __all__ = ["BoundComparison", "compare_with_bound"]
 

@@ -4,35 +4,33 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
 from pretouch.sensors import SensorModel
 
-from .bound_comparison import compare_with_bound
-from .constraints import Constraint
-from .criteria import magnitude
-from .domination import shortfall
-from .front import FrontPoint, FrontStatus, ParetoFront
-from .front_curve import trace_front
-from .front_surface import find_front
-from .impact import ImpactModel
+from ..constraints import Constraint
+from ..criteria import magnitude
+from ..impact import ImpactModel
+from ..problem import Encounters, Evaluator
+from ..quantities import QUANTITY_UNITS
+from ..search.freedom import make_freedom
+from ..search.trials import Trials
+from .comparison import compare_with_bound
+from .curve import trace_front
+from .domination import FoundFront, extent_of, shortfall
 from .knee import find_knee
 from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
-from .problem import Encounters, Evaluator
-from .quantities import QUANTITY_UNITS
-from .search.freedom import make_freedom
-from .search.trials import Trials
+from .result import FrontPoint, FrontStatus, ParetoFront
+from .surface import find_front
 
 __all__ = ["Chosen", "pareto_front"]
 
 _ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
-_FLAT: Final = 1e-12  # relative: a quantity that varies less along the front is the same everywhere
 
 
 class Chosen(Protocol):
@@ -45,18 +43,6 @@ class Chosen(Protocol):
     @property
     def scenario(self) -> Scenario:
         """The encounter with its admittance."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    """A front by coordinates, whichever way it was found."""
-
-    at: FloatArray
-    values: FloatArray
-    piece: IntArray
-    scanned: FloatArray
-    scanned_values: FloatArray
-    missed: float
 
 
 def pareto_front(
@@ -117,7 +103,6 @@ def pareto_front(
         True
     """
     names = _quantities(quantities)
-    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
     encounters = Encounters(
         scenario=scenario,
         sensor=sensor,
@@ -127,9 +112,10 @@ def pareto_front(
         horizon=horizon,
         evaluator=evaluate,
     )
+    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
     measures = tuple(magnitude(name, impact) for name in names)
     trials = Trials(freedom=freedom, encounters=encounters, measures=measures)
-    found = _find(trials)
+    found = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
     return _assemble(trials, names, found, choice)
 
 
@@ -143,45 +129,7 @@ def _quantities(given: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def _find(trials: Trials) -> _Found:
-    """Find the front, as points that ascend in the first quantity."""
-    if trials.freedom.size > 1:
-        surface = find_front(trials)
-        return _Found(
-            at=surface.at,
-            values=surface.values,
-            piece=surface.piece,
-            scanned=surface.scanned,
-            scanned_values=surface.scanned_values,
-            missed=surface.missed,
-        )
-    curve = trace_front(lambda u: trials.values(u[:, None]))
-    order = np.argsort(curve.values[:, 0] if curve.values.shape[1] == 2 else curve.at, kind="stable")
-    extent = _extent(curve.values)
-    missed = shortfall(curve.scanned_values / extent, curve.values / extent).max() if len(order) else np.inf
-    return _Found(
-        at=curve.at[order][:, None],
-        values=curve.values[order],
-        piece=_numbered(curve.piece[order]),
-        scanned=curve.scanned[:, None],
-        scanned_values=curve.scanned_values,
-        missed=float(max(missed, 0.0)),
-    )
-
-
-def _numbered(piece: IntArray) -> IntArray:
-    """Number the stretches of points that follow each other on one piece."""
-    return np.asarray(np.concatenate([[0], np.cumsum(piece[1:] != piece[:-1])])[: len(piece)], dtype=np.int64)
-
-
-def _extent(values: FloatArray) -> FloatArray:
-    if not len(values):
-        return np.ones(values.shape[1])
-    extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
-    return np.asarray(np.where(extent > _FLAT * size, extent, np.where(size > 0, size, 1.0)))
-
-
-def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: float | Chosen | None) -> ParetoFront:
+def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice: float | Chosen | None) -> ParetoFront:
     freedom = trials.freedom
     maker = _Points(trials, names, found)
     reached = np.isfinite(found.scanned_values).all(axis=1)
@@ -219,7 +167,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: flo
     )
 
 
-def _why_empty(trials: Trials, found: _Found) -> FrontStatus:
+def _why_empty(trials: Trials, found: FoundFront) -> FrontStatus:
     _, reached = trials.rows(found.scanned)
     return FrontStatus.INFEASIBLE if reached.any() else FrontStatus.NO_CONTACT
 
@@ -245,9 +193,9 @@ def _bound(trials: Trials) -> PhysicalBound | None:
 class _Points:
     """Makes points of the plane: solves single encounters and places them beside the front."""
 
-    def __init__(self, trials: Trials, names: tuple[str, ...], found: _Found) -> None:
+    def __init__(self, trials: Trials, names: tuple[str, ...], found: FoundFront) -> None:
         self.trials, self.names, self.front = trials, names, found.values
-        self.extent = _extent(found.values)
+        self.extent = extent_of(found.values)
 
     def choice_at(self, at: FloatArray) -> tuple[Scenario, float]:
         """Return the encounter and the gain at coordinates."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pretouch.design import HertzImpact, SpringImpact, Term
-from pretouch.design.evidence import Evidence
+from pretouch.design.evidence import GainEvidence
 from pretouch.design.objectives import Objective, excursion_objective, time_objective
 from pretouch.design.problem import Problem
 from pretouch.design.search import GainAxis
@@ -115,7 +115,7 @@ def test_what_is_settled_is_the_optimum(sensor: object, objective: str) -> None:
 def test_every_curve_is_searched(name: str) -> None:
     sensor = CURVES[name]
     one = problem(letter(-0.3), sensor)
-    found, known = search_compiled(one), Evidence(problem=one)
+    found, known = search_compiled(one), GainEvidence(problem=one)
     assert found is not None
     assert found[2][0]
     assert found[0][0] == pytest.approx(known.gain, rel=1e-7)

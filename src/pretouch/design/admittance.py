@@ -16,7 +16,7 @@ from pretouch.sensors import SensorModel
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
 from .constraints import Constraint
-from .gain import design_one
+from .gain import design
 from .impact import ImpactModel
 from .own_objective import AnyObjective, as_objective
 from .problem import Evaluator, Problem
@@ -119,7 +119,7 @@ def design_admittance(
     trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
     def gain_at(admittance: Admittance, axis: GainAxis = problem.axis) -> GainDesign:
-        return design_one(replace(problem, scenario=replace(scenario, admittance=admittance), axis=axis))
+        return design(replace(problem, scenario=replace(scenario, admittance=admittance), axis=axis))
 
     as_it_is = gain_at(scenario.admittance)
     search = _Search(trials)

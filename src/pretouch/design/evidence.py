@@ -9,33 +9,36 @@ from typing import Any
 
 import numpy as np
 
+from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult
 
-from .certificate import Certificate, ConstraintOutcome, IdealDesign, Sensitivity, TradeOff
+from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
 from .problem import Problem
 from .search import HELD, GainAxis, Minimum, Scan, refine, scan
+from .search.compiled import search_compiled
+from .search.many import Found, design_many, settle_one
 from .sensitivity import gain_gradient, gain_sensitivities
 
-__all__ = ["Evidence"]
+__all__ = ["ArrayEvidence", "GainEvidence", "find_evidence", "find_evidence_of_many"]
 
 _ACTIVE = 1e-6
 _SMOOTH = 1e-2  # |df/du| / f over 0.2 of u around the optimum on a loop: ripples of r displace it to sqrt(2 r f_uu / f)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence(Value):
+class GainEvidence(Value):
     """The scan and the minima of a design, and what follows from them.
 
     Args:
         problem: what was designed.
-        settled: the optimal gain, where that was settled without the whole scan.
+        settled: the optimal gain [N s] and the objective there, where these were settled without the whole scan.
     """
 
     problem: Problem
-    settled: float | None = None
+    settled: tuple[float, float] | None = None
 
     @cached_property
     def scanned(self) -> Scan:
@@ -86,8 +89,22 @@ class Evidence(Value):
     def gain(self) -> float | None:
         """The optimal gain [N s]."""
         if self.settled is not None:
-            return self.settled
+            return self.settled[0]
         return None if self.best is None else float(self.problem.axis.gain(self.best.coordinate))
+
+    @property
+    def objective(self) -> float | None:
+        """The objective there."""
+        if self.settled is not None:
+            return self.settled[1]
+        return None if self.best is None else self.best.value
+
+    @property
+    def status(self) -> DesignStatus:
+        """How the design ended."""
+        if self.gain is not None:
+            return DesignStatus.OPTIMAL
+        return DesignStatus.NO_CONTACT if self.nearest_gain is None else DesignStatus.INFEASIBLE
 
     @cached_property
     def result(self) -> ContactResult | None:
@@ -196,27 +213,82 @@ class Evidence(Value):
         p = self.problem
         if p.evaluator is None or self.gain is None:
             return None
-        from .gain import design_one  # noqa: PLC0415 - it makes designs of evidence
-
-        found = design_one(replace(p, evaluator=None))
+        found = find_evidence(replace(p, evaluator=None))
         if found.gain is None:
             return None
         both = p.landscape(p.axis.coordinate(np.array([found.gain, self.gain])))
         value, own = map(float, both.objective)
         loss = value / own - 1 if own > 0 else math.inf if value > 0 else 0.0
-        return IdealDesign(gain=float(found.gain), objective=value, loss=loss, feasible=bool(both.feasible[0]))
+        return IdealDesign(gain=found.gain, objective=value, loss=loss, feasible=bool(both.feasible[0]))
 
-    def gradient(self, gain: float, name: str) -> Any:
-        """Differentiate the optimal gain by one input.
+    def gradient(self, name: str) -> float:
+        """Differentiate the optimal gain by one input; NaN where there is none."""
+        return math.nan if self.gain is None else float(gain_gradient(self.problem, self.gain, name, lambda _: self))
 
-        Args:
-            gain: the optimal gain [N s].
-            name: the input.
 
-        Returns:
-            The derivative.
-        """
-        return gain_gradient(self.problem, gain, name, lambda _: self)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArrayEvidence(Value):
+    """In the place of the evidence of one design: says how to get that.
+
+    Args:
+        problem: what was designed.
+        status: how each design ended, of the scenario's shape.
+        gain: the optimal gains [N s]; NaN where there is none.
+        objective: the objectives there.
+    """
+
+    problem: Problem
+    status: Any
+    gain: FloatArray
+    objective: FloatArray
+
+    def at(self, index: tuple[int, ...]) -> GainEvidence:
+        """Design the encounter at an index, one integer per axis, alone."""
+        return find_evidence(self.problem.at(index))
+
+    def gradient(self, name: str) -> FloatArray:
+        """Differentiate the optimal gains by one input."""
+        return gain_gradient(self.problem, self.gain, name, self.at)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # as of a protocol of Python, which asks what there is
+            raise AttributeError(name)
+        raise ResultUnavailableError(
+            f"{name}: found an array of designs, of which each has its own; choose one with .at(index)"
+        )
+
+
+def find_evidence(problem: Problem) -> GainEvidence:
+    """Design a single encounter, by the search of many where that settles it for certain.
+
+    Args:
+        problem: the problem, of one encounter.
+
+    Returns:
+        The evidence; where nothing is settled, its scan is still to come.
+    """
+    free = problem.within_gain_limit()
+    found = search_compiled(free)
+    gain, value, known = (math.nan, math.nan, 0.0) if found is None else found[:, 0].tolist()
+    return GainEvidence(problem=problem, settled=(gain, value) if known else settle_one(free))
+
+
+def find_evidence_of_many(problem: Problem) -> ArrayEvidence:
+    """Design every encounter of an array.
+
+    Args:
+        problem: the problem, with an array of encounters.
+
+    Returns:
+        The evidence.
+    """
+
+    def search_one(one: Problem) -> Found:
+        alone = find_evidence(one) if problem.is_noisy else GainEvidence(problem=one)
+        return alone.status, alone.gain, alone.objective
+
+    status, gain, objective = design_many(problem, search_one)
+    return ArrayEvidence(problem=problem, status=status, gain=gain, objective=objective)
 
 
 def _at_bound(axis: GainAxis, coordinate: float) -> bool:

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any
 
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
-from .certificate import DesignStatus
 from .constraints import Constraint
-from .evidence import Evidence
+from .evidence import find_evidence, find_evidence_of_many
 from .impact import ImpactModel
 from .own_objective import AnyObjective, as_objective
 from .problem import Evaluator, Problem
 from .result import GainDesign
 from .search import GainAxis
-from .search.compiled import search_compiled
-from .search.many import ArrayEvidence, design_many, settle_one
 
-__all__ = ["Evaluator", "design_gain", "design_one"]
+__all__ = ["Evaluator", "design", "design_gain"]
 
 
 def design_gain(
@@ -83,50 +78,11 @@ def design_gain(
         horizon=horizon,
         evaluator=evaluate,
     )
-    if scenario.shape == ():
-        return design_one(problem)
-    search = design_one if problem.is_noisy else _search_one
-    return _design(problem, *design_many(problem, search), ArrayEvidence(problem=problem))
+    return design(problem)
 
 
-def design_one(problem: Problem) -> GainDesign:
-    """Design a single encounter, by the search of many where that settles it for certain.
-
-    Args:
-        problem: the problem, of one encounter.
-
-    Returns:
-        The design.
-    """
-    free = problem.within_gain_limit()
-    found = search_compiled(free)
-    gain, value, known = (math.nan, math.nan, 0.0) if found is None else found[:, 0].tolist()
-    if not known:
-        settled = settle_one(free)
-        if settled is None:
-            return _search_one(problem)
-        gain, value = settled
-    return _design(problem, DesignStatus.OPTIMAL, gain, value, Evidence(problem=problem, settled=gain))
-
-
-def _search_one(problem: Problem) -> GainDesign:
-    """Design a single encounter by the scan that halves intervals until neighbors predict each other."""
-    evidence = Evidence(problem=problem)
-    if evidence.best is not None:
-        return _design(problem, DesignStatus.OPTIMAL, evidence.gain, evidence.best.value, evidence)
-    contact = evidence.nearest_gain is not None
-    return _design(problem, DesignStatus.INFEASIBLE if contact else DesignStatus.NO_CONTACT, None, None, evidence)
-
-
-def _design(problem: Problem, status: Any, gain: Any, objective: Any, evidence: Any) -> GainDesign:
-    return GainDesign(
-        status=status,
-        gain=gain,
-        objective=objective,
-        bounds=problem.axis.ends,
-        scenario=problem.scenario,
-        sensor=problem.sensor,
-        definition=problem.objective,
-        impact=problem.impact,
-        evidence=evidence,
-    )
+def design(problem: Problem) -> GainDesign:
+    """Design the gain of a problem, or of each encounter of an array."""
+    if problem.scenario.shape == ():
+        return GainDesign.of(find_evidence(problem))
+    return GainDesign.of(find_evidence_of_many(problem))

@@ -173,14 +173,14 @@ def _inputs(problem: Problem) -> Iterator[_Input]:
             )
 
 
-def gain_gradient(problem: Problem, gain: Any, name: str, design_one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
+def gain_gradient(problem: Problem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
     """Differentiate optimal gains by one input.
 
     Args:
         problem: what was designed, for one encounter or an array of them.
         gain: the optimal gains [N s], of the scenario's shape; NaN where there is none.
         name: the input, as in ContactGradients.inputs.
-        design_one: gives the design of the encounter at an index, or its evidence, for those without exact derivatives.
+        one: gives the evidence of the encounter at an index, for those without exact derivatives.
 
     Returns:
         d D_p / d input, in N s per unit of the input, of the scenario's shape; NaN where there is no gain, and where
@@ -196,7 +196,7 @@ def gain_gradient(problem: Problem, gain: Any, name: str, design_one: Callable[[
         left = np.concatenate(parts) if parts else where
     for i in left:
         index = tuple(int(k) for k in np.unravel_index(i, np.shape(gain)))
-        entries = {s.name: s.gain_derivative for s in design_one(index).sensitivities}
+        entries = {s.name: s.gain_derivative for s in one(index).sensitivities}
         found[i] = entries.get(name, np.nan)
     return found.reshape(np.shape(gain))
 

@@ -7,74 +7,29 @@ bracket. An encounter that this does not settle for certain, by the measures of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch._core.values import Value
 
 from ..certificate import DesignStatus
 from ..problem import Problem
-from ..result import GainDesign
-from ..sensitivity import gain_gradient
 from .compiled import search_compiled
 from .family import find_family
 from .minima import NODES, interpolate, minimize_polynomials
 from .scan import EXACT, predict
 
-__all__ = ["ArrayEvidence", "design_many", "settle_one"]
+__all__ = ["design_many", "settle_one"]
 
 _BLOCK: Final = 8192  # designs that are scanned side by side: 65 encounters each
 _COUNTS: Final = (EXACT.first, 2 * EXACT.first - 1, 4 * EXACT.first - 3)  # gains, until neighbors predict each other
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ArrayEvidence(Value):
-    """In the place of the evidence of one design: says how to get that.
-
-    Args:
-        problem: what was designed.
-    """
-
-    problem: Problem
-
-    def design_one(self, index: tuple[int, ...]) -> GainDesign:
-        """Design the encounter at an index alone.
-
-        Args:
-            index: one integer per axis.
-
-        Returns:
-            The design, with its evidence.
-        """
-        from ..gain import design_one  # noqa: PLC0415 - it makes evidence of this kind
-
-        return design_one(self.problem.at(index))
-
-    def gradient(self, gain: Any, name: str) -> FloatArray:
-        """Differentiate the optimal gains by one input.
-
-        Args:
-            gain: the optimal gains [N s].
-            name: the input.
-
-        Returns:
-            The derivatives, of the shape of the gains.
-        """
-        return gain_gradient(self.problem, gain, name, self.design_one)
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # as of a protocol of Python, which asks what there is
-            raise AttributeError(name)
-        raise ResultUnavailableError(
-            f"{name}: found an array of designs, of which each has its own; choose one with .at(index)"
-        )
+Found: TypeAlias = tuple[DesignStatus, float | None, float | None]
+"""Status, gain [N s] and objective."""
 
 
-def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -> tuple[Any, Any, Any]:
+def design_many(problem: Problem, search_one: Callable[[Problem], Found]) -> tuple[Any, Any, Any]:
     """Design the gain of every encounter of an array.
 
     Args:
@@ -110,10 +65,10 @@ def design_many(problem: Problem, search_one: Callable[[Problem], GainDesign]) -
                 break
         for i in which:
             index = tuple(int(k) for k in np.unravel_index(i, shape))
-            one = search_one(problem.at(index))
-            status[i] = one.status.value
-            if one.gain is not None and one.objective is not None:
-                gain[i], objective[i] = one.gain, one.objective
+            ended, best_gain, least = search_one(problem.at(index))
+            status[i] = ended.value
+            if best_gain is not None and least is not None:
+                gain[i], objective[i] = best_gain, least
     return status.reshape(shape), gain.reshape(shape), objective.reshape(shape)
 
 

@@ -181,6 +181,8 @@ def test_a_dataset_tells_units_and_where_it_comes_from(tmp_path: Path, output: s
         assert meanings[0] == "contact"
         assert list(found["status"].attrs["flag_values"]) == list(range(len(meanings)))
         assert all(found[name].attrs["long_name"] for name in found.variables)
+        assert found["relative_velocity"].attrs["long_name"] == "relative velocity at contact"
+        assert found["impulse_residual"].attrs["long_name"] == "residual of the impulse balance"
         assert found.attrs["seed"] == 20261121
         assert json.loads(found.attrs["versions"])["pretouch"] == pt.__version__
         inputs = json.loads(found.attrs["inputs"])

@@ -49,6 +49,36 @@ def test_quantiles_and_means_are_those_of_scipy(name: str) -> None:
     assert (ours.quantile(0.0), ours.quantile(1.0)) == ours.support
 
 
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        (Interval(low=0.038, high=0.046), "anywhere, 38 mm to 46 mm"),
+        (Uniform(low=0.038, high=0.046), "uniform, 38 mm to 46 mm"),
+        (Normal(mean=0.04, deviation=0.002), "normal, 40 mm with a standard deviation of 2 mm"),
+        (
+            TruncatedNormal(location=0.04, deviation=0.002, low=0.038, high=0.046),
+            "normal, 40 mm with a standard deviation of 2 mm, cut to 38 mm to 46 mm",
+        ),
+        (Empirical(samples=(0.046, 0.038, 0.04)), "3 measured values, 38 mm to 46 mm"),
+    ],
+)
+def test_a_distribution_says_what_it_is(known: Distribution, words: str) -> None:
+    assert known.described("m") == words
+    assert list(known.rows("obstacle.position", {"obstacle.position": "m"})) == [("obstacle.position", words)]
+    told = known.to_dict()
+    assert told.pop("kind") == type(known).__name__
+    assert type(known)(**told) == known
+
+
+def test_inputs_that_go_together_are_told_one_by_one() -> None:
+    known = CorrelatedNormal(names=("sensor.exponent", "b"), mean=(3.3, 0.04), covariance=((0.04, 0.0), (0.0, 0.0)))
+    assert list(known.rows("calibration", {"b": "m"})) == [
+        ("sensor.exponent", "normal, 3.3 with a standard deviation of 0.2, together with the others of calibration"),
+        ("b", "normal, 40 mm with a standard deviation of 0 mm, together with the others of calibration"),
+    ]
+    assert known.to_dict()["kind"] == "CorrelatedNormal"
+
+
 @examples(50)
 @given(samples=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=30), p=st.floats(0, 1))
 def test_an_empirical_quantile_is_one_of_the_values(samples: list[float], p: float) -> None:

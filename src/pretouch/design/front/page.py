@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 from pretouch._core.blocks import Cell, Listing, Measured, Page, Paragraph, Picture, Section, Table, named
-from pretouch._core.units import format_quantity, format_range
+from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.describing import inputs_section, method_section
 
@@ -84,12 +84,14 @@ def _points(front: ParetoFront) -> Section:
     )
     name = "Pareto front, what is chosen along it, and its distance from the physical bound"
     sentences = tuple(_sentences(front))
+    columns = zip(*(_column(front, point) for point in points), strict=True)
+    rows = tuple((cells[0][0], *(cell for _, cell in cells)) for cells in columns)
     note = "" if front.comparison is None else _BESIDE
     return Section(
         title="The front",
         blocks=(
             Picture(figure="pareto", of=front, name=name, caption=caption),
-            Table(head=("", *map(_title, points)), rows=tuple(_rows(front, points)), note=note, brief=True),
+            Table(head=("", *map(_title, points)), rows=rows, note=note, brief=True),
             Listing(items=sentences, brief=True) if sentences else None,
             Paragraph(text=_KNEE, quiet=True),
             Paragraph(text=_BOUND, quiet=True),
@@ -102,30 +104,23 @@ def _title(point: FrontPoint) -> str:
     return f"{kind} {in_short(quantity)}".strip()
 
 
-def _rows(front: ParetoFront, points: tuple[FrontPoint, ...]) -> Iterator[Row]:
-    """Yield what is chosen, what comes of it, and what any robot could do, with a column for each point."""
-
-    def cells(of: Any, unit: str = "", digits: int = 4) -> tuple[Measured, ...]:
-        return tuple(Measured(None if (found := of(point)) is None else float(found), unit, digits) for point in points)
-
-    yield named("gain"), *cells(lambda p: p.gain, "N*s")
+def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
+    """Yield what is chosen at a point, what comes of it, and what any robot could do, each with what it is."""
+    yield named("gain"), Measured(point.gain, "N*s")
     for name in front.free[1:]:
-        yield words_for(name), *cells(lambda p, name=name: getattr(p, name), FREE_UNITS[name])
-    for name in front.quantities:
-        yield named(name, magnitude=True), *cells(lambda p, name=name: p.values[name], unit_of(name))
+        yield words_for(name), Measured(getattr(point, name), FREE_UNITS[name])
+    for name, value in point.values.items():
+        yield named(name, magnitude=True), Measured(value, unit_of(name))
     if front.comparison is None:
         return
-    for name, field in (("largest_acceleration", "acceleration"), ("displacement", "excursion")):
+    names = ("acceleration", "excursion", "least_excursion", "ratio", "least_acceleration")
+    beside = {name: None if point.bound is None else float(getattr(point.bound, name)) for name in names}
+    for name, known in (("largest_acceleration", "acceleration"), ("displacement", "excursion")):
         if name not in front.quantities:
-            yield named(name, magnitude=True), *cells(lambda p, field=field: _beside(p, field), unit_of(name))
-    yield "least deviation, any robot that accelerates as much", *cells(lambda p: _beside(p, "least_excursion"), "m")
-    yield "times the least deviation", *cells(lambda p: _beside(p, "ratio"), "", 3)
-    yield "least acceleration, any robot", *cells(lambda p: _beside(p, "least_acceleration"), "m/s^2")
-
-
-def _beside(point: FrontPoint, name: str) -> Any:
-    """Read a number of the comparison with the physical bound; None where that does not apply."""
-    return None if point.bound is None else getattr(point.bound, name)
+            yield named(name, magnitude=True), Measured(beside[known], unit_of(name))
+    yield "least deviation, any robot that accelerates as much", Measured(beside["least_excursion"], "m")
+    yield "times the least deviation", Measured(beside["ratio"], "", 3)
+    yield "least acceleration, any robot", Measured(beside["least_acceleration"], "m/s^2")
 
 
 def _sentences(front: ParetoFront) -> Iterator[str]:
@@ -136,10 +131,11 @@ def _sentences(front: ParetoFront) -> Iterator[str]:
         yield f"No physical bound: {front.no_bound}."
     elif front.bound is not None:
         least = float(front.bound.least_contact_speed)
+        limit = pretty_unit(format_quantity(float(front.bound.acceleration_limit), "m/s^2"))
+        after = format_quantity(float(front.bound.excursion(least)), "m")
         yield (
-            f"The best that a robot with {format_quantity(float(front.bound.acceleration_limit), 'm/s^2')} can do: "
-            f"contact at {format_quantity(least, 'm/s')}, after an excursion of "
-            f"{format_quantity(float(front.bound.excursion(least)), 'm')}."
+            f"The best that a robot with {limit} can do: contact at {format_quantity(least, 'm/s')}, after an "
+            f"excursion of {after}."
         )
 
 

@@ -39,9 +39,9 @@ def importance_section(importance: tuple[InputImportance, ...]) -> Section | Non
         "were known. To first order: from the derivatives at the given values. The first input is the one to measure "
         "better."
     )
-    head = ("what the objective varies with", "alone", "with all interactions", "to first order")
+    head = ("uncertain input", "alone", "with all interactions", "to first order")
     table = Table(head=head, rows=tuple(rows), note=note, brief=True)
-    return Section(title="What the objective varies with", blocks=(table,))
+    return Section(title="What the objective varies with", titled=True, blocks=(table,))
 
 
 def price_section(design: RobustDesign) -> Section | None:

@@ -3,6 +3,7 @@
     python native/build.py            into src/pretouch/_core/
     python native/build.py --strict   no compiler may warn; a wheel is built without, for the compilers to come
     python native/build.py --sanitize with checks of addresses and undefined behavior, into build/native/sanitized/
+    python native/build.py --tidy     nothing is built: clang-tidy reads every source, where it is there
 
 Nothing here needs Python.h, so one library serves every Python. `lanes_*.cpp` are compiled once for each kind of
 processor, and which of them runs is decided when the library is loaded. Objects are kept in build/native/, named after
@@ -12,12 +13,14 @@ all that they are made of, so that only what has changed is compiled again.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import os
 import platform
 import shutil
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -43,6 +46,9 @@ PROCESSORS = {
     "avx512": f"{_AVX2} -mavx512f -mavx512dq -mavx512bw -mavx512vl -mavx512cd -mprefer-vector-width=512",
 }
 SANITIZED = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g -O1"
+STALE = 7 * 86400.0
+"""Seconds after which an object that was not used again is removed."""
+
 SUFFIXES = {"win32": ".dll", "darwin": ".dylib"}
 
 
@@ -95,11 +101,44 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
     Returns:
         The library. A command that fails ends this with what it printed.
     """
-    system, machine = this_target().split("-", 1)
-    cc, cxx = compilers() or _zig()
+    system = this_target().split("-", 1)[0]
+    compiler = cc, _ = compilers() or _zig()
     common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
     common += SANITIZED.split() if sanitize else ["-g0"]
     common += ["-Werror"] if strict else []
+    jobs = _jobs(compiler, common)
+    kept = NATIVE.parent / "build/native"
+    kept.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
+        objects = list(pool.map(lambda job: _compiled(job, kept), jobs))
+    _drop_stale(kept, objects)
+    library.parent.mkdir(parents=True, exist_ok=True)
+    made = kept / f"{os.getpid()}-{library.name}"  # where a linker may leave more than that
+    link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
+    _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
+    made.replace(library)  # never a half of it, and a process that has the old one keeps it
+    return library
+
+
+def tidy() -> int:
+    """Let clang-tidy read every source as it is compiled, one of a few variants in the last of them.
+
+    Returns:
+        How many sources it finds fault with, which it prints.
+    """
+    if shutil.which("clang-tidy") is None:
+        print("clang-tidy: found none on this machine, nothing is read")
+        return 0
+    last = {job[-1]: [flag for flag in job if flag.startswith(("-std", "-D", "-m"))] for job in _jobs(([], []), [])}
+    with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
+        commands = (["clang-tidy", "--quiet", path, "--", *flags] for path, flags in last.items())
+        done = list(pool.map(lambda c: subprocess.run(c, stderr=subprocess.DEVNULL, text=True, check=False), commands))
+    return sum(one.returncode != 0 for one in done)
+
+
+def _jobs(compilers: tuple[list[str], list[str]], common: list[str]) -> list[list[str]]:
+    """Return the command that compiles each source, and each variant of those that have some; the source is last."""
+    (cc, cxx), machine = compilers, this_target().split("-", 1)[1]
     jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
     for path in sorted(NATIVE.glob("core/*.cpp")):
         if not path.name.startswith("lanes_"):
@@ -110,16 +149,17 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
             if name == "base" or machine in {"x86_64", "AMD64"}:
                 variant = [*LANES.split(), *flags.split(), f"-DPRETOUCH_VARIANT=pretouch_{name}"]
                 jobs.append([*cxx, *variant, *common, "-c", str(path)])
-    kept = NATIVE.parent / "build/native"
-    kept.mkdir(parents=True, exist_ok=True)
-    with ThreadPoolExecutor(max_workers=int(os.environ.get("JOBS", "2"))) as pool:
-        objects = list(pool.map(lambda job: _compiled(job, kept), jobs))
-    library.parent.mkdir(parents=True, exist_ok=True)
-    made = kept / f"{os.getpid()}-{library.name}"  # where a linker may leave more than that
-    link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
-    _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
-    made.replace(library)  # never a half of it, and a process that has the old one keeps it
-    return library
+    return jobs
+
+
+def _drop_stale(kept: Path, used: list[Path]) -> None:
+    """Remove objects that no build of a week has used; each that is used is marked as such."""
+    for path in used:
+        path.touch()
+    for path in kept.glob("*.o"):
+        with contextlib.suppress(FileNotFoundError):  # another build removes them, too
+            if path.stat().st_mtime < time.time() - STALE:
+                path.unlink()
 
 
 def _zig() -> tuple[list[str], list[str]]:
@@ -158,7 +198,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--sanitize", action="store_true", help="check addresses and undefined behavior")
     parser.add_argument("--strict", action="store_true", help="take a warning for an error")
+    parser.add_argument("--tidy", action="store_true", help="let clang-tidy read the sources, and build nothing")
     wanted, root = parser.parse_args(), NATIVE.parent
+    if wanted.tidy:
+        sys.exit(tidy() and 1)
     own = library_path(root)
     made = root / "build/native/sanitized" / own.name if wanted.sanitize else own
     print(build(made, strict=wanted.strict, sanitize=wanted.sanitize).relative_to(root))

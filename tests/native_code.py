@@ -5,7 +5,9 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,3 +29,20 @@ def compile_c(folder: Path, source: str, *flags: str) -> ctypes.CDLL:
     strict = [*build.LAW.split(), "-shared", "-fPIC", f"-I{NATIVE / 'law'}", *flags]
     subprocess.run([*found[0], *strict, str(folder / "source.c"), "-o", str(made), "-lm"], check=True)
     return ctypes.CDLL(str(made))
+
+
+def offsets(folder: Path, header: str, kind: str, fields: Sequence[str]) -> list[int]:
+    """The size of a structure of a header in native/, and where each of its fields begins."""
+    asked = "".join(f", offsetof({kind}, {field})" for field in fields)
+    source = f'#include <stddef.h>\n#include "{NATIVE / header}"\nsize_t found[] = {{sizeof({kind}){asked}}};\n'
+    return list((ctypes.c_size_t * (1 + len(fields))).in_dll(compile_c(folder, source), "found"))
+
+
+def fields_of(kind: Any, before: str = "") -> list[tuple[str, int]]:
+    """Fields of a structure that are no structures, by their path, and where each begins."""
+    found = []
+    for name, part in kind._fields_:
+        offset = getattr(kind, name).offset
+        inner = fields_of(part, f"{before}{name}.") if issubclass(part, ctypes.Structure) else [(f"{before}{name}", 0)]
+        found += [(path, offset + more) for path, more in inner]
+    return found

@@ -8,7 +8,6 @@ namespace {
 
 // How a run ended: the numbers of ContactStatus.
 constexpr double CONTACT = 0.0, HORIZON = 2.0, UNRESOLVED = 4.0;
-constexpr int32_t DETECTING = PRETOUCH_DETECTING;
 constexpr double FINEST = 1e-8;  // of a period: the shortest step
 
 Cubic distance_along(const Body &from, const Body &to, double h) {
@@ -63,7 +62,7 @@ void Encounter::ask_law() {
                                     fresh};
     law.step(law.parameters, law.state, &sample, &output);
     flags |= output.status;
-    if (output.status & DETECTING && isnan(end.detection_time)) end.detection_time = t;
+    if (output.status & PRETOUCH_DETECTING && isnan(end.detection_time)) end.detection_time = t;
     if (count == 0) end.largest_virtual_force = larger(end.largest_virtual_force, fabs(output.virtual_force));
     if (trace_rows < loop.trace_rows) record_instant(force);
     target = {loop.period, output.acceleration, {xv, vv * loop.period, output.position, output.velocity * loop.period}};

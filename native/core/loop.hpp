@@ -71,7 +71,7 @@ private:
     void begin_contact();
     bool strike();
     void follow_contact();
-    void record_moment(double distance, double force);
+    void record_moment(double gap, double force);
     void finish();
 };
 

@@ -45,9 +45,6 @@ Sensor::Sensor(const pretouch_chain &chain_, const pretouch_curve &curve_, uint6
     instant = start + chain.exposure * INNER;
 }
 
-double Sensor::uniform(uint64_t index) const { return uniform_of(key, index); }
-double Sensor::normal(uint64_t index) const { return normal_of(key, index); }
-
 // Wave numbers of the normal distribution and phases of the uniform one make a random function with the covariance
 // misfit^2 exp(-d^2 / (2 misfit_length^2)) (A. Rahimi, B. Recht, NIPS 2007).
 void Sensor::draw_misfit() {
@@ -67,8 +64,8 @@ double Sensor::misfit_at(double distance) const {
 
 // When an exposure starts [s].
 double Sensor::start_of(uint64_t exposure) const {
-    const double phase = chain.random_phase != 0.0 ? uniform(PHASE) / chain.rate : chain.phase;
-    const double shift = chain.jitter > 0.0 ? chain.jitter * normal(DRAWS * exposure + JITTER) : 0.0;
+    const double phase = chain.random_phase != 0.0 ? uniform_of(key, PHASE) / chain.rate : chain.phase;
+    const double shift = chain.jitter > 0.0 ? chain.jitter * normal_of(key, DRAWS * exposure + JITTER) : 0.0;
     return larger(phase + static_cast<double>(exposure) / chain.rate + shift, 0.0);
 }
 
@@ -85,16 +82,16 @@ double Sensor::exposed_to(double distance) const {
 // The reading of an exposure from its mean; NaN where it drops out.
 double Sensor::raw_reading(double mean, double time) const {
     const uint64_t draw = DRAWS * k;
-    if (chain.dropout > 0.0 && uniform(draw + DROPOUT) < chain.dropout) return NAN;
+    if (chain.dropout > 0.0 && uniform_of(key, draw + DROPOUT) < chain.dropout) return NAN;
     if (chain.reports_distance != 0.0) {
-        const double distance = mean + chain.distance_noise * normal(draw + DISTANCE);
+        const double distance = mean + chain.distance_noise * normal_of(key, draw + DISTANCE);
         mean = output(rounded(distance, chain.distance_resolution));
     }
     double value = mean + chain.offset + chain.drift * time;
     if (chain.noise > 0.0 || chain.relative_noise > 0.0) {
         const double deviation =
             sqrt(chain.noise * chain.noise + chain.relative_noise * chain.relative_noise * mean * mean);
-        value += deviation * normal(draw + NOISE);
+        value += deviation * normal_of(key, draw + NOISE);
     }
     return rounded(smaller(larger(value, chain.lowest), chain.highest), chain.resolution);
 }
@@ -102,8 +99,7 @@ double Sensor::raw_reading(double mean, double time) const {
 void Sensor::look_at_start(double distance) {
     waiting[0] = {raw_reading(exposed_to(distance), 0.0), chain.delay, 0.0};
     tail = k = 1;
-    start = larger(start_of(1), 0.0);
-    instant = start;
+    instant = start = start_of(1);
 }
 
 void Sensor::look(double distance) {

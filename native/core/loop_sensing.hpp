@@ -58,8 +58,6 @@ private:
     static constexpr int WAVES = 8;
     Wave waves[WAVES];
 
-    double uniform(uint64_t index) const;
-    double normal(uint64_t index) const;
     double start_of(uint64_t exposure) const;
     double misfit_at(double distance) const;
     double output(double distance) const;

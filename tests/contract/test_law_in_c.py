@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from control_samples import LETTER_FILTERS, LIMITS, controller
-from native_code import NATIVE, compile_c
+from native_code import NATIVE, compile_c, fields_of, offsets
 from pretouch.control import structures
 
 SOURCE = (NATIVE / "law/pretouch_law.c").read_text()
@@ -28,25 +28,12 @@ NAMES = {
 }
 
 
-def leaves(kind: Any, before: str = "") -> list[tuple[str, int]]:
-    """Fields of a structure that are no structures, by their path, and where each begins."""
-    found = []
-    for name, part in kind._fields_:
-        offset = getattr(kind, name).offset
-        inner = leaves(part, f"{before}{name}.") if issubclass(part, ctypes.Structure) else [(f"{before}{name}", 0)]
-        found += [(path, offset + more) for path, more in inner]
-    return found
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_structures_are_those_of_the_header(name: str, tmp_path: Path) -> None:
     kind = NAMES[name]
-    fields = leaves(kind)
-    asked = "".join(f", offsetof(pretouch_{name}, {path})" for path, _ in fields)
-    source = f'#include <stddef.h>\n#include "pretouch_law.h"\nsize_t found[] = {{sizeof(pretouch_{name}){asked}}};\n'
-    library = compile_c(tmp_path, source)
-    found = (ctypes.c_size_t * (1 + len(fields))).in_dll(library, "found")
-    assert list(found) == [ctypes.sizeof(kind), *(offset for _, offset in fields)]
+    fields = fields_of(kind)
+    found = offsets(tmp_path, "law/pretouch_law.h", f"pretouch_{name}", [path for path, _ in fields])
+    assert found == [ctypes.sizeof(kind), *(offset for _, offset in fields)]
 
 
 def single(kind: Any) -> Any:

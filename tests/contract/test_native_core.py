@@ -13,7 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from native_code import fields_of, offsets
 from pretouch._core import native
+from pretouch.motion import native_lanes
+from pretouch.simulation import layout, native_loop
 
 ROOT = Path(__file__).parents[2]
 
@@ -101,3 +104,33 @@ def test_a_named_compiler_comes_before_those_that_are_found_and_pip_brings_one_w
     monkeypatch.setenv("PRETOUCH_TARGET", "plan9-mips")
     with pytest.raises(RuntimeError, match="found no C and C\\+\\+ compiler, and none comes by pip for plan9-mips"):
         build._zig()
+
+
+STRUCTURES = {
+    "plant": native_loop._Plant,
+    "contact": native_loop._Contact,
+    "chain": native_loop._Chain,
+    "curve": native_loop._Curve,
+    "loop": native_loop._Loop,
+    "curves": native_lanes._CurvesOfCore,
+}
+ROWS = {
+    "end": layout.RESULT_COLUMNS,
+    "touch": layout.CONTACT_COLUMNS,
+    "instant": layout.TRACE_COLUMNS,
+    "moment": layout.COURSE_COLUMNS,
+}
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_structures_are_those_of_the_header(name: str, tmp_path: Path) -> None:
+    fields = fields_of(STRUCTURES[name])
+    found = offsets(tmp_path, "core/pretouch.h", f"pretouch_{name}", [path for path, _ in fields])
+    assert found == [ctypes.sizeof(STRUCTURES[name]), *(offset for _, offset in fields)]
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_columns_are_the_fields_of_what_the_loop_fills(name: str, tmp_path: Path) -> None:
+    columns = ROWS[name]
+    found = offsets(tmp_path, "core/pretouch.h", f"pretouch_{name}", columns)
+    assert found == [8 * len(columns), *(8 * i for i in range(len(columns)))]

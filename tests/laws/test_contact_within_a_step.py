@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from ctypes import byref
 from typing import Any
 
 import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch._core.native import DOUBLE, POINTER, kernel
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-from pretouch.simulation.native_loop import cubic, first_touch
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -18,6 +19,7 @@ ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 CONTACT = pt.SpringDamper(stiffness=3e4, damping=60.0)
 ROBOTS: dict[str, dict[str, Any]] = {"ideal": {}, "with a mass": {"plant": ROBOT, "contact": CONTACT}}
 EPS = 2.2e-16
+COURSES = {name: kernel(name, *[DOUBLE] * 5, POINTER, result=DOUBLE) for name in ("cubic", "first_touch")}
 
 
 def law(period: float, gain: float = 0.0) -> Controller:
@@ -27,6 +29,21 @@ def law(period: float, gain: float = 0.0) -> Controller:
         law=VirtualDamper(gain=gain),
         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
     )
+
+
+def of_course(name: str, *given: float) -> tuple[float, float]:
+    beside = DOUBLE()
+    return float(COURSES[name](*given, byref(beside))), beside.value
+
+
+def cubic(start: float, start_slope: float, end: float, end_slope: float, s: float) -> tuple[float, float]:
+    """The cubic through both ends of a step, and its slope, at the part s; slopes are over the whole step."""
+    return of_course("cubic", start, start_slope, end, end_slope, s)
+
+
+def first_touch(start: float, start_slope: float, end: float, end_slope: float, doubt: float) -> tuple[float, float]:
+    """Where it first comes to zero, or closer than `doubt`, 2 where it does not; and the least that it comes to."""
+    return of_course("first_touch", start, start_slope, end, end_slope, doubt)
 
 
 def towards(position: Any, velocity: Any, acceleration: Any) -> pt.Scenario:

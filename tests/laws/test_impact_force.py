@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from struct import pack
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import pretouch as pt
 from loop_samples import BareLaw
-from pretouch.simulation.native_loop import elastic_duration
+from pretouch._core.native import DOUBLE, POINTER, kernel
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -25,6 +26,12 @@ STIFFNESS = np.geomspace(3e4, 3e8, 321)
 STEP = 0.02  # of the contact's time scale: what a step of the integration takes at once
 # A force that grows as t^2 grows by 2 steps / T within a step, and T is at least 2.9 time scales: by less than one step
 SAMPLED = 1 + STEP
+LASTING = kernel("elastic_duration", POINTER, DOUBLE, DOUBLE, result=DOUBLE)
+
+
+def elastic_duration(contact: pt.ContactModel, inverse_mass: float, speed: float) -> float:
+    """How long the bodies would touch [s], from a relative speed on, without loss and drive: m d'' = -k d^n."""
+    return float(LASTING(pack("5d", *contact.numbers()), inverse_mass, speed))
 
 
 def sphere(stiffness: float, obstacle_mass: float) -> pt.ContactModel:
@@ -103,13 +110,13 @@ def test_the_time_of_an_impact_is_that_of_free_bodies_without_loss(
         plant=pt.Plant(velocity=speed),
     )
     run = pt.simulate(scenario, SENSOR, law, plant=plant, contact=contact, horizon=2.0, follow=0.5)
-    lasting = elastic_duration(contact.numbers(), 1 / 1.7 + 1 / obstacle_mass, speed)
+    lasting = elastic_duration(contact, 1 / 1.7 + 1 / obstacle_mass, speed)
     # the end is seen at the end of a step: one of 1/50 of a time scale, of which an impact lasts 2.9 or more
     assert lasting <= run.contact_list[0, 5] <= lasting * (1 + STEP / 2.9)
     assert run.impact_force == run.peak_force
 
 
 def test_a_touch_without_speed_has_a_time_of_impact_too() -> None:
-    spring = elastic_duration(pt.SpringDamper(stiffness=4e4).numbers(), 1 / 2.0, 0.0)
+    spring = elastic_duration(pt.SpringDamper(stiffness=4e4), 1 / 2.0, 0.0)
     assert spring == pytest.approx(math.pi * math.sqrt(2.0 / 4e4), rel=1e-12)
-    assert math.isfinite(elastic_duration(pt.HuntCrossley(stiffness=4e4).numbers(), 1 / 2.0, 0.0))
+    assert math.isfinite(elastic_duration(pt.HuntCrossley(stiffness=4e4), 1 / 2.0, 0.0))

@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import InvalidInputError
 
-__all__ = ["Structure", "copy_of", "location", "machine_code"]
+__all__ = ["Structure", "copy_of", "location", "machine_code", "numbers"]
 
 T = TypeVar("T")
 _FUNCTION: Any = ctypes.CFUNCTYPE(None).__mro__[1]  # the type of every function of ctypes
@@ -44,6 +44,19 @@ class Structure(ctypes.Structure):
     def __repr__(self) -> str:
         said = (f"{name}={_shown(getattr(self, name))!r}" for name, *_ in self._fields_)
         return f"{type(self).__name__}({', '.join(said)})"
+
+
+def numbers(*names: str, kind: Any = ctypes.c_double) -> tuple[tuple[str, Any], ...]:
+    """Return fields of one type.
+
+    Args:
+        *names: of the fields.
+        kind: their type.
+
+    Returns:
+        What `_fields_` of a structure takes.
+    """
+    return tuple((name, kind) for name in names)
 
 
 def _shown(value: Any) -> Any:

@@ -64,4 +64,4 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
     step = n.acceleration * n.period
     whole = math.floor(speed / step)
     rest = speed - whole * step
-    return n.period * (step / 2 * whole * whole + rest * (whole + 0.5))
+    return float(n.period * (step / 2 * whole * whole + rest * (whole + 0.5)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from struct import Struct
@@ -80,20 +79,36 @@ def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
     return step if machine_code(step) is None else CompiledStep(step)
 
 
-class Run(ABC):
+class Run:
     """A controller at work: it holds parameters and state, and goes on from step to step.
 
     `Controller.begin` makes one. One thread at a time may step it.
+
+    Args:
+        step: of the law, compiled: everything that a call needs lies ready, so that writing a sample, the step and
+            reading its output are all there is.
+        parameters: of the law.
+        state: the first one; it stays as it is.
     """
 
-    __slots__ = ()
+    __slots__ = ("_held", "_law", "_memory", "_out", "_places", "_sample")
+
+    def __init__(self, step: CompiledStep, parameters: Any, state: Any) -> None:
+        self._memory, self._sample, self._out = copy_of(state), RawSample(), RawOutput()
+        self._held = step, parameters
+        self._law = _prototype(step.located())
+        self._places = (
+            ctypes.c_void_p(location(parameters, "parameters")[0]),
+            ctypes.c_void_p(location(self._memory, "state")[0]),
+            ctypes.byref(self._sample),
+            ctypes.byref(self._out),
+        )
 
     @property
-    @abstractmethod
     def state(self) -> Any:
         """The state after the last step; a copy, as `Controller.step` takes it."""
+        return copy_of(self._memory)
 
-    @abstractmethod
     def step(
         self,
         reading: float,
@@ -119,6 +134,13 @@ class Run(ABC):
         Returns:
             What the robot is to do over the period.
         """
+        _pack_sample(
+            *(self._sample, 0, reading, age, contact_force),
+            *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
+        )
+        self._law(*self._places)
+        output: Output = _new(Output, _unpack_output(self._out))
+        return output
 
 
 def begin_run(step: Callable[..., Any], parameters: Any, state: Any) -> Run:
@@ -133,48 +155,8 @@ def begin_run(step: Callable[..., Any], parameters: Any, state: Any) -> Run:
         The run: in place where the step is machine code.
     """
     if isinstance(step, CompiledStep):
-        return _CompiledRun(step, parameters, state)
+        return Run(step, parameters, state)
     return _PythonRun(step, parameters, state)
-
-
-class _CompiledRun(Run):
-    """Everything that a call needs lies ready: writing a sample, the step and reading its output are all there is."""
-
-    __slots__ = ("_held", "_law", "_memory", "_out", "_places", "_sample")
-
-    def __init__(self, step: CompiledStep, parameters: Any, state: Any) -> None:
-        self._memory, self._sample, self._out = copy_of(state), RawSample(), RawOutput()
-        self._held = step, parameters
-        self._law = _prototype(step.located())
-        self._places = (
-            ctypes.c_void_p(location(parameters, "parameters")[0]),
-            ctypes.c_void_p(location(self._memory, "state")[0]),
-            ctypes.byref(self._sample),
-            ctypes.byref(self._out),
-        )
-
-    @property
-    def state(self) -> Any:
-        return copy_of(self._memory)
-
-    def step(
-        self,
-        reading: float,
-        fresh: bool = True,
-        age: float = 0.0,
-        *,
-        contact_force: float = 0.0,
-        reference_position: float = 0.0,
-        reference_velocity: float = 0.0,
-        reference_acceleration: float = 0.0,
-    ) -> Output:
-        _pack_sample(
-            *(self._sample, 0, reading, age, contact_force),
-            *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
-        )
-        self._law(*self._places)
-        output: Output = _new(Output, _unpack_output(self._out))
-        return output
 
 
 class _PythonRun(Run):

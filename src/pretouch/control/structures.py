@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from functools import partial
 
-from pretouch._core.structures import Structure
+from pretouch._core.structures import Structure, numbers
 
 __all__ = [
     "AdmittanceNumbers",
@@ -29,22 +29,15 @@ __all__ = [
 ]
 
 _MEDIAN, _SECTIONS = 16, 4
-
-
-def _numbers(*names: str) -> tuple[tuple[str, Any], ...]:
-    return tuple((name, ctypes.c_double) for name in names)
-
-
-def _integers(*names: str) -> tuple[tuple[str, Any], ...]:
-    return tuple((name, ctypes.c_int32) for name in names)
+_integers = partial(numbers, kind=ctypes.c_int32)
 
 
 class RawSample(Structure):
     """A `Sample` in C."""
 
     _fields_ = (
-        *_numbers("reading", "age", "contact_force"),
-        *_numbers("reference_position", "reference_velocity", "reference_acceleration"),
+        *numbers("reading", "age", "contact_force"),
+        *numbers("reference_position", "reference_velocity", "reference_acceleration"),
         *_integers("fresh"),
     )
 
@@ -53,7 +46,7 @@ class RawOutput(Structure):
     """An `Output` in C."""
 
     _fields_ = (
-        *_numbers("position", "velocity", "acceleration", "virtual_force", "log_level"),
+        *numbers("position", "velocity", "acceleration", "virtual_force", "log_level"),
         *_integers("status"),
     )
 
@@ -61,18 +54,17 @@ class RawOutput(Structure):
 class Section(Structure):
     """A second-order section of the low-pass."""
 
-    _fields_ = _numbers("b0", "b1", "b2", "a1", "a2")
+    _fields_ = numbers("b0", "b1", "b2", "a1", "a2")
 
 
 class SensingNumbers(Structure):
     """What `observe` needs to know: see `Conditioning`."""
 
     _fields_ = (
-        *_numbers("period", "sensor_period", "offset", "floor", "saturation", "timeout", "largest_rate"),
+        *numbers("period", "sensor_period", "offset", "floor", "saturation", "timeout", "largest_rate"),
         *_integers("median_length", "sections"),
         ("low_pass", Section * _SECTIONS),
     )
-    sensor_period: float
 
 
 class MedianState(Structure):
@@ -89,7 +81,7 @@ class SensingState(Structure):
     """What `observe` remembers: the last usable reading, and the filters."""
 
     _fields_ = (
-        *_numbers("quiet", "measured", "level", "filtered", "log_level"),
+        *numbers("quiet", "measured", "level", "filtered", "log_level"),
         ("low_pass", (ctypes.c_double * 2) * _SECTIONS),
         ("median", MedianState),
         *_integers("running"),
@@ -111,7 +103,7 @@ class Observation(Structure):
     """
 
     _fields_ = (
-        *_numbers("change", "log_level"),
+        *numbers("change", "log_level"),
         *_integers("usable", "restarted", "detecting", "stale", "lost", "status"),
     )
     change: float
@@ -127,19 +119,19 @@ class Observation(Structure):
 class DamperNumbers(Structure):
     """Gain [N s], width of the release, rise of the ramp per period, whether only approaches are damped."""
 
-    _fields_ = (*_numbers("gain", "release", "ramp_step"), *_integers("approach_only"))
+    _fields_ = (*numbers("gain", "release", "ramp_step"), *_integers("approach_only"))
 
 
 class DamperState(Structure):
     """Share of the gain in force, 0 to 1, and the mark that ln xi has to exceed where only approaches are damped."""
 
-    _fields_ = _numbers("ramp", "mark")
+    _fields_ = numbers("ramp", "mark")
 
 
 class Push(Structure):
     """What a law gives: an impulse for a new reading [N s], delivered over one sensor period, and a force now [N]."""
 
-    _fields_ = _numbers("impulse", "force")
+    _fields_ = numbers("impulse", "force")
     impulse: float
     force: float
 
@@ -147,7 +139,7 @@ class Push(Structure):
 class AdmittanceNumbers(Structure):
     """The exact step from (x~, x~') under the force F: transition matrix and input vector."""
 
-    _fields_ = _numbers(
+    _fields_ = numbers(
         "position_from_position",
         "position_from_velocity",
         "velocity_from_position",
@@ -155,29 +147,19 @@ class AdmittanceNumbers(Structure):
         "position_from_force",
         "velocity_from_force",
     )
-    position_from_position: float
-    position_from_velocity: float
-    velocity_from_position: float
-    velocity_from_velocity: float
-    position_from_force: float
-    velocity_from_force: float
 
 
 class MotionLimits(Structure):
     """Period, largest speed, acceleration and excursion as numbers, `NO_LIMIT` where there is none."""
 
-    _fields_ = _numbers("period", "speed", "acceleration", "excursion")
-    period: float
-    speed: float
-    acceleration: float
-    excursion: float
+    _fields_ = numbers("period", "speed", "acceleration", "excursion")
 
 
 class DriveNumbers(Structure):
     """What `drive` needs to know: see `Controller`."""
 
     _fields_ = (
-        *_numbers("hold", "fade_step", "largest_force", "contact_gain", "contact_threshold"),
+        *numbers("hold", "fade_step", "largest_force", "contact_gain", "contact_threshold"),
         ("admittance", AdmittanceNumbers),
         ("limits", MotionLimits),
     )
@@ -186,37 +168,28 @@ class DriveNumbers(Structure):
 class Delivery(Structure):
     """An impulse on its way: constant force [N], rest of the impulse [N s], what was given ahead [N s], fading."""
 
-    _fields_ = _numbers("steady", "rest", "ahead", "fading")
+    _fields_ = numbers("steady", "rest", "ahead", "fading")
 
 
 class Motion(Structure):
     """The virtual object's motion relative to the reference: x~ [m] and x~' [m/s]."""
 
-    _fields_ = _numbers("position", "velocity")
-    position: float
-    velocity: float
+    _fields_ = numbers("position", "velocity")
 
 
 class DriveState(Structure):
     """What `drive` remembers: the impulse on its way, the motion, the last reference position."""
 
-    _fields_ = (("delivery", Delivery), ("motion", Motion), *_numbers("reference"))
-    motion: Motion
+    _fields_ = (("delivery", Delivery), ("motion", Motion), *numbers("reference"))
 
 
 class ControllerNumbers(Structure):
     """The parameters of a step with the letter's law."""
 
     _fields_ = (("sensing", SensingNumbers), ("drive", DriveNumbers), ("law", DamperNumbers))
-    sensing: SensingNumbers
-    drive: DriveNumbers
-    law: DamperNumbers
 
 
 class ControllerState(Structure):
     """The state of a step with the letter's law."""
 
     _fields_ = (("sensing", SensingState), ("drive", DriveState), ("law", DamperState))
-    sensing: SensingState
-    drive: DriveState
-    law: DamperState

@@ -19,14 +19,14 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import FloatArray, IntArray
-from pretouch._core.structures import Structure, location
+from pretouch._core.structures import Structure, location, numbers
 from pretouch.control import CompiledStep, Output, Sample
 from pretouch.control.structures import RawOutput, RawSample
 
 from .layout import CONTACT_COLUMNS, COURSE_COLUMNS, RESULT_COLUMNS, TRACE_COLUMNS
 from .plant import COEFFICIENTS
 
-__all__ = ["Laws", "Runs", "contact_step", "cubic", "elastic_duration", "first_touch"]
+__all__ = ["Laws", "Runs", "contact_step"]
 
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
@@ -36,50 +36,43 @@ _JITTERS: Final = 16  # deviations by which a start is shifted at most; none of 
 
 _run: Final = kernel("run_encounters", POINTER, POINTER, INTEGER, POINTER, POINTER, INTEGER)
 _contact_step: Final = kernel("contact_step", POINTER, DOUBLE, DOUBLE, result=DOUBLE)
-_elastic_duration: Final = kernel("elastic_duration", POINTER, DOUBLE, DOUBLE, result=DOUBLE)
-_cubic: Final = kernel("cubic", *[DOUBLE] * 5, POINTER, result=DOUBLE)
-_first_touch: Final = kernel("first_touch", *[DOUBLE] * 5, POINTER, result=DOUBLE)
-
-
-def _numbers(*names: str) -> tuple[tuple[str, Any], ...]:
-    return tuple((name, DOUBLE) for name in names)
 
 
 class _Plant(Structure):
-    _fields_ = _numbers(*COEFFICIENTS)
+    _fields_ = numbers(*COEFFICIENTS)
 
 
 class _Contact(Structure):
-    _fields_ = _numbers("stiffness", "damping", "exponent", "grows", "inverse_mass")
+    _fields_ = numbers("stiffness", "damping", "exponent", "grows", "inverse_mass")
 
 
 class _Chain(Structure):
     _fields_ = (
-        *_numbers("rate", "phase", "exposure", "delay", "jitter", "noise", "relative_noise", "offset", "drift"),
-        *_numbers("lowest", "highest", "resolution", "dropout", "reports_distance", "distance_noise"),
-        *_numbers("distance_resolution", "random_phase", "misfit", "misfit_length"),
+        *numbers("rate", "phase", "exposure", "delay", "jitter", "noise", "relative_noise", "offset", "drift"),
+        *numbers("lowest", "highest", "resolution", "dropout", "reports_distance", "distance_noise"),
+        *numbers("distance_resolution", "random_phase", "misfit", "misfit_length"),
     )
 
 
 class _Curve(Structure):
-    _fields_ = (("table", POINTER), ("rows", INTEGER), *_numbers("low", "step", "high"))
+    _fields_ = (("table", POINTER), ("rows", INTEGER), *numbers("low", "step", "high"))
 
 
 class _Laws(Structure):
     _fields_ = (
-        *((name, POINTER) for name in ("step", "parameters", "states")),
-        *((name, INTEGER) for name in ("parameters_size", "state_size")),
-        *((name, POINTER) for name in ("law_of", "start_of")),
+        *numbers("step", "parameters", "states", kind=POINTER),
+        *numbers("parameters_size", "state_size", kind=INTEGER),
+        *numbers("law_of", "start_of", kind=POINTER),
     )
 
 
 class _Loop(Structure):
     _fields_ = (
         *(("laws", _Laws), ("plant", _Plant), ("contact", _Contact), ("chain", _Chain)),
-        *(("curves", POINTER), ("curve_of", POINTER)),
-        *_numbers("period", "plant_step", "horizon", "follow"),
-        *(("seed", ctypes.c_uint64), ("scenes", POINTER), ("draws", POINTER), ("ends", POINTER)),
-        *(("touches", POINTER), ("most_touches", INTEGER)),
+        *numbers("curves", "curve_of", kind=POINTER),
+        *numbers("period", "plant_step", "horizon", "follow"),
+        *(("seed", ctypes.c_uint64), *numbers("scenes", "draws", "ends", "touches", kind=POINTER)),
+        ("most_touches", INTEGER),
         *(("trace", POINTER), ("trace_rows", INTEGER), ("course", POINTER), ("course_rows", INTEGER)),
     )
 
@@ -282,40 +275,3 @@ def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) 
         The step.
     """
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))
-
-
-def elastic_duration(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
-    """Return how long the bodies would touch [s], from a relative speed on, without loss and drive: m d'' = -k d^n.
-
-    Args:
-        contact: as ContactModel.numbers gives it.
-        inverse_mass: 1 / the reduced mass of both bodies [1/kg].
-        speed: the relative speed [m/s].
-
-    Returns:
-        The duration.
-    """
-    return float(_elastic_duration(byref(_Contact(*contact)), inverse_mass, speed))
-
-
-def cubic(start: float, start_slope: float, end: float, end_slope: float, s: float) -> tuple[float, float]:
-    """Return the cubic through both ends of a step, and its slope, at the part s; slopes are over the whole step."""
-    slope = DOUBLE()
-    return float(_cubic(start, start_slope, end, end_slope, s, byref(slope))), slope.value
-
-
-def first_touch(start: float, start_slope: float, end: float, end_slope: float, doubt: float) -> tuple[float, float]:
-    """Find where the cubic through both ends of a step first comes to zero, and the least that it comes to.
-
-    Args:
-        start: distance at the start of the step [m].
-        start_slope: its slope there over the whole step [m].
-        end: distance at the end [m].
-        end_slope: its slope there over the whole step [m].
-        doubt: the distance that is not told from zero [m].
-
-    Returns:
-        The part of the step at which it touches, 2 where it does not; the least distance up to the end [m].
-    """
-    least = DOUBLE()
-    return float(_first_touch(start, start_slope, end, end_slope, doubt, byref(least))), least.value

@@ -10,7 +10,7 @@ import pytest
 from pretouch.design import HertzImpact, SpringImpact, Term
 from pretouch.design.evidence import GainEvidence
 from pretouch.design.objectives import Objective, excursion_objective, time_objective
-from pretouch.design.problem import Problem
+from pretouch.design.problem import GainProblem
 from pretouch.design.search import GainAxis
 from pretouch.design.search.compiled import search_compiled
 from pretouch.design.search.family import find_family
@@ -55,8 +55,8 @@ IMPACTS = {
 }
 
 
-def problem(scenario: Scenario, sensor: object = FIRST, objective: str = "f_1", low: float = -10.0) -> Problem:
-    return Problem(
+def problem(scenario: Scenario, sensor: object = FIRST, objective: str = "f_1", low: float = -10.0) -> GainProblem:
+    return GainProblem(
         scenario=scenario,
         sensor=sensor,
         objective=OBJECTIVES[objective],

@@ -19,7 +19,7 @@ from .constraints import Constraint
 from .gain import design
 from .impact import ImpactModel
 from .own_objective import AnyObjective, as_objective
-from .problem import Evaluator, Problem
+from .problem import Evaluator, GainProblem
 from .result import GainDesign
 from .search import HELD, GainAxis
 from .search.freedom import make_freedom
@@ -105,7 +105,7 @@ def design_admittance(
             "use design_gain for the gain alone"
         )
     freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
-    problem = Problem(
+    problem = GainProblem(
         scenario=scenario,
         sensor=sensor,
         objective=as_objective(objective),
@@ -122,7 +122,7 @@ def design_admittance(
         return design(replace(problem, scenario=replace(scenario, admittance=admittance), axis=axis))
 
     as_it_is = gain_at(scenario.admittance)
-    search = _Search(trials)
+    search = _AdmittanceSearch(trials)
     found = search.minima()
     for _ in range(_ROUNDS if found else 0):
         chosen = gain_at(_admittance(trials, found[0].at))
@@ -145,7 +145,7 @@ def design_admittance(
 
 
 def _design(
-    search: _Search,
+    search: _AdmittanceSearch,
     as_it_is: GainDesign,
     chosen: GainDesign | None,
     found: list[AdmittanceMinimum] | None,
@@ -177,7 +177,7 @@ def _design(
     )
 
 
-class _Search:
+class _AdmittanceSearch:
     """The grid, the tests, and the minima found from them."""
 
     def __init__(self, trials: Trials) -> None:

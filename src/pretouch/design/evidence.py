@@ -16,7 +16,7 @@ from pretouch.motion import ContactResult
 
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
-from .problem import Problem
+from .problem import GainProblem
 from .search import HELD, GainAxis, Minimum, Scan, refine, scan
 from .search.compiled import search_compiled
 from .search.many import Found, design_many, settle_one
@@ -37,7 +37,7 @@ class GainEvidence(Value):
         settled: the optimal gain [N s] and the objective there, where these were settled without the whole scan.
     """
 
-    problem: Problem
+    problem: GainProblem
     settled: tuple[float, float] | None = None
 
     @cached_property
@@ -237,7 +237,7 @@ class ArrayEvidence(Value):
         objective: the objectives there.
     """
 
-    problem: Problem
+    problem: GainProblem
     status: Any
     gain: FloatArray
     objective: FloatArray
@@ -258,7 +258,7 @@ class ArrayEvidence(Value):
         )
 
 
-def find_evidence(problem: Problem) -> GainEvidence:
+def find_evidence(problem: GainProblem) -> GainEvidence:
     """Design a single encounter, by the search of many where that settles it for certain.
 
     Args:
@@ -273,7 +273,7 @@ def find_evidence(problem: Problem) -> GainEvidence:
     return GainEvidence(problem=problem, settled=(gain, value) if known else settle_one(free))
 
 
-def find_evidence_of_many(problem: Problem) -> ArrayEvidence:
+def find_evidence_of_many(problem: GainProblem) -> ArrayEvidence:
     """Design every encounter of an array.
 
     Args:
@@ -283,7 +283,7 @@ def find_evidence_of_many(problem: Problem) -> ArrayEvidence:
         The evidence.
     """
 
-    def search_one(one: Problem) -> Found:
+    def search_one(one: GainProblem) -> Found:
         alone = find_evidence(one) if problem.is_noisy else GainEvidence(problem=one)
         return alone.status, alone.gain, alone.objective
 
@@ -296,7 +296,7 @@ def _at_bound(axis: GainAxis, coordinate: float) -> bool:
     return min(abs(coordinate - low), abs(coordinate - high)) <= 1e-9 * (high - low)
 
 
-def _stationarity(problem: Problem, best: Minimum) -> float | None:
+def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
     """Return |df/du| / f at an interior optimum, by a five-point difference that the search did not use."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.evaluator is None else 0.05  # which reaches over the ripples of a loop that samples

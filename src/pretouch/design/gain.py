@@ -11,7 +11,7 @@ from .constraints import Constraint
 from .evidence import find_evidence, find_evidence_of_many
 from .impact import ImpactModel
 from .own_objective import AnyObjective, as_objective
-from .problem import Evaluator, Problem
+from .problem import Evaluator, GainProblem
 from .result import GainDesign
 from .search import GainAxis
 
@@ -67,7 +67,7 @@ def design_gain(
         >>> round(design.gain, 4), round(design.objective, 5)
         (-0.7463, 0.10698)
     """
-    problem = Problem(
+    problem = GainProblem(
         scenario=scenario,
         sensor=sensor,
         objective=as_objective(objective),
@@ -81,7 +81,7 @@ def design_gain(
     return design(problem)
 
 
-def design(problem: Problem) -> GainDesign:
+def design(problem: GainProblem) -> GainDesign:
     """Design the gain of a problem, or of each encounter of an array."""
     if problem.scenario.shape == ():
         return GainDesign.of(find_evidence(problem))

@@ -17,7 +17,7 @@ from pretouch._core.numbers import FloatArray
 
 from .constraints import Constraint
 from .criteria import Criterion, along, magnitude
-from .problem import Problem
+from .problem import GainProblem
 
 __all__ = ["Shift", "follow_optimum", "has_gradients"]
 
@@ -39,14 +39,14 @@ class Shift:
     objective: FloatArray
 
 
-def has_gradients(problem: Problem, constraint: Constraint | None) -> bool:
+def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
     """Tell whether encounters, objective and the active constraint, if any, have gradients."""
     limited = constraint is None or magnitude(constraint.quantity, problem.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
 
 def follow_optimum(
-    problem: Problem,
+    problem: GainProblem,
     constraint: Constraint | None,
     *,
     gain: FloatArray,

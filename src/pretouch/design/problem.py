@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, find_contact
@@ -15,13 +14,13 @@ from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_afte
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
 
-from .constraints import Constraint
+from .constraints import Constraint, each_once
 from .criteria import Criterion, merit
 from .impact import ImpactModel
 from .objectives import Objective
 from .search import HELD, GainAxis, Landscape
 
-__all__ = ["Encounters", "Evaluator", "Problem"]
+__all__ = ["Encounters", "Evaluator", "GainProblem"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,10 +46,8 @@ class Encounters(Value):
     evaluator: Evaluator | None
 
     def __post_init__(self) -> None:
-        names = [c.name for c in self.constraints]
-        for name in names:
-            if names.count(name) > 1:
-                raise InvalidInputError(f"constraint {name}: found twice, expected once")
+        if self.constraints:
+            each_once(self.constraints)
 
     @property
     def is_differentiable(self) -> bool:
@@ -69,7 +66,7 @@ class Encounters(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem(Encounters):
+class GainProblem(Encounters):
     """One design problem, or an array of them that share all but their encounters.
 
     Args:
@@ -90,7 +87,7 @@ class Problem(Encounters):
         """Whether each of its encounters meets noise of its own, which belongs to its place among all of them."""
         return isinstance(self.evaluator, NoisyEvaluator)
 
-    def at(self, index: tuple[int, ...]) -> Problem:
+    def at(self, index: tuple[int, ...]) -> GainProblem:
         """Return the problem of one encounter of an array, with the noise that it meets there.
 
         Args:
@@ -105,7 +102,7 @@ class Problem(Encounters):
         one = map_fields(self.scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
         return replace(self, scenario=one, evaluator=evaluator)
 
-    def within_gain_limit(self) -> Problem:
+    def within_gain_limit(self) -> GainProblem:
         """Return the problem whose bounds keep what its constraints say of the gain, without these constraints.
 
         An optimum inside such bounds is that of the problem itself. Where nothing is left between them, or a bound
@@ -121,7 +118,7 @@ class Problem(Encounters):
         others = tuple(c for c in self.constraints if c.quantity != "gain")
         return replace(self, constraints=others, axis=GainAxis(low=low, high=high))
 
-    def column(self, which: IntArray) -> Problem:
+    def column(self, which: IntArray) -> GainProblem:
         """Return the problem of some encounters of an array, as a column with which a row of gains broadcasts.
 
         Args:

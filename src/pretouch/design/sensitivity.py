@@ -16,7 +16,7 @@ from pretouch.sensors import Recessed
 
 from .certificate import Sensitivity
 from .gradient import follow_optimum, has_gradients
-from .problem import Problem
+from .problem import GainProblem
 
 __all__ = ["gain_gradient", "gain_sensitivities"]
 
@@ -50,10 +50,10 @@ class _Input:
     value: float
     unit: str
     typical: float
-    changed: Callable[[float], Problem]
+    changed: Callable[[float], GainProblem]
 
 
-def gain_sensitivities(problem: Problem, gain: float, at: str) -> tuple[Sensitivity, ...]:
+def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
     """Differentiate the optimal gain and its objective with respect to every scalar input.
 
     Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
@@ -83,7 +83,7 @@ def gain_sensitivities(problem: Problem, gain: float, at: str) -> tuple[Sensitiv
     first, second = _FIRST / steps.gain, _SECOND / steps.gain**2
     gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + steps.gain * _NODES)
 
-    def sample(changed: Problem) -> FloatArray:
+    def sample(changed: GainProblem) -> FloatArray:
         """Sample the objective and the active constraint's magnitude at the nodes."""
         result = changed.run(gains)
         value = changed.objective.value(result.end, abs(changed.scenario.obstacle.velocity), changed.impact)
@@ -123,7 +123,9 @@ def _ranked(inputs: list[_Input], found: list[tuple[float, float]]) -> tuple[Sen
     return tuple(sorted(entries, key=lambda s: -abs(s.gain_change_per_percent)))
 
 
-def _derivative(sample: Callable[[Problem], FloatArray], item: _Input, step: float, middle: FloatArray) -> FloatArray:
+def _derivative(
+    sample: Callable[[GainProblem], FloatArray], item: _Input, step: float, middle: FloatArray
+) -> FloatArray:
     """Differentiate samples by an input: centrally, or to one side where the other makes no sense."""
     sides = []
     for sign in (1, -1):
@@ -141,7 +143,7 @@ def _derivative(sample: Callable[[Problem], FloatArray], item: _Input, step: flo
     return np.full_like(middle, np.nan)
 
 
-def _inputs(problem: Problem) -> Iterator[_Input]:
+def _inputs(problem: GainProblem) -> Iterator[_Input]:
     """Yield every scalar input of the scenario and the sensor; what is 0 has a typical magnitude only in a motion."""
     scenario, sensor = problem.scenario, problem.sensor
     length = float(scenario.distance)
@@ -173,7 +175,7 @@ def _inputs(problem: Problem) -> Iterator[_Input]:
             )
 
 
-def gain_gradient(problem: Problem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
+def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
     """Differentiate optimal gains by one input.
 
     Args:
@@ -201,14 +203,14 @@ def gain_gradient(problem: Problem, gain: Any, name: str, one: Callable[[tuple[i
     return found.reshape(np.shape(gain))
 
 
-def _check(problem: Problem, name: str) -> None:
+def _check(problem: GainProblem, name: str) -> None:
     """Refuse an input that no contact depends on."""
     known = [n for n in input_names(problem.sensor) if n != "gain"]
     if name not in known:
         raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(known)}")
 
 
-def _exact(problem: Problem, gain: FloatArray, where: IntArray, name: str, found: FloatArray) -> IntArray:
+def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, found: FloatArray) -> IntArray:
     """Fill what has exact derivatives; return what is left."""
     kinds = _kinds(problem.column(where), gain[where])
     left = [where[kinds == _UNKNOWN]]
@@ -222,7 +224,7 @@ def _exact(problem: Problem, gain: FloatArray, where: IntArray, name: str, found
     return np.concatenate(left)
 
 
-def _kinds(problem: Problem, gain: FloatArray) -> Any:
+def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
     """Tell where each optimum sits: the number of the active constraint, or one of the three above."""
     axis = problem.axis
     kinds = np.full(len(gain), _INSIDE)

@@ -28,12 +28,12 @@ from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
 from .result import FrontPoint, FrontStatus, ParetoFront
 from .surface import find_front
 
-__all__ = ["Chosen", "pareto_front"]
+__all__ = ["Choice", "pareto_front"]
 
 _ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
 
 
-class Chosen(Protocol):
+class Choice(Protocol):
     """What can be marked as the user's choice: a design."""
 
     @property
@@ -55,7 +55,7 @@ def pareto_front(
     damping_ratio: tuple[float, float] | None = None,
     constraints: Sequence[Constraint] = (),
     impact: ImpactModel | None = None,
-    choice: float | Chosen | None = None,
+    choice: float | Choice | None = None,
     method: str = "auto",
     horizon: float = 600.0,
     evaluate: Evaluator | None = None,
@@ -129,9 +129,9 @@ def _quantities(given: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice: float | Chosen | None) -> ParetoFront:
+def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice: float | Choice | None) -> ParetoFront:
     freedom = trials.freedom
-    maker = _Points(trials, names, found)
+    maker = _Plane(trials, names, found)
     reached = np.isfinite(found.scanned_values).all(axis=1)
     known = len(found.at) > 0
     status = FrontStatus.FOUND if known else _why_empty(trials, found)
@@ -190,7 +190,7 @@ def _bound(trials: Trials) -> PhysicalBound | None:
     )
 
 
-class _Points:
+class _Plane:
     """Makes points of the plane: solves single encounters and places them beside the front."""
 
     def __init__(self, trials: Trials, names: tuple[str, ...], found: FoundFront) -> None:
@@ -215,7 +215,7 @@ class _Points:
         points = [self.point(f"least {name}", *one) for name, one in zip(self.names, least, strict=True)]
         return tuple(p for p in points if p is not None)
 
-    def chosen(self, choice: float | Chosen) -> FrontPoint | None:
+    def chosen(self, choice: float | Choice) -> FrontPoint | None:
         """Return the user's choice; None where that is a design without a gain or an encounter without contact."""
         if isinstance(choice, (int, float)):
             return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", "N*s")))

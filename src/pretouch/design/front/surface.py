@@ -47,7 +47,7 @@ def find_front(trials: Trials) -> FoundFront:
     if not len(best):
         return FoundFront.of(grid[:0], grid_values[:0], [], every, every_values)
     extent = extent_of(grid_values[best])
-    found = _Front(trials, extent)
+    found = _FrontPoints(trials, extent)
     for k in range(grid_values.shape[1]):
         weights = np.full(grid_values.shape[1], _PULL) / extent
         weights[k] = 1 / extent[k]
@@ -67,7 +67,7 @@ def find_front(trials: Trials) -> FoundFront:
     return FoundFront.of(found.at, found.values, found.pieces(), every, every_values)
 
 
-class _Front:
+class _FrontPoints:
     """The points found so far; none dominates another."""
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:

@@ -15,10 +15,11 @@ from pretouch.uncertainty import Interval, Uncertainty, make_ensemble, sample_in
 from pretouch.uncertainty.sampling import check_draw
 
 from ..certificate import DesignStatus
-from ..constraints import Constraint
-from ..gain import design_gain
+from ..constraints import Constraint, each_once
+from ..gain import design
 from ..impact import ImpactModel
 from ..own_objective import AnyObjective, as_objective
+from ..problem import GainProblem
 from ..search import EXACT, Effort, GainAxis, Minimum, Scan, search_axis
 from .evidence import RobustEvidence
 from .importance import rank_uncertain_inputs
@@ -134,16 +135,18 @@ def design_robust_gain(
         drawn = _draw(uncertainty, samples, seed, sampling, evaluate)
         problem = RobustProblem(ensemble=make(drawn, count=samples), **common)
         searched, minima = _search(problem)
-    nominal = design_gain(
-        scenario,
-        sensor,
-        objective,
-        bounds=axis.ends,
-        constraints=[limit.constraint for limit in limits],
+    ideal = GainProblem(
+        scenario=scenario,
+        sensor=sensor,
+        objective=objective,
+        constraints=tuple(limit.constraint for limit in limits),
         impact=impact,
+        axis=axis,
         method=method,
         horizon=horizon,
+        evaluator=None,
     )
+    nominal = design(ideal)
     gain = float(problem.axis.gain(minima[0].coordinate)) if minima else None
     checked = None if gain is None else validate(fresh, gain, nominal.gain, confidence=confidence)
     contact = searched.landscape.reached.any()
@@ -168,18 +171,7 @@ def design_robust_gain(
         limits=limits,
         impact=impact,
         ranking=partial(rank_uncertain_inputs, problem, make, uncertainty, samples=samples, seed=seed),
-        pricing=partial(
-            price_of_robustness,
-            scenario=scenario,
-            sensor=sensor,
-            objective=objective,
-            bounds=axis.ends,
-            impact=impact,
-            uncertainty=uncertainty,
-            gain=gain,
-            options={"method": method, "horizon": horizon},
-            on_evaluator=evaluate is not None,
-        ),
+        pricing=partial(price_of_robustness, ideal, uncertainty),
         evidence=RobustEvidence(problem=problem, fresh=fresh, scanned=searched),
     )
 
@@ -210,10 +202,7 @@ def _check(
     """Refuse what makes no sense as a robust design problem."""
     if not 0 < confidence < 1:
         raise InvalidInputError(f"confidence: found {confidence:g}, expected a number between 0 and 1, such as 0.95")
-    names = [limit.constraint.name for limit in limits]
-    for name in names:
-        if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: found twice, expected once")
+    each_once(limit.constraint for limit in limits)
     if isinstance(measure, WorstCase):
         if evaluate is not None:
             raise InvalidInputError(

@@ -21,7 +21,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import Scenario
 from pretouch.motion.inputs import scenario_with
 
-from ..problem import Problem
+from ..problem import GainProblem
 from .compiled import known_terms, search_compiled
 
 __all__ = ["find_family"]
@@ -38,7 +38,7 @@ _BASIS: Final = chebyshev_basis(_NODES)
 _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, INTEGER, POINTER)
 
 
-def find_family(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Find the optimal gains of encounters that differ in one quantity.
 
     Args:
@@ -84,7 +84,7 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
     return out
 
 
-def _is_met(problem: Problem, gain: FloatArray, value: FloatArray) -> BoolArray:
+def _is_met(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
     """Tell for which encounters their gain leads to the objective, by solving each."""
     result = problem.run(gain.reshape(problem.scenario.shape))
     found = problem.objective.value(result.end, abs(problem.scenario.obstacle.velocity), problem.impact).reshape(-1)
@@ -104,12 +104,12 @@ class _Family:
         place: the coordinate of every encounter, shape (n,).
     """
 
-    problem: Problem
+    problem: GainProblem
     name: str
     sign: float
     place: FloatArray
 
-    def at(self, place: FloatArray) -> Problem:
+    def at(self, place: FloatArray) -> GainProblem:
         """Return the problem of the encounters at some places."""
         value = self.sign * np.exp(place) if self.sign else place
         return replace(self.problem, scenario=scenario_with(self.problem.scenario, {self.name: value}))
@@ -132,7 +132,7 @@ class _Family:
         return np.asarray(coefficients)
 
 
-def _family(problem: Problem, name: str, value: Any) -> _Family:
+def _family(problem: GainProblem, name: str, value: Any) -> _Family:
     x = np.asarray(value, dtype=np.float64).reshape(-1)
     low, high = float(x.min()), float(x.max())
     near, far = sorted((abs(low), abs(high)))

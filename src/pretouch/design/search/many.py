@@ -14,7 +14,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 
 from ..certificate import DesignStatus
-from ..problem import Problem
+from ..problem import GainProblem
 from .compiled import search_compiled
 from .family import find_family
 from .minima import NODES, interpolate, minimize_polynomials
@@ -29,7 +29,7 @@ Found: TypeAlias = tuple[DesignStatus, float | None, float | None]
 """Status, gain [N s] and objective."""
 
 
-def design_many(problem: Problem, search_one: Callable[[Problem], Found]) -> tuple[Any, Any, Any]:
+def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]) -> tuple[Any, Any, Any]:
     """Design the gain of every encounter of an array.
 
     Args:
@@ -72,7 +72,7 @@ def design_many(problem: Problem, search_one: Callable[[Problem], Found]) -> tup
     return status.reshape(shape), gain.reshape(shape), objective.reshape(shape)
 
 
-def settle_one(problem: Problem) -> tuple[float, float] | None:
+def settle_one(problem: GainProblem) -> tuple[float, float] | None:
     """Design a single encounter in the way of many.
 
     Args:
@@ -85,7 +85,7 @@ def settle_one(problem: Problem) -> tuple[float, float] | None:
     return (float(gain[0]), float(objective[0])) if settled[0] else None
 
 
-def _design_block(problem: Problem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+def _design_block(problem: GainProblem, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Design a column of encounters; return gain, objective, and for which that is settled."""
     u = np.linspace(*problem.axis.span, count)
     scanned = problem.landscape(u[None])

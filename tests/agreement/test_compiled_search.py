@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pretouch.design import ElasticImpact, HertzImpact, SpringImpact, Term
-from pretouch.design.compiled_search import search_compiled
-from pretouch.design.evidence import Evidence
-from pretouch.design.family import find_family
+from pretouch.design.evidence import GainEvidence
 from pretouch.design.objectives import Objective, excursion_objective, time_objective
-from pretouch.design.problem import Problem
+from pretouch.design.problem import GainProblem
 from pretouch.design.search import GainAxis
+from pretouch.design.search.compiled import search_compiled
+from pretouch.design.search.family import find_family
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import (
     CustomSensor,
@@ -57,8 +57,8 @@ IMPACTS = {
 }
 
 
-def problem(scenario: Scenario, sensor: object = FIRST, objective: str = "f_1", low: float = -10.0) -> Problem:
-    return Problem(
+def problem(scenario: Scenario, sensor: object = FIRST, objective: str = "f_1", low: float = -10.0) -> GainProblem:
+    return GainProblem(
         scenario=scenario,
         sensor=sensor,
         objective=OBJECTIVES[objective],
@@ -117,7 +117,7 @@ def test_what_is_settled_is_the_optimum(sensor: object, objective: str) -> None:
 def test_every_curve_is_searched(name: str) -> None:
     sensor = CURVES[name]
     one = problem(letter(-0.3), sensor)
-    found, known = search_compiled(one), Evidence(problem=one)
+    found, known = search_compiled(one), GainEvidence(problem=one)
     assert found is not None
     assert found[2][0]
     assert found[0][0] == pytest.approx(known.gain, rel=1e-7)

@@ -21,8 +21,10 @@ from pretouch.design import (
     excursion_objective,
     time_objective,
 )
-from pretouch.design.freedom import make_freedom
-from pretouch.design.trials import Trials, magnitude, merit
+from pretouch.design.criteria import magnitude, merit
+from pretouch.design.problem import Encounters
+from pretouch.design.search.freedom import make_freedom
+from pretouch.design.search.trials import Trials
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import InversePower
 
@@ -141,13 +143,16 @@ def test_derivatives_are_those_of_the_encounters(letter_encounter: Scenario, fre
     freedom = make_freedom(letter_encounter, BOUNDS, free.get("natural_frequency"), free.get("damping_ratio"))
     trials = Trials(
         freedom=freedom,
-        sensor=CURVES["inverse-power"],
+        encounters=Encounters(
+            scenario=letter_encounter,
+            sensor=CURVES["inverse-power"],
+            constraints=(Constraint(name="time", limit=0.5),),
+            impact=IMPACT,
+            method="auto",
+            horizon=600.0,
+            evaluator=None,
+        ),
         measures=(merit(F1, 0.3, IMPACT), magnitude("impact_force", IMPACT), magnitude("largest_speed", None)),
-        constraints=(Constraint(name="time", limit=0.5),),
-        impact=IMPACT,
-        method="auto",
-        horizon=600.0,
-        evaluator=None,
     )
     point = np.array(at[: freedom.size])
     rows, slopes = trials.differentiate(point)
@@ -228,13 +233,16 @@ def test_exact_derivatives_are_those_of_differences(letter_encounter: Scenario, 
     """Two ways that share no code; differences of order 4 over 2e-4 of the range are good to 1e-12 / 2e-4."""
     trials = Trials(
         freedom=make_freedom(letter_encounter, BOUNDS, FREE["natural_frequency"], FREE["damping_ratio"]),
-        sensor=CURVES["inverse-power"],
+        encounters=Encounters(
+            scenario=letter_encounter,
+            sensor=CURVES["inverse-power"],
+            constraints=(Constraint(name="time", limit=0.5),),
+            impact=IMPACT,
+            method="auto",
+            horizon=600.0,
+            evaluator=None,
+        ),
         measures=(merit(F1, 0.3, IMPACT), magnitude("impact_force", IMPACT), magnitude("acceleration", None)),
-        constraints=(Constraint(name="time", limit=0.5),),
-        impact=IMPACT,
-        method="auto",
-        horizon=600.0,
-        evaluator=None,
     )
     point = np.array(at)
     exact = trials._exact(trials.run(point[None]), point)

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.design.freedom import make_freedom
-from pretouch.design.local_search import _settled
+from pretouch.design.criteria import merit
+from pretouch.design.problem import Encounters
 from pretouch.design.search import GainAxis
-from pretouch.design.trials import Trials, merit
+from pretouch.design.search.freedom import make_freedom
+from pretouch.design.search.local import _settled
+from pretouch.design.search.trials import Trials
 from verification_samples import OBJECTIVE, SCENARIO, SENSOR, loop_of
 
 RNG = np.random.default_rng(7)
@@ -83,13 +85,16 @@ def test_a_front_ends_at_the_bounds() -> None:
 def test_a_solver_that_stops_a_rounding_before_a_bound_is_put_on_it() -> None:
     trials = Trials(
         freedom=make_freedom(SCENARIO, WEAK, None, (0.3, 2.0)),
-        sensor=SENSOR,
+        encounters=Encounters(
+            scenario=SCENARIO,
+            sensor=SENSOR,
+            constraints=(),
+            impact=None,
+            method="auto",
+            horizon=600.0,
+            evaluator=None,
+        ),
         measures=(merit(OBJECTIVE, 0.3, None),),
-        constraints=(),
-        impact=None,
-        method="auto",
-        horizon=600.0,
-        evaluator=None,
     )
 
     def value(z: Any) -> float:

@@ -12,7 +12,7 @@ import pytest
 
 import pretouch as pt
 from control_samples import controller
-from pretouch.design.evidence import Evidence
+from pretouch.design.evidence import GainEvidence
 from pretouch.motion.evaluator import NoisyEvaluator
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -323,6 +323,6 @@ def test_the_evidence_of_a_smooth_loop_has_its_derivatives() -> None:
     quiet = replace(quiet, law=replace(quiet.law, conditioning=pt.Conditioning(floor=1e-9)))  # type: ignore[type-var]
     found = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet)
     ideal = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
-    assert isinstance(found.evidence, Evidence)
+    assert isinstance(found.evidence, GainEvidence)
     assert found.certificate.at == "interior"
     assert found.gradient("obstacle.velocity") == pytest.approx(ideal.gradient("obstacle.velocity"), rel=0.1)

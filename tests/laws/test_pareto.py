@@ -24,8 +24,8 @@ from pretouch.design import (
     pareto_front,
     quantity_of,
 )
-from pretouch.design.domination import non_dominated, shortfall
-from pretouch.design.front_curve import trace_front
+from pretouch.design.front.curve import trace_front
+from pretouch.design.front.domination import non_dominated, shortfall
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder
 
@@ -75,7 +75,7 @@ def test_the_shortfall_is_the_shift_that_makes_a_front_dominate() -> None:
 def test_the_front_of_a_curve_ends_where_a_quantity_is_least() -> None:
     """Two parabolas over u, with their minima at 0.3 and at 0.7: what lies between is the front."""
     found = trace_front(lambda u: np.stack([(u - 0.3) ** 2, (u - 0.7) ** 2], axis=-1))
-    assert found.at[[0, -1]] == pytest.approx([0.3, 0.7], abs=1e-7)  # a minimum is found to the root of rounding
+    assert found.at[[0, -1], 0] == pytest.approx([0.3, 0.7], abs=1e-7)  # a minimum is found to the root of rounding
     assert (found.piece == found.piece[0]).all()
 
 
@@ -95,8 +95,8 @@ def test_a_curve_that_doubles_back_has_a_front_in_pieces_whose_ends_are_found() 
         grid = np.linspace(u + 1e-3, 1, 4001)
         under = grid[np.argmax(second(grid) < level)]
         starts.append(brentq(lambda v, level=level: second(v) - level, under - 1e-3, under, xtol=1e-14))
-    for number, (start, end) in enumerate(zip(starts, least, strict=True), 1):
-        piece = found.at[found.piece == number]
+    for number, (start, end) in enumerate(zip(starts, least, strict=True)):
+        piece = found.at[found.piece == number, 0]
         assert piece[0] == pytest.approx(start, abs=1e-9)
         assert piece[-1] == pytest.approx(end, abs=1e-7)
 
@@ -107,7 +107,7 @@ def test_an_edge_of_what_is_feasible_is_found_to_rounding() -> None:
     def evaluate(u: np.ndarray) -> np.ndarray:
         return np.where((u < edge)[:, None], np.stack([u, 1 - u], axis=-1), np.inf)
 
-    assert trace_front(evaluate).at[-1] == pytest.approx(edge, abs=1e-12)
+    assert trace_front(evaluate).at[-1, 0] == pytest.approx(edge, abs=1e-12)
 
 
 # --- the front of the gain

@@ -339,7 +339,7 @@ def test_what_is_shown_is_what_was_designed() -> None:
     assert curve.feasible.all()
     assert float(np.interp(found.gain, curve.gain, curve.value)) == pytest.approx(found.value, rel=1e-3)
     assert curve.value.min() >= found.value * (1 - 1e-12)
-    for shown, words in ((own, "<Outcomes: 256 "), (curve, "<RobustTradeOff: "), (found, "<RobustDesign: D_p")):
+    for shown, words in ((own, "<RobustOutcomes: 256 "), (curve, "<RobustTradeOff: "), (found, "<RobustDesign: D_p")):
         assert repr(shown).startswith(words)
         assert "\n" not in repr(shown)
 

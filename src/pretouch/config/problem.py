@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pretouch.calibration import CalibrationReport
     from pretouch.design.admittance_result import AdmittanceDesign
-    from pretouch.design.front import ParetoFront
+    from pretouch.design.front.result import ParetoFront
     from pretouch.design.result import GainDesign
     from pretouch.design.robust.result import RobustDesign
     from pretouch.simulation import GainLimit

@@ -2,15 +2,15 @@
 
 from .admittance import design_admittance
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
-from .bound_comparison import BoundComparison
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import CONSTRAINT_NAMES, Constraint
-from .front import FrontPoint, FrontStatus, ParetoFront
+from .front.comparison import BoundComparison
+from .front.pareto import pareto_front
+from .front.physical_bound import PhysicalBound, find_physical_bound
+from .front.result import FrontPoint, FrontStatus, ParetoFront
 from .gain import Evaluator, design_gain
 from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
-from .pareto import pareto_front
-from .physical_bound import PhysicalBound, find_physical_bound
 from .quantities import QUANTITY_UNITS, quantity_of
 from .result import GainDesign
 

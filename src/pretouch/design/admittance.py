@@ -9,21 +9,22 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.motion import Admittance, Scenario
 from pretouch.sensors import SensorModel
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
 from .constraints import Constraint
-from .freedom import make_freedom
-from .gain import design_gain
+from .gain import design
 from .impact import ImpactModel
-from .local_search import descend, kkt_residual
 from .own_objective import AnyObjective, as_objective
-from .problem import Evaluator
+from .problem import Evaluator, GainProblem
 from .result import GainDesign
-from .trials import HELD, Trials, merit
+from .search import HELD, GainAxis
+from .search.freedom import make_freedom
+from .search.local import descend, kkt_residual
+from .search.trials import Trials
 
 __all__ = ["design_admittance"]
 
@@ -103,37 +104,25 @@ def design_admittance(
             "natural_frequency: found neither it nor damping_ratio free, expected bounds of at least one; "
             "use design_gain for the gain alone"
         )
-    low, high = (finite(b, "bounds", "N*s") for b in bounds)
-    if not low < high:
-        raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
-    objective = as_objective(objective)
-    freedom = make_freedom(scenario, (low, high), natural_frequency, damping_ratio)
-    trials = Trials(
-        freedom=freedom,
+    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
+    problem = GainProblem(
+        scenario=scenario,
         sensor=sensor,
-        measures=(merit(objective, abs(float(scenario.obstacle.velocity)), impact),),
+        objective=as_objective(objective),
         constraints=tuple(constraints),
         impact=impact,
+        axis=freedom.axis,
         method=method,
         horizon=horizon,
         evaluator=evaluate,
     )
+    trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
-    def gain_at(admittance: Admittance, within: tuple[float, float] = (low, high)) -> GainDesign:
-        return design_gain(
-            replace(scenario, admittance=admittance),
-            sensor,
-            objective,
-            bounds=within,
-            constraints=constraints,
-            impact=impact,
-            method=method,
-            horizon=horizon,
-            evaluate=evaluate,
-        )
+    def gain_at(admittance: Admittance, axis: GainAxis = problem.axis) -> GainDesign:
+        return design(replace(problem, scenario=replace(scenario, admittance=admittance), axis=axis))
 
     as_it_is = gain_at(scenario.admittance)
-    search = _Search(trials)
+    search = _AdmittanceSearch(trials)
     found = search.minima()
     for _ in range(_ROUNDS if found else 0):
         chosen = gain_at(_admittance(trials, found[0].at))
@@ -151,13 +140,12 @@ def design_admittance(
         if chosen.status is DesignStatus.OPTIMAL:
             break
         ends = np.clip(found[0].at[0] + np.array([-share, share]), 0.0, 1.0)  # feasible where the scan has no gain
-        low_, high_ = (float(g) for g in freedom.gain(ends[:, None]))
-        chosen = gain_at(admittance, (low_, high_))
+        chosen = gain_at(admittance, GainAxis.between(freedom.gain(ends[:, None]).tolist()))
     return _design(search, as_it_is, chosen, found, chosen.status)
 
 
 def _design(
-    search: _Search,
+    search: _AdmittanceSearch,
     as_it_is: GainDesign,
     chosen: GainDesign | None,
     found: list[AdmittanceMinimum] | None,
@@ -189,7 +177,7 @@ def _design(
     )
 
 
-class _Search:
+class _AdmittanceSearch:
     """The grid, the tests, and the minima found from them."""
 
     def __init__(self, trials: Trials) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,7 +15,7 @@ from pretouch.motion.contact import ContactState
 from .impact import ImpactModel
 from .quantities import QUANTITY_UNITS, quantity_of
 
-__all__ = ["CONSTRAINT_NAMES", "Constraint"]
+__all__ = ["CONSTRAINT_NAMES", "Constraint", "each_once"]
 
 CONSTRAINT_NAMES: Final[dict[str, str]] = {
     "excursion": "largest_excursion",
@@ -77,3 +78,11 @@ class Constraint:
             The magnitude.
         """
         return np.abs(quantity_of(self.quantity, state, impact))
+
+
+def each_once(constraints: Iterable[Constraint]) -> None:
+    """Refuse a quantity that is limited twice."""
+    names = [constraint.name for constraint in constraints]
+    for name in names:
+        if names.count(name) > 1:
+            raise InvalidInputError(f"constraint {name}: found twice, expected once")

@@ -3,46 +3,47 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult
 
-from .certificate import Certificate, ConstraintOutcome, IdealDesign, Sensitivity, TradeOff
+from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
-from .problem import Problem
+from .problem import GainProblem
 from .search import HELD, GainAxis, Minimum, Scan, refine, scan
-from .sensitivity import gain_sensitivities
+from .search.compiled import search_compiled
+from .search.many import Found, design_many, settle_one
+from .sensitivity import gain_gradient, gain_sensitivities
 
-__all__ = ["Evidence"]
+__all__ = ["ArrayEvidence", "GainEvidence", "find_evidence", "find_evidence_of_many"]
 
 _ACTIVE = 1e-6
 _SMOOTH = 1e-2  # |df/du| / f over 0.2 of u around the optimum on a loop: ripples of r displace it to sqrt(2 r f_uu / f)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence(Value):
+class GainEvidence(Value):
     """The scan and the minima of a design, and what follows from them.
 
     Args:
         problem: what was designed.
-        settled: the optimal gain, where that was settled without the whole scan.
+        settled: the optimal gain [N s] and the objective there, where these were settled without the whole scan.
     """
 
-    problem: Problem
-    settled: float | None = None
+    problem: GainProblem
+    settled: tuple[float, float] | None = None
 
     @cached_property
     def scanned(self) -> Scan:
         """The scan of the whole range, refined until neighbors predict each other."""
-        axis = self.problem.axis
-        low, high = axis.coordinate(np.array([axis.low, axis.high]))
-        return scan(self.problem.landscape, float(low), float(high))
+        return scan(self.problem.landscape, *self.problem.axis.span)
 
     @cached_property
     def minima(self) -> tuple[Minimum, ...]:
@@ -88,8 +89,22 @@ class Evidence(Value):
     def gain(self) -> float | None:
         """The optimal gain [N s]."""
         if self.settled is not None:
-            return self.settled
+            return self.settled[0]
         return None if self.best is None else float(self.problem.axis.gain(self.best.coordinate))
+
+    @property
+    def objective(self) -> float | None:
+        """The objective there."""
+        if self.settled is not None:
+            return self.settled[1]
+        return None if self.best is None else self.best.value
+
+    @property
+    def status(self) -> DesignStatus:
+        """How the design ended."""
+        if self.gain is not None:
+            return DesignStatus.OPTIMAL
+        return DesignStatus.NO_CONTACT if self.nearest_gain is None else DesignStatus.INFEASIBLE
 
     @cached_property
     def result(self) -> ContactResult | None:
@@ -185,19 +200,7 @@ class Evidence(Value):
         p = self.problem
         if p.evaluator is not None and self.at == "interior" and not self._is_smooth():
             return ()
-        return gain_sensitivities(
-            scenario=p.scenario,
-            sensor=p.sensor,
-            objective=p.objective,
-            constraint=next((c for c in p.constraints if c.name == self.at and c.quantity != "gain"), None),
-            impact=p.impact,
-            evaluate=p.evaluate,
-            sampled=p.evaluator is not None,
-            differentiable=p.is_differentiable,
-            axis=p.axis,
-            gain=self.gain,
-            at=self.at,
-        )
+        return gain_sensitivities(p, self.gain, self.at)
 
     def _is_smooth(self) -> bool:
         """Tell whether the objective of somebody else's encounters is smooth as far as differences reach."""
@@ -210,46 +213,90 @@ class Evidence(Value):
         p = self.problem
         if p.evaluator is None or self.gain is None:
             return None
-        from .gain import design_gain  # noqa: PLC0415 - it makes designs of evidence
-
-        found = design_gain(
-            p.scenario,
-            p.sensor,
-            p.objective,
-            bounds=p.axis.ends,
-            constraints=p.constraints,
-            impact=p.impact,
-            method=p.method,
-            horizon=p.horizon,
-        )
+        found = find_evidence(replace(p, evaluator=None))
         if found.gain is None:
             return None
         both = p.landscape(p.axis.coordinate(np.array([found.gain, self.gain])))
         value, own = map(float, both.objective)
         loss = value / own - 1 if own > 0 else math.inf if value > 0 else 0.0
-        return IdealDesign(gain=float(found.gain), objective=value, loss=loss, feasible=bool(both.feasible[0]))
+        return IdealDesign(gain=found.gain, objective=value, loss=loss, feasible=bool(both.feasible[0]))
 
-    def gradient(self, gain: float, name: str) -> Any:
-        """Differentiate the optimal gain by one input.
+    def gradient(self, name: str) -> float:
+        """Differentiate the optimal gain by one input; NaN where there is none."""
+        return math.nan if self.gain is None else float(gain_gradient(self.problem, self.gain, name, lambda _: self))
 
-        Args:
-            gain: the optimal gain [N s].
-            name: the input.
 
-        Returns:
-            The derivative.
-        """
-        from .gain_gradient import gain_gradient  # noqa: PLC0415 - few designs are differentiated
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArrayEvidence(Value):
+    """In the place of the evidence of one design: says how to get that.
 
-        return gain_gradient(self.problem, gain, name, lambda _: self)
+    Args:
+        problem: what was designed.
+        status: how each design ended, of the scenario's shape.
+        gain: the optimal gains [N s]; NaN where there is none.
+        objective: the objectives there.
+    """
+
+    problem: GainProblem
+    status: Any
+    gain: FloatArray
+    objective: FloatArray
+
+    def at(self, index: tuple[int, ...]) -> GainEvidence:
+        """Design the encounter at an index, one integer per axis, alone."""
+        return find_evidence(self.problem.at(index))
+
+    def gradient(self, name: str) -> FloatArray:
+        """Differentiate the optimal gains by one input."""
+        return gain_gradient(self.problem, self.gain, name, self.at)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # as of a protocol of Python, which asks what there is
+            raise AttributeError(name)
+        raise ResultUnavailableError(
+            f"{name}: found an array of designs, of which each has its own; choose one with .at(index)"
+        )
+
+
+def find_evidence(problem: GainProblem) -> GainEvidence:
+    """Design a single encounter, by the search of many where that settles it for certain.
+
+    Args:
+        problem: the problem, of one encounter.
+
+    Returns:
+        The evidence; where nothing is settled, its scan is still to come.
+    """
+    free = problem.within_gain_limit()
+    found = search_compiled(free)
+    gain, value, known = (math.nan, math.nan, 0.0) if found is None else found[:, 0].tolist()
+    return GainEvidence(problem=problem, settled=(gain, value) if known else settle_one(free))
+
+
+def find_evidence_of_many(problem: GainProblem) -> ArrayEvidence:
+    """Design every encounter of an array.
+
+    Args:
+        problem: the problem, with an array of encounters.
+
+    Returns:
+        The evidence.
+    """
+
+    def search_one(one: GainProblem) -> Found:
+        alone = find_evidence(one) if problem.is_noisy else GainEvidence(problem=one)
+        return alone.status, alone.gain, alone.objective
+
+    status, gain, objective = design_many(problem, search_one)
+    return ArrayEvidence(problem=problem, status=status, gain=gain, objective=objective)
 
 
 def _at_bound(axis: GainAxis, coordinate: float) -> bool:
-    ends = axis.coordinate(np.array([axis.low, axis.high]))
-    return bool(np.any(np.abs(ends - coordinate) <= 1e-9 * (ends[1] - ends[0])))
+    low, high = axis.span
+    return min(abs(coordinate - low), abs(coordinate - high)) <= 1e-9 * (high - low)
 
 
-def _stationarity(problem: Problem, best: Minimum) -> float | None:
+def _stationarity(problem: GainProblem, best: Minimum) -> float | None:
     """Return |df/du| / f at an interior optimum, by a five-point difference that the search did not use."""
     narrow = min(1e-2, 0.1 * (best.bracket[1] - best.bracket[0]))  # a sharp minimum has a narrow bracket
     step = narrow if problem.evaluator is None else 0.05  # which reaches over the ripples of a loop that samples

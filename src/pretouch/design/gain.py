@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any
 
-from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
-from .batch import ArrayEvidence, design_many, settle_one
-from .certificate import DesignStatus
-from .compiled_search import search_compiled
 from .constraints import Constraint
-from .evidence import Evidence
+from .evidence import find_evidence, find_evidence_of_many
 from .impact import ImpactModel
 from .own_objective import AnyObjective, as_objective
-from .problem import Evaluator, Problem
+from .problem import Evaluator, GainProblem
 from .result import GainDesign
 from .search import GainAxis
 
-__all__ = ["Evaluator", "design_gain", "design_one"]
+__all__ = ["Evaluator", "design", "design_gain"]
 
 
 def design_gain(
@@ -74,74 +67,22 @@ def design_gain(
         >>> round(design.gain, 4), round(design.objective, 5)
         (-0.7463, 0.10698)
     """
-    low, high = bounds
-    problem = Problem(
+    problem = GainProblem(
         scenario=scenario,
         sensor=sensor,
         objective=as_objective(objective),
         constraints=tuple(constraints),
         impact=impact,
-        axis=GainAxis(low=finite(low, "bounds", "N*s"), high=finite(high, "bounds", "N*s")),
+        axis=GainAxis.between(bounds),
         method=method,
         horizon=horizon,
         evaluator=evaluate,
     )
-    _check(problem)
-    if scenario.shape == ():
-        return design_one(problem)
-    search = design_one if problem.is_noisy else _search_one
-    return _design(problem, *design_many(problem, search), ArrayEvidence(problem=problem))
+    return design(problem)
 
 
-def design_one(problem: Problem) -> GainDesign:
-    """Design a single encounter, by the search of many where that settles it for certain.
-
-    Args:
-        problem: the problem, of one encounter.
-
-    Returns:
-        The design.
-    """
-    free = problem.within_gain_limit()
-    found = search_compiled(free)
-    gain, value, known = (math.nan, math.nan, 0.0) if found is None else found[:, 0].tolist()
-    if not known:
-        settled = settle_one(free)
-        if settled is None:
-            return _search_one(problem)
-        gain, value = settled
-    return _design(problem, DesignStatus.OPTIMAL, gain, value, Evidence(problem=problem, settled=gain))
-
-
-def _search_one(problem: Problem) -> GainDesign:
-    """Design a single encounter by the scan that halves intervals until neighbors predict each other."""
-    evidence = Evidence(problem=problem)
-    if evidence.best is not None:
-        return _design(problem, DesignStatus.OPTIMAL, evidence.gain, evidence.best.value, evidence)
-    contact = evidence.nearest_gain is not None
-    return _design(problem, DesignStatus.INFEASIBLE if contact else DesignStatus.NO_CONTACT, None, None, evidence)
-
-
-def _design(problem: Problem, status: Any, gain: Any, objective: Any, evidence: Any) -> GainDesign:
-    return GainDesign(
-        status=status,
-        gain=gain,
-        objective=objective,
-        bounds=(problem.axis.low, problem.axis.high),
-        scenario=problem.scenario,
-        sensor=problem.sensor,
-        definition=problem.objective,
-        impact=problem.impact,
-        evidence=evidence,
-    )
-
-
-def _check(problem: Problem) -> None:
-    """Refuse what makes no sense as a design problem."""
-    axis = problem.axis
-    if not axis.low < axis.high:
-        raise InvalidInputError(f"bounds: found [{axis.low:g}, {axis.high:g}] N*s, expected the smaller gain first")
-    names = [c.name for c in problem.constraints]
-    for name in names:
-        if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: found twice, expected once")
+def design(problem: GainProblem) -> GainDesign:
+    """Design the gain of a problem, or of each encounter of an array."""
+    if problem.scenario.shape == ():
+        return GainDesign.of(find_evidence(problem))
+    return GainDesign.of(find_evidence_of_many(problem))

@@ -1,4 +1,4 @@
-"""A design problem as a value, and the two views of it that the search needs."""
+"""A design problem as a value, and the views of it that a search needs."""
 
 from __future__ import annotations
 
@@ -7,33 +7,31 @@ from typing import Any
 
 import numpy as np
 
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
 
-from .constraints import Constraint
+from .constraints import Constraint, each_once
+from .criteria import Criterion, merit
 from .impact import ImpactModel
 from .objectives import Objective
-from .own_objective import appraise
 from .search import HELD, GainAxis, Landscape
 
-__all__ = ["Evaluator", "Problem"]
+__all__ = ["Encounters", "Evaluator", "GainProblem"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem(Value):
-    """One design problem, or an array of them that share all but their encounters.
+class Encounters(Value):
+    """Encounters, how they are solved, and what they must keep.
 
     Args:
         scenario: the encounter, or an array of them.
         sensor: the sensor curve.
-        objective: what is minimized.
         constraints: limits that the encounter must keep.
         impact: physical properties, where given.
-        axis: the coordinate of the gain, with its bounds.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
         evaluator: solves encounters in the place of `find_contact`, where given.
@@ -41,25 +39,55 @@ class Problem(Value):
 
     scenario: Scenario
     sensor: SensorModel
-    objective: Objective
     constraints: tuple[Constraint, ...]
     impact: ImpactModel | None
-    axis: GainAxis
     method: str
     horizon: float
     evaluator: Evaluator | None
+
+    def __post_init__(self) -> None:
+        if self.constraints:
+            each_once(self.constraints)
 
     @property
     def is_differentiable(self) -> bool:
         """Whether its encounters have gradients: those of a user's function and of the uniform motion have none."""
         return self.evaluator is None and self.method != "uniform-motion"
 
+    def solve(self, scenario: Scenario, gain: Any) -> ContactResult:
+        """Solve other encounters as these are solved."""
+        if self.evaluator is not None:
+            return self.evaluator(scenario, self.sensor, gain)
+        return find_contact(scenario, self.sensor, gain, method=self.method, horizon=self.horizon)
+
+    def run(self, gain: Any) -> ContactResult:
+        """Solve the encounters with one gain or several."""
+        return self.solve(self.scenario, gain)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainProblem(Encounters):
+    """One design problem, or an array of them that share all but their encounters.
+
+    Args:
+        objective: what is minimized.
+        axis: the coordinate of the gain, with its bounds.
+    """
+
+    objective: Objective
+    axis: GainAxis
+
+    @property
+    def merit(self) -> Criterion:
+        """The objective with its derivatives."""
+        return merit(self.objective, abs(self.scenario.obstacle.velocity), self.impact)
+
     @property
     def is_noisy(self) -> bool:
         """Whether each of its encounters meets noise of its own, which belongs to its place among all of them."""
         return isinstance(self.evaluator, NoisyEvaluator)
 
-    def at(self, index: tuple[int, ...]) -> Problem:
+    def at(self, index: tuple[int, ...]) -> GainProblem:
         """Return the problem of one encounter of an array, with the noise that it meets there.
 
         Args:
@@ -74,7 +102,7 @@ class Problem(Value):
         one = map_fields(self.scenario, lambda value: float(np.broadcast_to(value, shape)[index]))
         return replace(self, scenario=one, evaluator=evaluator)
 
-    def within_gain_limit(self) -> Problem:
+    def within_gain_limit(self) -> GainProblem:
         """Return the problem whose bounds keep what its constraints say of the gain, without these constraints.
 
         An optimum inside such bounds is that of the problem itself. Where nothing is left between them, or a bound
@@ -90,23 +118,28 @@ class Problem(Value):
         others = tuple(c for c in self.constraints if c.quantity != "gain")
         return replace(self, constraints=others, axis=GainAxis(low=low, high=high))
 
-    def evaluate(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
-        """Solve any encounter as this problem solves its own."""
-        if self.evaluator is not None:
-            return self.evaluator(scenario, sensor, gain)
-        return find_contact(scenario, sensor, gain, method=self.method, horizon=self.horizon)
+    def column(self, which: IntArray) -> GainProblem:
+        """Return the problem of some encounters of an array, as a column with which a row of gains broadcasts.
 
-    def run(self, gain: Any) -> ContactResult:
-        """Solve the encounter with one gain or several."""
-        return self.evaluate(self.scenario, self.sensor, gain)
+        Args:
+            which: their places in the flat array, shape (m,).
+
+        Returns:
+            The problem, each field of its scenario a number or of shape (m, 1).
+        """
+        shape = self.scenario.shape
+
+        def taken(value: Any) -> Any:
+            return value if np.ndim(value) == 0 else np.broadcast_to(value, shape).reshape(-1)[which][:, None]
+
+        return replace(self, scenario=map_fields(self.scenario, taken))
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
         """Appraise gains by their coordinates."""
         result = self.run(self.axis.gain(coordinate))
         reached = result.reached
-        speed = abs(self.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, self.impact) / c.limit for c in self.constraints]
         return Landscape(
-            objective=appraise(self.objective, result.end, reached, speed, self.impact),
+            objective=self.merit.value(result),
             ratios=np.where(reached, np.reshape(ratios, (len(ratios), *np.shape(reached))), np.inf),
         )

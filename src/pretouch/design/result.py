@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +19,7 @@ from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
+from .evidence import ArrayEvidence, GainEvidence
 from .impact import ImpactModel
 from .objectives import Objective
 
@@ -54,9 +54,25 @@ class GainDesign(Described, Value):
     sensor: SensorModel
     definition: Objective
     impact: ImpactModel | None
-    evidence: Any
+    evidence: GainEvidence | ArrayEvidence
 
     page: ClassVar[str] = "pretouch.design.page:gain_page"
+
+    @classmethod
+    def of(cls, evidence: GainEvidence | ArrayEvidence) -> GainDesign:
+        """Make the design that evidence speaks of."""
+        problem = evidence.problem
+        return cls(
+            status=evidence.status,
+            gain=evidence.gain,
+            objective=evidence.objective,
+            bounds=problem.axis.ends,
+            scenario=problem.scenario,
+            sensor=problem.sensor,
+            definition=problem.objective,
+            impact=problem.impact,
+            evidence=evidence,
+        )
 
     def at(self, *index: int) -> GainDesign:
         """Return the design of one encounter of an array, with its evidence.
@@ -67,8 +83,7 @@ class GainDesign(Described, Value):
         Returns:
             The design.
         """
-        found: GainDesign = self.evidence.design_one(index) if self.scenario.shape else self
-        return found
+        return GainDesign.of(self.evidence.at(index)) if isinstance(self.evidence, ArrayEvidence) else self
 
     @property
     def method(self) -> str:
@@ -86,26 +101,22 @@ class GainDesign(Described, Value):
 
         None, too, where either of the two has no gain.
         """
-        found: IdealDesign | None = self.evidence.ideal
-        return found
+        return self.evidence.ideal
 
     @property
     def result(self) -> ContactResult | None:
         """The encounter at the optimal gain; None unless optimal."""
-        found: ContactResult | None = self.evidence.result
-        return found
+        return self.evidence.result
 
     @property
     def nearest(self) -> ContactResult | None:
         """Where infeasible, the encounter at the gain that exceeds the constraints least; else None."""
-        found: ContactResult | None = self.evidence.nearest
-        return found
+        return self.evidence.nearest
 
     @property
     def no_mitigation(self) -> ContactResult:
         """The encounter with D_p = 0."""
-        found: ContactResult = self.evidence.no_mitigation
-        return found
+        return self.evidence.no_mitigation
 
     @property
     def objective_parts(self) -> dict[str, float]:
@@ -128,26 +139,22 @@ class GainDesign(Described, Value):
     @property
     def constraints(self) -> tuple[ConstraintOutcome, ...]:
         """Each constraint with its margin."""
-        found: tuple[ConstraintOutcome, ...] = self.evidence.constraints
-        return found
+        return self.evidence.constraints
 
     @property
     def trade_off(self) -> TradeOff:
         """Objective and contact over the bounds."""
-        found: TradeOff = self.evidence.trade_off
-        return found
+        return self.evidence.trade_off
 
     @property
     def certificate(self) -> Certificate | None:
         """Why the gain is believed to be the optimum; None unless optimal."""
-        found: Certificate | None = self.evidence.certificate
-        return found
+        return self.evidence.certificate
 
     @property
     def sensitivities(self) -> tuple[Sensitivity, ...]:
         """The derivative of the optimum with respect to each input."""
-        found: tuple[Sensitivity, ...] = self.evidence.sensitivities
-        return found
+        return self.evidence.sensitivities
 
     def gradient(self, by: str) -> Any:
         """Return how the optimal gain follows one input, exact where objective and limits are those of the contact.
@@ -160,9 +167,7 @@ class GainDesign(Described, Value):
             d D_p / d input, in N s per unit of the input: a float, or an array of the scenario's shape. NaN where there
             is no optimal gain, beside an edge of contact, and where the objective has a corner or a jump.
         """
-        if self.scenario.shape:
-            return self.evidence.gradient(self.gain, by)
-        return math.nan if self.gain is None else float(self.evidence.gradient(self.gain, by))
+        return self.evidence.gradient(by)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

@@ -1,30 +1,32 @@
-"""How the optimum follows each input, by the implicit function theorem."""
+"""How optimal gains follow each input, by the implicit function theorem: exactly, or by differences."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray
-from pretouch.motion import ContactResult, Scenario
-from pretouch.sensors import Recessed, SensorModel
+from pretouch._core.numbers import FloatArray, IntArray
+from pretouch.motion.gradients import input_names
+from pretouch.motion.inputs import SCENARIO_INPUTS, scenario_with, sensor_inputs, sensor_with
+from pretouch.sensors import Recessed
 
 from .certificate import Sensitivity
-from .constraints import Constraint
 from .gradient import follow_optimum, has_gradients
-from .impact import ImpactModel
-from .objectives import Objective
-from .search import GainAxis
+from .problem import GainProblem
 
-__all__ = ["gain_sensitivities"]
+__all__ = ["gain_gradient", "gain_sensitivities"]
 
-_NODES = np.arange(-2, 3)
-_FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
-_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
+_NODES: Final = np.arange(-2, 3)
+_FIRST: Final = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
+_SECOND: Final = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
+_BLOCK: Final = 4096  # designs at a time: nine encounters each
+_ACTIVE: Final = 1e-6  # of a limit, as in Certificate
+_ON_BOUND: Final = 1e-9  # of the range of u
+_INSIDE, _BOUND, _UNKNOWN = -1, -2, -3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,29 +44,16 @@ _RIPPLED = _Steps(gain=0.1, relative=1e-2)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Input:
-    """One input: its name, value and unit, and the problem with it changed."""
+    """One input: its name, value and unit, its typical magnitude, and the problem with it changed."""
 
     name: str
     value: float
     unit: str
-    step: float
-    changed: Callable[[float], tuple[Scenario, SensorModel]]
+    typical: float
+    changed: Callable[[float], GainProblem]
 
 
-def gain_sensitivities(
-    *,
-    scenario: Scenario,
-    sensor: SensorModel,
-    objective: Objective,
-    constraint: Constraint | None,
-    impact: ImpactModel | None,
-    evaluate: Callable[[Scenario, SensorModel, Any], ContactResult],
-    sampled: bool,
-    differentiable: bool,
-    axis: GainAxis,
-    gain: float,
-    at: str,
-) -> tuple[Sensitivity, ...]:
+def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
     """Differentiate the optimal gain and its objective with respect to every scalar input.
 
     Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
@@ -74,54 +63,38 @@ def gain_sensitivities(
     somebody else solves reach over the ripples of a sampled loop, and are good to some percent.
 
     Args:
-        scenario: the encounter.
-        sensor: the sensor curve.
-        objective: what was minimized.
-        constraint: the active constraint, if the optimum sits on one.
-        impact: the physical properties, where given.
-        evaluate: solves encounters.
-        sampled: whether that is somebody else's, such as a loop that samples.
-        differentiable: whether what it returns has gradients.
-        axis: the coordinate of the gain.
+        problem: what was designed, for one encounter.
         gain: the optimal gain [N s].
         at: where the optimum sits, as in Certificate.
 
     Returns:
         One entry per input whose change keeps the contact, largest effect first.
     """
-    steps = _RIPPLED if sampled else _SMOOTH
-    first, second = _FIRST / steps.gain, _SECOND / steps.gain**2
-    inputs = list(_inputs(scenario, sensor, steps.relative))
-    if differentiable and has_gradients(objective, constraint):
-        shifts = follow_optimum(
-            run=lambda gains: evaluate(scenario, sensor, gains),
-            scenario=scenario,
-            objective=objective,
-            constraint=constraint,
-            impact=impact,
-            axis=axis,
-            gain=np.array([gain]),
-            names=tuple(item.name for item in inputs),
-            held=at != "interior" and constraint is None,
-        )
-        exact = [(float(shifts[item.name].gain[0]), float(shifts[item.name].objective[0])) for item in inputs]
+    constraint = next((c for c in problem.constraints if c.name == at and c.quantity != "gain"), None)
+    inputs = list(_inputs(problem))
+    if has_gradients(problem, constraint):
+        held = at != "interior" and constraint is None
+        names = tuple(item.name for item in inputs)
+        shifts = follow_optimum(problem, constraint, gain=np.array([gain]), names=names, held=held)
+        exact = [(float(shifts[name].gain[0]), float(shifts[name].objective[0])) for name in names]
         if np.isfinite(exact).all():  # beside an edge of contact only one side is left
             return _ranked(inputs, exact)
-    center = float(axis.coordinate(gain))
-    gains = axis.scale * np.sinh(center + steps.gain * _NODES)
+    steps, axis = _SMOOTH if problem.evaluator is None else _RIPPLED, problem.axis
+    first, second = _FIRST / steps.gain, _SECOND / steps.gain**2
+    gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + steps.gain * _NODES)
 
-    def sample(changed: tuple[Scenario, SensorModel]) -> FloatArray:
+    def sample(changed: GainProblem) -> FloatArray:
         """Sample the objective and the active constraint's magnitude at the nodes."""
-        result = evaluate(*changed, gains)
-        value = objective.value(result.end, abs(changed[0].obstacle.velocity), impact)
-        limited = constraint.magnitude(result.end, impact) if constraint else np.zeros(len(gains))
+        result = changed.run(gains)
+        value = changed.objective.value(result.end, abs(changed.scenario.obstacle.velocity), changed.impact)
+        limited = constraint.magnitude(result.end, changed.impact) if constraint else np.zeros(len(gains))
         return np.where(result.reached, [value, limited], np.nan)
 
-    middle = sample((scenario, sensor))
+    middle = sample(problem)
     f, g = middle
     found = []
     for item in inputs:
-        f_p, g_p = _derivative(sample, item, middle)
+        f_p, g_p = _derivative(sample, item, steps.relative * item.typical, middle)
         if at == "interior":
             shift = -(f_p @ first) / (f @ second)
         elif constraint is not None:
@@ -151,88 +124,116 @@ def _ranked(inputs: list[_Input], found: list[tuple[float, float]]) -> tuple[Sen
 
 
 def _derivative(
-    sample: Callable[[tuple[Scenario, SensorModel]], FloatArray], item: _Input, middle: FloatArray
+    sample: Callable[[GainProblem], FloatArray], item: _Input, step: float, middle: FloatArray
 ) -> FloatArray:
     """Differentiate samples by an input: centrally, or to one side where the other makes no sense."""
     sides = []
     for sign in (1, -1):
         try:
-            side = sample(item.changed(item.value + sign * item.step))
+            side = sample(item.changed(item.value + sign * step))
         except InvalidInputError:  # such as an object farther away than the sensor's range
             continue
         if np.isfinite(side).all():
             sides.append((sign, side))
     if len(sides) == 2:
-        return np.asarray((sides[0][1] - sides[1][1]) / (2 * item.step))
+        return np.asarray((sides[0][1] - sides[1][1]) / (2 * step))
     if len(sides) == 1:
         sign, side = sides[0]
-        return np.asarray(sign * (side - middle) / item.step)
+        return np.asarray(sign * (side - middle) / step)
     return np.full_like(middle, np.nan)
 
 
-def _inputs(scenario: Scenario, sensor: SensorModel, relative: float) -> Iterator[_Input]:
-    """Yield every scalar input of the scenario and the sensor."""
+def _inputs(problem: GainProblem) -> Iterator[_Input]:
+    """Yield every scalar input of the scenario and the sensor; what is 0 has a typical magnitude only in a motion."""
+    scenario, sensor = problem.scenario, problem.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
-    typical = {"position": length, "velocity": speed, "acceleration": speed**2 / length}
-    units = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-    for part in ("obstacle", "plant", "reference"):
-        body = getattr(scenario, part)
-        for f in fields(body):
-            yield _Input(
-                name=f"{part}.{f.name}",
-                value=getattr(body, f.name),
-                unit=units[f.name],
-                step=relative * typical[f.name],
-                changed=_scenario_with(scenario, sensor, part, f.name),
-            )
-    for name, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m")):
-        value = getattr(scenario.admittance, name)
-        if value > 0:
-            changed = _scenario_with(scenario, sensor, "admittance", name)
-            yield _Input(name=f"admittance.{name}", value=value, unit=unit, step=relative * value, changed=changed)
-    yield from _sensor_inputs(scenario, sensor, relative)
-
-
-def _scenario_with(
-    scenario: Scenario, sensor: SensorModel, part: str, name: str
-) -> Callable[[float], tuple[Scenario, SensorModel]]:
-    def changed(value: float) -> tuple[Scenario, SensorModel]:
-        body = replace(getattr(scenario, part), **{name: value})
-        return replace(scenario, **{part: body}), sensor
-
-    return changed
-
-
-def _sensor_inputs(scenario: Scenario, sensor: SensorModel, relative: float) -> Iterator[_Input]:
-    """Yield the parameters of the curve, and how far it is recessed."""
-    inner = sensor.sensor if isinstance(sensor, Recessed) else sensor
-
-    def rebuilt(curve: SensorModel, recess: float | None) -> SensorModel:
-        if not isinstance(sensor, Recessed):
-            return curve
-        # the curve's own range decides where the changed one holds
-        return Recessed(sensor=curve, recess=sensor.recess if recess is None else recess)
-
-    for f in fields(inner):
-        value = getattr(inner, f.name)
-        if "unit" not in f.metadata or not isinstance(value, float) or value == 0:
+    typical = {"m": length, "m/s": speed, "m/s^2": speed**2 / length}
+    for name, unit in SCENARIO_INPUTS.items():
+        part, _, rest = name.partition(".")
+        value = getattr(getattr(scenario, part), rest)
+        if part == "admittance" and (rest in {"natural_frequency", "damping_ratio"} or not value > 0):
             continue
         yield _Input(
-            name=f"sensor.{f.name}",
+            name=name,
             value=value,
-            unit=f.metadata["unit"],
-            step=relative * abs(value),
-            changed=lambda v, name=f.name: (  # type: ignore[misc]
-                scenario,
-                rebuilt(replace(inner, **{name: v}), None),
-            ),
+            unit=unit,
+            typical=typical.get(unit, value),
+            changed=lambda v, n=name: replace(problem, scenario=scenario_with(scenario, {n: v})),  # type: ignore[misc]
         )
-    if isinstance(sensor, Recessed):
-        yield _Input(
-            name="sensor.recess",
-            value=sensor.recess,
-            unit="m",
-            step=relative * float(scenario.distance),
-            changed=lambda v: (scenario, rebuilt(inner, v)),
-        )
+    for name, unit in sensor_inputs(sensor).items():
+        rest = name.removeprefix("sensor.")
+        place = rest == "recess" and isinstance(sensor, Recessed)
+        value = getattr(sensor if place or not isinstance(sensor, Recessed) else sensor.sensor, rest)
+        if place or (isinstance(value, float) and value != 0):
+            yield _Input(
+                name=name,
+                value=value,
+                unit=unit,
+                typical=length if place else abs(value),
+                changed=lambda v, n=rest: replace(problem, sensor=sensor_with(sensor, {n: v})),  # type: ignore[misc]
+            )
+
+
+def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
+    """Differentiate optimal gains by one input.
+
+    Args:
+        problem: what was designed, for one encounter or an array of them.
+        gain: the optimal gains [N s], of the scenario's shape; NaN where there is none.
+        name: the input, as in ContactGradients.inputs.
+        one: gives the evidence of the encounter at an index, for those without exact derivatives.
+
+    Returns:
+        d D_p / d input, in N s per unit of the input, of the scenario's shape; NaN where there is no gain, and where
+        the optimum lies so close to an edge of contact that it has no derivative.
+    """
+    flat = np.asarray(gain, dtype=np.float64).reshape(-1)
+    found = np.full(flat.shape, np.nan)
+    where = np.flatnonzero(np.isfinite(flat))
+    left = where
+    if problem.is_differentiable:
+        _check(problem, name)
+        parts = [_exact(problem, flat, where[i : i + _BLOCK], name, found) for i in range(0, len(where), _BLOCK)]
+        left = np.concatenate(parts) if parts else where
+    for i in left:
+        index = tuple(int(k) for k in np.unravel_index(i, np.shape(gain)))
+        entries = {s.name: s.gain_derivative for s in one(index).sensitivities}
+        found[i] = entries.get(name, np.nan)
+    return found.reshape(np.shape(gain))
+
+
+def _check(problem: GainProblem, name: str) -> None:
+    """Refuse an input that no contact depends on."""
+    known = [n for n in input_names(problem.sensor) if n != "gain"]
+    if name not in known:
+        raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(known)}")
+
+
+def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, found: FloatArray) -> IntArray:
+    """Fill what has exact derivatives; return what is left."""
+    kinds = _kinds(problem.column(where), gain[where])
+    left = [where[kinds == _UNKNOWN]]
+    for kind in np.unique(kinds[kinds != _UNKNOWN]):
+        constraint = problem.constraints[kind] if kind >= 0 else None
+        these = where[kinds == kind]
+        if has_gradients(problem, constraint):
+            several, held = problem.column(these), bool(kind == _BOUND)
+            found[these] = follow_optimum(several, constraint, gain=gain[these], names=(name,), held=held)[name].gain
+        left.append(these[np.isnan(found[these])])
+    return np.concatenate(left)
+
+
+def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
+    """Tell where each optimum sits: the number of the active constraint, or one of the three above."""
+    axis = problem.axis
+    kinds = np.full(len(gain), _INSIDE)
+    ends = np.array(axis.span)
+    near = np.abs(axis.coordinate(gain)[:, None] - ends) <= _ON_BOUND * (ends[1] - ends[0])
+    kinds[near.any(axis=1)] = _BOUND
+    if problem.constraints:
+        end = problem.run(gain[:, None]).end
+        for i, constraint in enumerate(problem.constraints):
+            ratio = np.reshape(constraint.magnitude(end, problem.impact) / constraint.limit, -1)
+            kinds[np.abs(ratio - 1) < _ACTIVE] = _BOUND if constraint.quantity == "gain" else i
+    return kinds

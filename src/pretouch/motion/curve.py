@@ -7,12 +7,13 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.chebyshev import chebyshev_extremes, chebyshev_nodes
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
 
-__all__ = ["curve_pieces", "curve_reach"]
+__all__ = ["AT_PROBES", "NODES", "PROBES", "TO_COEFFICIENTS", "curve_pieces", "curve_reach"]
 
 _DEGREE: Final = 9
 _TOLERANCE: Final = 1e-13  # of the largest slope on the piece
@@ -21,10 +22,17 @@ _IN_VAIN: Final = 3  # halvings
 _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0
 
-_NODES: Final = np.cos((np.arange(_DEGREE + 1) + 0.5) * np.pi / (_DEGREE + 1))
-_PROBES: Final = np.cos(np.arange(1, _DEGREE + 1) * np.pi / (_DEGREE + 1))
-_TO_COEFFICIENTS: Final = np.linalg.inv(np.vander(_NODES, increasing=True))
-_AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
+NODES: Final = chebyshev_nodes(_DEGREE + 1)
+"""Where a piece is interpolated, in z."""
+
+PROBES: Final = chebyshev_extremes(_DEGREE + 1)[1:-1]
+"""Where it is put to the test."""
+
+TO_COEFFICIENTS: Final = np.linalg.inv(np.vander(NODES, increasing=True))
+"""From values at the nodes to coefficients of powers of z."""
+
+AT_PROBES: Final = np.vander(PROBES, _DEGREE + 1, increasing=True)
+"""From coefficients to values at the probes."""
 
 
 class CurveError(InvalidInputError):
@@ -59,16 +67,16 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
     """
     decades = high / _GROWTH ** np.arange(1, 8)  # a far end must not cost the near field its resolution
     edges = np.unique([low, *(e for e in (*sensor.knots, *decades) if low < e < high), high])
-    whole = _slope(sensor, (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2, _NODES)
+    whole = _slope(sensor, (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2, NODES)
     beyond = np.maximum.accumulate(np.abs(whole).max(axis=1)[::-1])[::-1]  # what an approach has felt on its way
     none = np.zeros(len(beyond))
     pending = np.stack([edges[:-1], edges[1:], 1e-9 * np.diff(edges), none + np.inf, beyond, none], axis=1)
     done: list[FloatArray] = []
     while len(pending):
         middle, half, smallest = pending[:, :2].mean(axis=1), (pending[:, 1] - pending[:, 0]) / 2, pending[:, 2]
-        slope = _slope(sensor, middle, half, _NODES)
-        coefficients = slope @ _TO_COEFFICIENTS.T
-        error = np.abs(coefficients @ _AT_PROBES.T - _slope(sensor, middle, half, _PROBES)).max(axis=1)
+        slope = _slope(sensor, middle, half, NODES)
+        coefficients = slope @ TO_COEFFICIENTS.T
+        error = np.abs(coefficients @ AT_PROBES.T - _slope(sensor, middle, half, PROBES)).max(axis=1)
         largest = np.abs(slope).max(axis=1)
         # where the curve rounds its distances, as a recessed one near a flat end, halving a piece gains nothing; once
         # is no proof of that, since a wide piece may not see what is narrow

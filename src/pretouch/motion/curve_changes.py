@@ -10,18 +10,14 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import SlopeChange
 
-from .curve import curve_pieces, curve_reach
+from .curve import AT_PROBES, NODES, PROBES, TO_COEFFICIENTS, curve_pieces, curve_reach
 from .windows import MIDDLE, TERMS, curve_windows
 
 __all__ = ["bend_at_contact", "changed_pieces"]
 
 _TOLERANCE: Final = 1e-10  # of the largest change of slope: one taken by differences is not smoother
 _HALVINGS: Final = 12
-_COUNT: Final = 10  # coefficients of a piece
-_NODES: Final = np.cos((np.arange(_COUNT) + 0.5) * np.pi / _COUNT)
-_PROBES: Final = np.cos(np.arange(1, _COUNT) * np.pi / _COUNT)
-_TO_COEFFICIENTS: Final = np.linalg.inv(np.vander(_NODES, increasing=True))
-_AT_PROBES: Final = np.vander(_PROBES, _COUNT, increasing=True)
+_COUNT: Final = len(NODES)  # coefficients of a piece
 
 
 def changed_pieces(sensor: SensorModel, slopes: tuple[SlopeChange, ...], high: float) -> tuple[FloatArray, FloatArray]:
@@ -41,9 +37,9 @@ def changed_pieces(sensor: SensorModel, slopes: tuple[SlopeChange, ...], high: f
         return pieces, np.zeros((len(pieces), 0, _COUNT))
     for _ in range(_HALVINGS):
         middle, half = pieces[:, :1], pieces[:, 1:2]
-        values = _sampled(sensor, slopes, middle + half * _NODES)
-        terms = values @ _TO_COEFFICIENTS.T
-        error = np.abs(terms @ _AT_PROBES.T - _sampled(sensor, slopes, middle + half * _PROBES)).max(axis=2)
+        values = _sampled(sensor, slopes, middle + half * NODES)
+        terms = values @ TO_COEFFICIENTS.T
+        error = np.abs(terms @ AT_PROBES.T - _sampled(sensor, slopes, middle + half * PROBES)).max(axis=2)
         poor = (error > _TOLERANCE * np.abs(values).max(axis=(0, 2))).any(axis=1)
         if not poor.any():
             break

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.chebyshev import chebyshev_basis, chebyshev_extremes, chebyshev_nodes
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch.sensors import SensorModel
 
@@ -22,7 +23,6 @@ from .windows import (
     TOLERANCE,
     TOP,
     curve_windows,
-    nodes_and_probes,
     polynomial_windows,
     power_window,
 )
@@ -148,12 +148,11 @@ class _Whole:
 def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
     """Return one polynomial that meets each of some curves at points in between, or None."""
     for count in _COUNTS:
-        z = np.cos((np.arange(count) + 0.5) * np.pi / count)
-        nodes, between = (1 + z) * top / 2, (1 + np.cos(np.arange(count + 1) * np.pi / count)) * top / 2
-        found = np.stack([sensor.log_slope(np.concatenate([nodes, between])) for sensor in chosen])
-        to_terms = np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(z, count - 1)), dtype=np.float64)
+        basis = chebyshev_basis(count)
+        at, between = ((1 + z) * top / 2 for z in (basis.nodes, chebyshev_extremes(count)))
+        found = np.stack([sensor.log_slope(np.concatenate([at, between])) for sensor in chosen])
         with np.errstate(invalid="ignore"):  # a curve without a finite slope is not met
-            whole = _Whole(nodes=nodes, to_terms=to_terms, terms=to_terms @ found[:, :count].T, top=top)
+            whole = _Whole(nodes=at, to_terms=basis.to_terms, terms=basis.to_terms @ found[:, :count].T, top=top)
             if (np.abs(whole.slope(between) - found[:, count:]) <= TOLERANCE * np.abs(found[:, count:])).all():
                 return whole
     return None
@@ -162,7 +161,7 @@ def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
 def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the coefficients of ln xi of every curve on common windows, (n, windows, terms), and which it meets."""
     degree = frame.shape[1] - TERMS - 1
-    nodes, probes = nodes_and_probes(degree)
+    nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     low, high = frame[:, LOW, None], frame[:, TOP, None]
     half = (high - low) / 2
     at_nodes, at_probes = (np.clip(frame[:, MIDDLE, None] + half * z, low, high) for z in (nodes, probes))

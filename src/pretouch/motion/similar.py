@@ -10,7 +10,7 @@ encounters of ten thousand sensors with other parameters are ten thousand encoun
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, Final
 

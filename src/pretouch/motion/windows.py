@@ -14,6 +14,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from pretouch._core.chebyshev import chebyshev_extremes, chebyshev_nodes
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
@@ -35,7 +36,6 @@ __all__ = [
     "curve_windows",
     "farthest",
     "line_windows",
-    "nodes_and_probes",
     "polynomial_windows",
     "power_window",
     "reach_of",
@@ -197,21 +197,9 @@ def polynomial_windows(
     return np.array(rows[::-1])
 
 
-def nodes_and_probes(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Return where on [-1, 1] a slope is interpolated, shape (degree,), and compared, shape (degree + 1,).
-
-    Args:
-        degree: of ln xi.
-
-    Returns:
-        Both.
-    """
-    return np.cos((np.arange(degree) + 0.5) * np.pi / degree), np.cos(np.arange(degree + 1) * np.pi / degree)
-
-
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
     """Return the coefficients of ln xi in l - (low + high) / 2, or None where a degree does not meet every slope."""
-    nodes, probes = nodes_and_probes(degree)
+    nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
     with np.errstate(all="ignore"):
         slopes = np.atleast_2d(slope(np.clip(middle + half * np.concatenate([nodes, probes]), low, high)))

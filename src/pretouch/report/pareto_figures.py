@@ -12,8 +12,8 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.admittance_result import AdmittanceDesign
-from pretouch.design.domination import shortfall
-from pretouch.design.front import FrontPoint, ParetoFront
+from pretouch.design.front.domination import shortfall
+from pretouch.design.front.result import FrontPoint, ParetoFront
 
 from .panels import Curve, Mark, Panel, panel_figure
 from .style import Scale, scale_for

@@ -10,7 +10,7 @@ import numpy as np
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch.design.robust.evidence import Outcomes
+from pretouch.design.robust.evidence import RobustOutcomes
 from pretouch.design.robust.price import Price
 from pretouch.design.robust.result import RobustDesign
 
@@ -83,7 +83,7 @@ def price_figure(design: RobustDesign) -> Figure:
     return panel_figure(*(panel for price in shown for panel in _price_panels(design, price)), height=2.6)
 
 
-def _runs(design: RobustDesign) -> list[tuple[str, int, Outcomes]]:
+def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
     """Return the gains that matter, with their names and looks, and what they lead to."""
     looks = {design.nominal_name: _NOMINAL, "no mitigation": _NONE}
     return [(name, looks.get(name, _ROBUST), run) for name, run in design.compared.items()]
@@ -166,7 +166,7 @@ def _quantities(design: RobustDesign) -> list[str]:
     return list(dict.fromkeys(wanted))[:4]
 
 
-def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, Outcomes]]) -> Panel:
+def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
     """Draw one quantity with its limit; where no mitigation leaves it at nothing, that curve says nothing."""
     columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
     finite = [c[np.isfinite(c)] for _, _, c in columns]

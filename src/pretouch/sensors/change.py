@@ -8,6 +8,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from pretouch._core.chebyshev import chebyshev_basis, chebyshev_extremes, chebyshev_sum
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
@@ -16,7 +17,7 @@ __all__ = ["CurveChange", "curve_change"]
 SlopeChange: TypeAlias = Callable[[FloatArray], FloatArray]
 
 _WINDOW: Final = 0.05  # of a parameter, to either side: where a curve is sampled for a derivative by it
-_NODES: Final = np.cos(np.arange(11) * np.pi / 10)
+_NODES: Final = chebyshev_extremes(10)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,7 +101,4 @@ def _with(sensor: Any, name: str, value: float) -> Any:
 
 def _weights(at: float) -> FloatArray:
     """Return what the values at Chebyshev's extreme points add to the derivative of their polynomial at a point."""
-    degree = len(_NODES) - 1
-    values = np.polynomial.chebyshev.chebvander(_NODES, degree)
-    slopes = [np.polynomial.chebyshev.chebval(at, np.polynomial.chebyshev.chebder(e)) for e in np.eye(degree + 1)]
-    return np.asarray(np.linalg.solve(values.T, slopes), dtype=np.float64)
+    return chebyshev_sum(chebyshev_basis(tuple(_NODES)).to_slope, at)

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Final
 
-import numpy as np
-
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import FloatArray
 from pretouch.motion import Scenario
 from pretouch.motion.evaluator import Evaluator, with_noise_after
 from pretouch.sensors import SensorModel
@@ -17,11 +15,12 @@ from pretouch.uncertainty import Interval, Uncertainty, make_ensemble, sample_in
 from pretouch.uncertainty.sampling import check_draw
 
 from ..certificate import DesignStatus
-from ..constraints import Constraint
-from ..gain import design_gain
+from ..constraints import Constraint, each_once
+from ..gain import design
 from ..impact import ImpactModel
 from ..own_objective import AnyObjective, as_objective
-from ..search import GainAxis, Minimum, Scan, refine, scan
+from ..problem import GainProblem
+from ..search import EXACT, Effort, GainAxis, Minimum, Scan, search_axis
 from .evidence import RobustEvidence
 from .importance import rank_uncertain_inputs
 from .measures import Expected, Measure, Required, WorstCase, checked_measure
@@ -37,9 +36,8 @@ _FRESH: Final = 1  # what is added to the seed for the samples of the validation
 _SAMPLES: Final = 4096
 _SAMPLES_OF_OTHERS: Final = 256  # where somebody else solves the encounters: a loop takes a hundred times as long
 # a sampled measure with jumps never lets neighbors predict each other, and what is twice the lowest need not
-_SCAN_OF_OTHERS: Final[dict[str, Any]] = {"resolved": 3e-3, "largest": 257, "relevant": 2.0}
-# to a thousandth of the gain, far below what another set of samples changes
-_REFINEMENT_OF_OTHERS: Final[dict[str, Any]] = {"most": 4, "finest": 1e-3, "relevant": 2.0}
+# be known; a thousandth of the gain is far below what another set of samples changes
+_EFFORT_OF_OTHERS: Final = Effort(resolved=3e-3, largest=257, relevant=2.0, most=4, finest=1e-3)
 
 
 def design_robust_gain(
@@ -93,9 +91,6 @@ def design_robust_gain(
     Returns:
         The design; infeasible and no-contact are statuses of it, not errors.
 
-    Raises:
-        InvalidInputError: the request makes no sense.
-
     Examples:
         >>> from pretouch.design import excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle
@@ -114,9 +109,7 @@ def design_robust_gain(
         >>> round(design.gain, 3)
         -0.778
     """
-    low, high = (finite(b, "bounds", "N*s") for b in bounds)
-    if not low < high:
-        raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
+    axis = GainAxis.between(bounds)
     objective, chosen = as_objective(objective), checked_measure(Expected() if measure is None else measure)
     limits = tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
     _check(uncertainty, chosen, limits, confidence, evaluate)
@@ -130,7 +123,7 @@ def design_robust_gain(
         "measure": chosen,
         "limits": limits,
         "impact": impact,
-        "axis": GainAxis(low=low, high=high),
+        "axis": axis,
     }
     unseen = _draw(uncertainty, validation, seed + _FRESH, "random", evaluate)
     later = None if evaluate is None else with_noise_after(evaluate, samples)
@@ -142,16 +135,18 @@ def design_robust_gain(
         drawn = _draw(uncertainty, samples, seed, sampling, evaluate)
         problem = RobustProblem(ensemble=make(drawn, count=samples), **common)
         searched, minima = _search(problem)
-    nominal = design_gain(
-        scenario,
-        sensor,
-        objective,
-        bounds=(low, high),
-        constraints=[limit.constraint for limit in limits],
+    ideal = GainProblem(
+        scenario=scenario,
+        sensor=sensor,
+        objective=objective,
+        constraints=tuple(limit.constraint for limit in limits),
         impact=impact,
+        axis=axis,
         method=method,
         horizon=horizon,
+        evaluator=None,
     )
+    nominal = design(ideal)
     gain = float(problem.axis.gain(minima[0].coordinate)) if minima else None
     checked = None if gain is None else validate(fresh, gain, nominal.gain, confidence=confidence)
     contact = searched.landscape.reached.any()
@@ -168,7 +163,7 @@ def design_robust_gain(
         strongest=float(problem.axis.gain(searched.coordinate[0])),
         samples=len(problem.ensemble),
         seed=seed,
-        bounds=(low, high),
+        bounds=axis.ends,
         scenario=scenario,
         sensor=sensor,
         uncertainty=uncertainty,
@@ -176,18 +171,7 @@ def design_robust_gain(
         limits=limits,
         impact=impact,
         ranking=partial(rank_uncertain_inputs, problem, make, uncertainty, samples=samples, seed=seed),
-        pricing=partial(
-            price_of_robustness,
-            scenario=scenario,
-            sensor=sensor,
-            objective=objective,
-            bounds=(low, high),
-            impact=impact,
-            uncertainty=uncertainty,
-            gain=gain,
-            options={"method": method, "horizon": horizon},
-            on_evaluator=evaluate is not None,
-        ),
+        pricing=partial(price_of_robustness, ideal, uncertainty),
         evidence=RobustEvidence(problem=problem, fresh=fresh, scanned=searched),
     )
 
@@ -204,12 +188,8 @@ def _draw(
 
 def _search(problem: RobustProblem) -> tuple[Scan, list[Minimum]]:
     """Scan the gains that may be the optimum until neighbors predict each other, and refine the minima."""
-    _, high = map(float, problem.axis.coordinate(np.array(problem.axis.ends)))
-    others = problem.ensemble.evaluator is not None
-    searched = scan(problem.landscape, problem.lowest_needed(), high, **(_SCAN_OF_OTHERS if others else {}))
-    effort = _REFINEMENT_OF_OTHERS if others else {}
-    merit = searched.landscape.merit
-    return searched, refine(lambda u: problem.landscape(u).merit, searched.coordinate, merit, **effort)
+    effort = EXACT if problem.ensemble.evaluator is None else _EFFORT_OF_OTHERS
+    return search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1], effort)
 
 
 def _check(
@@ -222,10 +202,7 @@ def _check(
     """Refuse what makes no sense as a robust design problem."""
     if not 0 < confidence < 1:
         raise InvalidInputError(f"confidence: found {confidence:g}, expected a number between 0 and 1, such as 0.95")
-    names = [limit.constraint.name for limit in limits]
-    for name in names:
-        if names.count(name) > 1:
-            raise InvalidInputError(f"constraint {name}: found twice, expected once")
+    each_once(limit.constraint for limit in limits)
     if isinstance(measure, WorstCase):
         if evaluate is not None:
             raise InvalidInputError(

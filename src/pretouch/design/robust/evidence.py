@@ -18,13 +18,13 @@ from ..search import Scan
 from .measures import Required
 from .problem import RobustProblem
 
-__all__ = ["Outcomes", "Reachable", "RobustEvidence", "RobustTradeOff"]
+__all__ = ["Reachable", "RobustEvidence", "RobustOutcomes", "RobustTradeOff"]
 
 _BEYOND: Final = 17  # gains between the end of the scan and the strongest that is wanted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Outcomes(Value):
+class RobustOutcomes(Value):
     """What one gain leads to in each of the fresh encounters.
 
     Args:
@@ -60,7 +60,7 @@ class Outcomes(Value):
         return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
 
     def __repr__(self) -> str:
-        return f"<Outcomes: {len(self.objective)} encounters with D_p = {self.gain:.4g} N s>"
+        return f"<RobustOutcomes: {len(self.objective)} encounters with D_p = {self.gain:.4g} N s>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -131,7 +131,7 @@ class RobustEvidence(Value):
                 found.append(Reachable(required=limit, magnitude=size, gain=gain))
         return tuple(found)
 
-    def outcomes(self, gain: float) -> Outcomes:
+    def outcomes(self, gain: float) -> RobustOutcomes:
         """Return what a gain leads to in each of the fresh encounters.
 
         Args:
@@ -143,7 +143,7 @@ class RobustEvidence(Value):
         problem = self.fresh
         result = problem.ensemble.contacts(gain)
         value: Any = problem.objective.value(result.end, problem.ensemble.speed, problem.impact)
-        return Outcomes(
+        return RobustOutcomes(
             gain=float(gain),
             objective=np.where(result.reached, value, np.inf),
             reached=result.reached,

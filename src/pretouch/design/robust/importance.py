@@ -15,7 +15,7 @@ solved with noise, that is one more input: B meets other noise than A.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -25,9 +25,7 @@ from pretouch._core.values import Value
 from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
 from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
 
-from ..gradient import has_gradients
 from .problem import RobustProblem
-from .slopes import objective_slope
 
 __all__ = ["InputImportance", "rank_uncertain_inputs"]
 
@@ -142,7 +140,7 @@ def _linear_shares(
     gain: float,
 ) -> dict[str, float] | None:
     """Return the share of each input to first order, about the means."""
-    if problem.ensemble.evaluator is not None or not has_gradients(problem.objective, None):
+    if problem.ensemble.evaluator is not None or not problem.criterion(-1)[0].has_gradients:
         return None
     center: dict[str, float] = {}
     for name, known in uncertainty.items():
@@ -151,11 +149,11 @@ def _linear_shares(
             if isinstance(known, CorrelatedNormal)
             else {name: known.mean}
         )
-    ensemble = make({name: np.array([value]) for name, value in center.items()})
-    result = ensemble.contacts(gain)
+    inner = replace(problem, ensemble=make({name: np.array([value]) for name, value in center.items()}))
+    result = inner.ensemble.contacts(gain)
     if not result.reached.all():
         return None
-    slopes = {name: float(objective_slope(problem, ensemble, result, name)[0]) for name in center}
+    slopes = {name: float(inner.slope(result, name)[0]) for name in center}
     variances = {}
     for name, known in uncertainty.items():
         if isinstance(known, CorrelatedNormal):

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
-from pretouch.motion import Scenario
 from pretouch.motion.inputs import SCENARIO_INPUTS, input_units
-from pretouch.sensors import SensorModel
 from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
 from pretouch.uncertainty.sampling import names_of
 
-from ..gain import design_gain
-from ..impact import ImpactModel
-from ..objectives import Objective
+from ..gain import design
+from ..problem import GainProblem
 
 __all__ = ["Price", "price_of_robustness"]
 
@@ -60,18 +56,7 @@ class Price(Value):
 
 
 def price_of_robustness(
-    name: str,
-    count: int,
-    *,
-    scenario: Scenario,
-    sensor: SensorModel,
-    objective: Objective,
-    bounds: tuple[float, float],
-    impact: ImpactModel | None,
-    uncertainty: Uncertainty,
-    gain: float | None,
-    options: dict[str, Any],
-    on_evaluator: bool = False,
+    problem: GainProblem, uncertainty: Uncertainty, name: str, count: int, gain: float | None
 ) -> Price:
     """Hold one gain against the best gain for each value of an input, the others at their given values.
 
@@ -79,49 +64,38 @@ def price_of_robustness(
     for each value keep no constraints, so that the loss is never negative, and part of it what constraints cost.
 
     Args:
+        problem: that of the ideal design, of which the constraints are not kept.
+        uncertainty: what is known of the inputs.
         name: the input.
         count: at how many values, from its 1 % to its 99 % quantile.
-        scenario: the encounter.
-        sensor: the sensor curve.
-        objective: what is minimized.
-        bounds: smallest and largest gain [N s].
-        impact: physical properties, where given.
-        uncertainty: what is known of the inputs.
         gain: the robust gain [N s].
-        options: method and horizon, as in `find_contact`.
-        on_evaluator: whether somebody else solved the encounters of the design.
 
     Returns:
         The curve.
 
     Raises:
-        ResultUnavailableError: there is no robust gain, or it was designed on encounters of another kind.
+        ResultUnavailableError: there is no robust gain.
         InvalidInputError: the input is not uncertain, or the number of values makes no sense.
     """
-    if on_evaluator:
-        raise ResultUnavailableError(
-            "price: it is known in continuous time only, and this gain was designed with evaluate; call design_gain "
-            "with the same evaluate at the values that matter"
-        )
     if type(count) is not int or count < 2:
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
     low, high = _range(uncertainty, name)
     x = np.linspace(low, high, count)
-    several = make_ensemble(scenario, sensor, {name: x, **_companions(uncertainty, name, x)}, **options)
+    free = replace(problem, constraints=())
+    values = {name: x, **_companions(uncertainty, name, x)}
+    several = make_ensemble(problem.scenario, problem.sensor, values, method=free.method, horizon=free.horizon)
     result = several.contacts(gain)
-    robust = np.where(result.reached, objective.value(result.end, several.speed, impact), np.nan)
-    common = {"bounds": bounds, "impact": impact, **options}
+    robust = np.where(result.reached, problem.objective.value(result.end, several.speed, problem.impact), np.nan)
     if all(member in SCENARIO_INPUTS for member in several.values):
-        best = design_gain(several.scenario, sensor, objective, **common)
-        gains, values = np.asarray(best.gain), np.asarray(best.objective)
+        found = design(replace(free, scenario=several.scenario))
+        best, least = np.asarray(found.gain), np.asarray(found.objective)
     else:
-        each = [design_gain(*several.at(i), objective, **common) for i in range(count)]
-        gains = np.array([np.nan if d.gain is None else d.gain for d in each])
-        values = np.array([np.nan if d.objective is None else d.objective for d in each])
-    unit = input_units(sensor)[name]
-    return Price(name=name, unit=unit, value=x, best_gain=gains, best=values, robust=robust, low=low, high=high)
+        each = [design(replace(free, scenario=s, sensor=c)) for s, c in map(several.at, range(count))]
+        best, least = (np.array([getattr(d, n) for d in each], dtype=np.float64) for n in ("gain", "objective"))
+    unit = input_units(problem.sensor)[name]
+    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
 
 
 def _companions(uncertainty: Uncertainty, name: str, x: FloatArray) -> dict[str, FloatArray]:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
+from pretouch.motion import ContactResult
 from pretouch.uncertainty import Ensemble
 
 from ..bound import least_objective, premises_hold, touches_later
+from ..criteria import Criterion, along, magnitude, merit
 from ..impact import ImpactModel
 from ..objectives import Objective
 from ..own_objective import appraise
@@ -67,13 +70,35 @@ class RobustProblem(Value):
         objective, ratios, _ = self._raw(np.array([gain]))
         return objective[0], ratios[:, 0]
 
+    def criterion(self, which: int) -> tuple[Criterion, float]:
+        """Return the objective (-1) or the magnitude that a constraint limits, and what it is measured by."""
+        if which < 0:
+            return merit(self.objective, self.ensemble.speed, self.impact), 1.0
+        constraint = self.limits[which].constraint
+        return magnitude(constraint.quantity, self.impact), constraint.limit
+
+    def slope(self, result: ContactResult, name: str, which: int = -1) -> FloatArray:
+        """Differentiate the objective, or |quantity| / limit of a constraint, by an input.
+
+        Args:
+            result: the contacts of the encounters.
+            name: the input.
+            which: the number of the constraint; -1 for the objective.
+
+        Returns:
+            The derivative in SI, shape (n,).
+        """
+        criterion, limit = self.criterion(which)
+        of = along(partial(self.ensemble.slope, result), name, self.ensemble.scenario.obstacle.velocity)
+        return criterion.slope(result.end, of) / limit
+
     def lowest_needed(self) -> float:
         """Return the coordinate beyond which no stronger gain can be the optimum, or that of the strongest gain.
 
         Gains are appraised from the weakest on; where the part of the measure that only grows exceeds the best
         measure found, the axis ends.
         """
-        low, high = map(float, self.axis.coordinate(np.array(self.axis.ends)))
+        low, high = self.axis.span
         if not self._touch_later():
             return low
         best = np.inf

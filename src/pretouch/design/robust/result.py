@@ -25,7 +25,7 @@ from pretouch.uncertainty.sampling import names_of
 from ..certificate import DesignStatus
 from ..impact import ImpactModel
 from ..objectives import Objective
-from .evidence import Outcomes, RobustEvidence, RobustTradeOff
+from .evidence import RobustEvidence, RobustOutcomes, RobustTradeOff
 from .importance import InputImportance
 from .measures import Measure, Required
 from .price import Price
@@ -119,7 +119,7 @@ class RobustDesign(Described, Value):
         """Where infeasible, the gain that exceeds the limits least [N s]; else None."""
         return self.evidence.nearest_gain() if self.status is DesignStatus.INFEASIBLE else None
 
-    def outcomes(self, gain: float | None = None) -> Outcomes:
+    def outcomes(self, gain: float | None = None) -> RobustOutcomes:
         """Tell what a gain leads to in each of the fresh encounters.
 
         Args:
@@ -146,8 +146,16 @@ class RobustDesign(Described, Value):
 
         Returns:
             The curve; the other inputs have their given values, those that were estimated together with it follow.
+
+        Raises:
+            ResultUnavailableError: the gain was designed on encounters of another kind.
         """
-        return self.pricing(name, count) if gain is None else self.pricing(name, count, gain=gain)
+        if self.on_evaluator:
+            raise ResultUnavailableError(
+                "price: it is known in continuous time only, and this gain was designed with evaluate; call "
+                "design_gain with the same evaluate at the values that matter"
+            )
+        return self.pricing(name, count, self.gain if gain is None else gain)
 
     @cached_property
     def importance(self) -> tuple[InputImportance, ...]:
@@ -159,7 +167,7 @@ class RobustDesign(Described, Value):
         return () if self.gain is None else self.ranking(self.gain)
 
     @cached_property
-    def compared(self) -> dict[str, Outcomes]:
+    def compared(self) -> dict[str, RobustOutcomes]:
         """What the gains that matter lead to in the fresh encounters, by the names of these gains.
 
         The robust gain (where there is none, the one that exceeds the limits least), the nominal one, and none at all.

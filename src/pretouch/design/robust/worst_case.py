@@ -1,7 +1,7 @@
 """The gain whose worst encounter is the mildest: a few encounters decide, and none of the others is worse.
 
 Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
-found the worst encounter of the whole box is searched for and certified (`certified_maximum`). If it is worse than
+found the worst encounter of the whole box is searched for and certified (`search.box_maximum`). If it is worse than
 those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
 Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never exceeds,
 and their difference is all that is not known.
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from typing import Any, Final, NamedTuple
 
@@ -23,11 +22,9 @@ from pretouch._core.values import Value
 from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
 from pretouch.uncertainty.distributions import Interval
 
-from ..gradient import has_gradients
-from ..search import Minimum, Scan, refine, scan
-from .certified_maximum import CertifiedMaximum, Function, maximize_on_box
+from ..search import Minimum, Scan, search_axis
+from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
 from .problem import RobustProblem
-from .slopes import limit_slope, objective_slope
 
 __all__ = ["WorstEncounter", "WorstSearch", "box_of", "search_worst_case"]
 
@@ -119,9 +116,7 @@ def search_worst_case(
     points = _first_points(box)
     for _ in range(_ROUNDS):
         problem = RobustProblem(ensemble=make(dict(zip(box, points.T, strict=True))), **common)
-        top = float(problem.axis.coordinate(problem.axis.high))
-        scanned = scan(problem.landscape, problem.lowest_needed(), top)
-        minima = refine(_merit(problem), scanned.coordinate, scanned.landscape.merit)
+        scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
         if not minima:
             return WorstSearch(problem, scanned, minima, None)
         gain, decided = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
@@ -135,10 +130,6 @@ def search_worst_case(
             break
         points = np.concatenate([points, worse])
     return WorstSearch(problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain))
-
-
-def _merit(problem: RobustProblem) -> Callable[[FloatArray], FloatArray]:
-    return lambda u: problem.landscape(u).merit
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
@@ -169,11 +160,10 @@ def _function(
         found = value(points)
         if not np.isfinite(found).all():
             return found, np.full(points.shape, np.nan)
-        if _is_smooth(problem, which):
-            ensemble = make(dict(zip(names, points.T, strict=True)))
-            result = ensemble.contacts(gain)
-            slope = partial(objective_slope, problem) if which < 0 else partial(limit_slope, problem, which)
-            return found, np.stack([slope(ensemble, result, name) for name in names], axis=1)
+        if problem.criterion(which)[0].has_gradients:
+            inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+            result = inner.ensemble.contacts(gain)
+            return found, np.stack([inner.slope(result, name, which) for name in names], axis=1)
         slopes = []
         for j, step in enumerate(_STEP * (high - low)):
             ahead, behind = points.copy(), points.copy()
@@ -183,13 +173,6 @@ def _function(
         return found, np.stack(slopes, axis=1)
 
     return both
-
-
-def _is_smooth(problem: RobustProblem, which: int) -> bool:
-    """Tell whether the objective or the ratio is made of quantities that have gradients."""
-    if which < 0:
-        return has_gradients(problem.objective, None)
-    return has_gradients(problem.objective, problem.limits[which].constraint)
 
 
 def _worst(

@@ -11,8 +11,8 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, solve_motion
 
+from ..search.trials import Trials
 from .physical_bound import PhysicalBound, why_no_bound
-from .trials import Trials
 
 __all__ = ["BoundComparison", "compare_with_bound"]
 
@@ -72,7 +72,7 @@ def compare_with_bound(
         The comparison; None where the bound does not speak of such encounters.
     """
     given = trials.freedom.scenario
-    if trials.method == "uniform-motion" or trials.evaluator is not None or why_no_bound(given):
+    if not trials.encounters.is_differentiable or why_no_bound(given):
         return None
     end = result.end
     acceleration, speed = np.asarray(end.largest_acceleration), np.abs(end.relative_velocity)
@@ -109,7 +109,8 @@ def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: Con
     proved = damped & (np.asarray(gain) <= 0) & (trials.freedom.scenario.obstacle.acceleration <= 0)
     if np.all(proved):
         return np.ones(np.shape(gain), dtype=bool)
-    motion = solve_motion(scenario, trials.sensor, gain, method=trials.method, horizon=trials.horizon, samples=_SAMPLES)
+    how = trials.encounters
+    motion = solve_motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
     forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
     return np.asarray(proved | forward)
 

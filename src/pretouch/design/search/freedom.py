@@ -12,7 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, nonnegative
 from pretouch.motion import Admittance, Scenario
 
-from .search import GainAxis
+from .axis import GainAxis
 
 __all__ = ["Freedom", "Range", "make_freedom"]
 
@@ -49,12 +49,12 @@ class Freedom:
 
     def gain(self, at: FloatArray) -> FloatArray:
         """Return the gains [N s] at coordinates, shape (n, size)."""
-        low, high = self.axis.coordinate(np.array(self.axis.ends))
+        low, high = self.axis.span
         return self.axis.gain(low + (high - low) * at[:, 0])
 
     def coordinate(self, gain: float, natural_frequency: float, damping_ratio: float) -> FloatArray:
         """Return the coordinates of one choice; those of parameters that are not free are left out."""
-        low, high = self.axis.coordinate(np.array(self.axis.ends))
+        low, high = self.axis.span
         found = [float((self.axis.coordinate(gain) - low) / (high - low))]
         for value, bounds in ((natural_frequency, self.natural_frequency), (damping_ratio, self.damping_ratio)):
             if bounds is not None:
@@ -76,7 +76,7 @@ class Freedom:
         ratio = own.damping_ratio if own.stiffness > 0 else np.nan
         return frequency, np.full(len(at), ratio)
 
-    def encounters(self, at: FloatArray) -> Scenario:
+    def scenarios(self, at: FloatArray) -> Scenario:
         """Return the encounters at coordinates, shape (n, size)."""
         if self.size == 1:
             return self.scenario
@@ -97,9 +97,9 @@ class Freedom:
             For each coordinate the inputs, by name, with their derivatives.
         """
         point = at[None]
-        low, high = self.axis.coordinate(np.array(self.axis.ends))
+        low, high = self.axis.span
         gain = float(self.gain(point)[0])
-        found: list[tuple[tuple[str, float], ...]] = [(("gain", float(high - low) * self.axis.stretch(gain)),)]
+        found: list[tuple[tuple[str, float], ...]] = [(("gain", (high - low) * self.axis.stretch(gain)),)]
         frequency, ratio = (float(v[0]) for v in self.admittance(point))
         mass = self.scenario.admittance.mass
         if self.natural_frequency is not None:
@@ -138,7 +138,7 @@ def make_freedom(
 
     Args:
         scenario: the encounter.
-        bounds: of the gain [N s], checked.
+        bounds: of the gain [N s].
         natural_frequency: its bounds [rad/s], or None.
         damping_ratio: its bounds, or None.
 
@@ -149,6 +149,7 @@ def make_freedom(
         InvalidInputError: bounds are no interval, an array of encounters was given, or a ratio is kept that the
             admittance does not have.
     """
+    axis = GainAxis.between(bounds)
     if scenario.shape:
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {scenario.shape}, expected one; call for each"
@@ -166,7 +167,7 @@ def make_freedom(
         )
     return Freedom(
         scenario=scenario,
-        axis=GainAxis(low=bounds[0], high=bounds[1]),
+        axis=axis,
         natural_frequency=_interval(natural_frequency, "natural_frequency", "rad/s"),
         damping_ratio=_interval(damping_ratio, "damping_ratio", ""),
     )

@@ -19,9 +19,9 @@ from pretouch.motion.contact import ContactResult
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 
-from .bound_comparison import BoundComparison
-from .constraints import Constraint
-from .impact import ImpactModel
+from ..constraints import Constraint
+from ..impact import ImpactModel
+from .comparison import BoundComparison
 from .physical_bound import PhysicalBound
 
 __all__ = ["FREE_UNITS", "FrontPoint", "FrontStatus", "ParetoFront"]
@@ -138,7 +138,7 @@ class ParetoFront(Described, Value):
     impact: ImpactModel | None
     result: ContactResult | None
 
-    page: ClassVar[str] = "pretouch.design.front_page:front_page"
+    page: ClassVar[str] = "pretouch.design.front.page:front_page"
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .trials import HELD, Trials
+from .scan import HELD
+from .trials import Trials
 
 __all__ = ["advance", "descend", "kkt_residual"]
 

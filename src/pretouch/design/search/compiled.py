@@ -18,10 +18,10 @@ from pretouch.motion.windows import Curves, alone, curve_windows, farthest
 from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
 
-from .bound import falls
-from .impact import ElasticImpact, ImpactModel
-from .objectives import Objective
-from .problem import Problem
+from ..bound import falls
+from ..impact import ElasticImpact, ImpactModel
+from ..objectives import Objective
+from ..problem import GainProblem
 
 __all__ = ["find_gains", "known_terms", "search_compiled"]
 
@@ -43,7 +43,7 @@ find_gains: Final = kernel(
 """Of addresses and numbers, as native/core/pretouch.h declares it."""
 
 
-def search_compiled(problem: Problem) -> FloatArray | None:
+def search_compiled(problem: GainProblem) -> FloatArray | None:
     """Find the optimal gains of encounters, each alone, in compiled code.
 
     Args:
@@ -65,7 +65,7 @@ def search_compiled(problem: Problem) -> FloatArray | None:
     return _search(problem, linear, horizon, np.array(terms), size)
 
 
-def known_terms(problem: Problem) -> list[tuple[float, float, float, float]] | None:
+def known_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
     """Return the terms of an objective as the compiled search has them.
 
     Args:
@@ -81,7 +81,7 @@ def known_terms(problem: Problem) -> list[tuple[float, float, float, float]] | N
     return _terms(problem.objective, problem.impact, problem.scenario)
 
 
-def _search(problem: Problem, linear: bool, horizon: float, terms: FloatArray, size: int) -> FloatArray:
+def _search(problem: GainProblem, linear: bool, horizon: float, terms: FloatArray, size: int) -> FloatArray:
     axis, inputs = problem.axis, _inputs(problem.scenario, size)
     reach = farthest(problem.scenario, problem.sensor)
     slope, *curve, _held = _curve(problem.sensor, reach, linear)

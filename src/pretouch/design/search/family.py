@@ -15,12 +15,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.chebyshev import chebyshev_basis
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import Scenario
+from pretouch.motion.inputs import scenario_with
 
-from .compiled_search import known_terms, search_compiled
-from .problem import Problem
+from ..problem import GainProblem
+from .compiled import known_terms, search_compiled
 
 __all__ = ["find_family"]
 
@@ -31,13 +33,12 @@ _PROBES: Final = 3  # encounters of an interval that are designed alone, too
 _GAIN: Final = 1e-9  # of the gain: what its last coefficients, and the probes, may amount to
 _VALUE: Final = 1e-10  # of the objective: the same, and the test of every encounter
 _LOGARITHMIC: Final = 3.0  # ratio of largest to smallest from which the logarithm is the better coordinate
-_Z: Final = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
-_TO_COEFFICIENTS: Final = np.linalg.inv(np.polynomial.chebyshev.chebvander(_Z, _NODES - 1))
+_BASIS: Final = chebyshev_basis(_NODES)
 
 _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER, INTEGER, POINTER)
 
 
-def find_family(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Find the optimal gains of encounters that differ in one quantity.
 
     Args:
@@ -48,7 +49,7 @@ def find_family(problem: Problem) -> tuple[FloatArray, FloatArray, BoolArray] | 
         where the encounters differ in more, are few, or are no matter for the compiled search.
     """
     varied = list(_varied(problem.scenario))
-    if len(varied) != 1 or np.size(varied[0][2]) < _LEAST or known_terms(problem) is None:
+    if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or known_terms(problem) is None:
         return None
     family = _family(problem, *varied[0])
     out = np.full((2, family.place.size), np.nan)
@@ -83,7 +84,7 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
     return out
 
 
-def _is_met(problem: Problem, gain: FloatArray, value: FloatArray) -> BoolArray:
+def _is_met(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
     """Tell for which encounters their gain leads to the objective, by solving each."""
     result = problem.run(gain.reshape(problem.scenario.shape))
     found = problem.objective.value(result.end, abs(problem.scenario.obstacle.velocity), problem.impact).reshape(-1)
@@ -98,31 +99,31 @@ class _Family:
 
     Args:
         problem: the problem of any of them.
-        part: the part of the scenario that holds the quantity.
-        name: the field.
+        name: the quantity, one of SCENARIO_INPUTS.
         sign: of the quantity where its logarithm is the coordinate, else 0.
         place: the coordinate of every encounter, shape (n,).
     """
 
-    problem: Problem
-    part: str
+    problem: GainProblem
     name: str
     sign: float
     place: FloatArray
 
-    def at(self, place: FloatArray) -> Problem:
+    def at(self, place: FloatArray) -> GainProblem:
         """Return the problem of the encounters at some places."""
         value = self.sign * np.exp(place) if self.sign else place
-        return replace(self.problem, scenario=_with(self.problem.scenario, self.part, self.name, value))
+        return replace(self.problem, scenario=scenario_with(self.problem.scenario, {self.name: value}))
 
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
         """Return the coefficients of gain and objective on an interval, shape (2, nodes), or None if they do not do."""
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
-        found = search_compiled(self.at(np.concatenate([0.5 * (low + high) + 0.5 * (high - low) * _Z, probes])))
+        found = search_compiled(
+            self.at(np.concatenate([0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes, probes]))
+        )
         if found is None or not found[2].all():
             return None
         both = found[:2]
-        coefficients = both[:, :_NODES] @ _TO_COEFFICIENTS.T
+        coefficients = both[:, :_NODES] @ _BASIS.to_terms.T
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
         between = _evaluate(probes, low, high, coefficients, np.empty((2, _PROBES)))
         error = np.abs(between - both[:, _NODES:]).max(axis=1)
@@ -131,25 +132,20 @@ class _Family:
         return np.asarray(coefficients)
 
 
-def _family(problem: Problem, part: str, name: str, value: Any) -> _Family:
+def _family(problem: GainProblem, name: str, value: Any) -> _Family:
     x = np.asarray(value, dtype=np.float64).reshape(-1)
     low, high = float(x.min()), float(x.max())
     near, far = sorted((abs(low), abs(high)))
     logarithmic = low * high > 0 and far > _LOGARITHMIC * near
     sign = float(np.sign(low)) if logarithmic else 0.0
-    return _Family(problem=problem, part=part, name=name, sign=sign, place=np.log(np.abs(x)) if logarithmic else x)
+    return _Family(problem=problem, name=name, sign=sign, place=np.log(np.abs(x)) if logarithmic else x)
 
 
-def _varied(scenario: Scenario) -> Iterator[tuple[str, str, Any]]:
+def _varied(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     """Yield the fields that are arrays of more than one number."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
         for f in fields(body):
             value = getattr(body, f.name)
             if np.size(value) > 1:
-                yield part, f.name, value
-
-
-def _with(scenario: Scenario, part: str, name: str, value: Any) -> Scenario:
-    body: Any = getattr(scenario, part)
-    return replace(scenario, **{part: replace(body, **{name: value})})
+                yield f"{part}.{f.name}", value

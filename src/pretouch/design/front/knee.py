@@ -14,9 +14,9 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-from .local_search import descend
-from .search import refine
-from .trials import Trials
+from ..search import refine
+from ..search.local import descend
+from ..search.trials import Trials
 
 __all__ = ["find_knee"]
 

@@ -7,18 +7,17 @@ the front is put to the test by encounters that had no part in finding it; those
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .domination import non_dominated, shortfall
-from .local_search import advance, descend
-from .trials import Trials
+from ..search.local import advance, descend
+from ..search.trials import Trials
+from .domination import FoundFront, extent_of, non_dominated, shortfall
 
-__all__ = ["SurfaceFront", "find_front"]
+__all__ = ["find_front"]
 
 _GAINS: Final = 49
 _TESTS: Final = 2048  # encounters
@@ -30,53 +29,25 @@ _MISSED: Final = 2e-3  # of the extent: a test encounter that the front misses b
 _PULL: Final = 1e-3  # of the other quantities, where one alone is minimized: of equally good encounters the better
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceFront:
-    """A front over several free parameters.
-
-    Args:
-        at: coordinates of its points, shape (n, size).
-        values: the quantities there, shape (n, k).
-        piece: the number of the piece that each point belongs to: between pieces no encounter was found.
-        scanned: coordinates of all encounters that were tried side by side, shape (m, size).
-        scanned_values: the quantities there, infinite where not feasible.
-        missed: the largest amount by which the front misses a test encounter, of its extent in every quantity.
-    """
-
-    at: FloatArray
-    values: FloatArray
-    piece: IntArray
-    scanned: FloatArray
-    scanned_values: FloatArray
-    missed: float
-
-
-def find_front(trials: Trials) -> SurfaceFront:
+def find_front(trials: Trials) -> FoundFront:
     """Find the front of everything that is free.
 
     Args:
         trials: the encounters.
 
     Returns:
-        The front; empty where nothing is feasible on the grid.
+        The front, in pieces between which no encounter was found; empty where nothing is feasible on the grid.
     """
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))
     tests = trials.freedom.spread(_TESTS)
     tests_values = trials.values(tests)
-    every = np.concatenate([grid, tests]), np.concatenate([grid_values, tests_values])
+    every, every_values = np.concatenate([grid, tests]), np.concatenate([grid_values, tests_values])
     if not len(best):
-        return SurfaceFront(
-            at=grid[:0],
-            values=grid_values[:0],
-            piece=np.zeros(0, dtype=np.int64),
-            scanned=every[0],
-            scanned_values=every[1],
-            missed=np.inf,
-        )
-    extent = _extent(grid_values[best])
-    found = _Front(trials, extent)
+        return FoundFront.of(grid[:0], grid_values[:0], [], every, every_values)
+    extent = extent_of(grid_values[best])
+    found = _FrontPoints(trials, extent)
     for k in range(grid_values.shape[1]):
         weights = np.full(grid_values.shape[1], _PULL) / extent
         weights[k] = 1 / extent[k]
@@ -85,26 +56,18 @@ def find_front(trials: Trials) -> SurfaceFront:
         found.search(grid[best[i]], grid_values[best[i]])
     found.fill()
     for _ in range(_ROUNDS):
-        missed = shortfall(every[1] / extent, found.values / extent)
+        missed = shortfall(every_values / extent, found.values / extent)
         worst = np.argsort(-missed)[: 2 * trials.freedom.size]
         worst = worst[missed[worst] > _MISSED]
         for i in worst:
-            found.search(every[0][i], every[1][i])
+            found.search(every[i], every_values[i])
         if not len(worst):
             break
         found.fill()
-    missed = shortfall(every[1] / extent, found.values / extent)
-    return SurfaceFront(
-        at=found.at,
-        values=found.values,
-        piece=found.pieces(),
-        scanned=every[0],
-        scanned_values=every[1],
-        missed=float(max(missed.max(), 0.0)),
-    )
+    return FoundFront.of(found.at, found.values, found.pieces(), every, every_values)
 
 
-class _Front:
+class _FrontPoints:
     """The points found so far; none dominates another."""
 
     def __init__(self, trials: Trials, extent: FloatArray) -> None:
@@ -149,13 +112,6 @@ class _Front:
             return np.zeros(len(self.values), dtype=np.int64)
         gap = (np.abs(np.diff(self.values, axis=0)) / self.extent).max(axis=1)
         return np.concatenate([[0], np.cumsum(gap > _GAP * _SPACING)]).astype(np.int64)
-
-
-def _extent(values: FloatArray) -> FloatArray:
-    """Return the extent of a front in each quantity; where it has none, the quantity itself."""
-    extent = np.ptp(values, axis=0)
-    extent = np.where(extent > 0, extent, np.abs(values).max(axis=0))
-    return np.asarray(np.where(extent > 0, extent, 1.0))
 
 
 def _spread(points: FloatArray, count: int) -> list[int]:

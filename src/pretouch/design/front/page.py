@@ -11,8 +11,8 @@ from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.describing import inputs_section, method_section
 
-from .front import FREE_UNITS, FrontPoint, FrontStatus, ParetoFront
-from .page import impact_rows
+from ..page import impact_rows
+from .result import FREE_UNITS, FrontPoint, FrontStatus, ParetoFront
 
 __all__ = ["front_page"]
 

@@ -4,37 +4,36 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
 from pretouch.sensors import SensorModel
 
-from .bound_comparison import compare_with_bound
-from .constraints import Constraint
-from .domination import shortfall
-from .freedom import make_freedom
-from .front import FrontPoint, FrontStatus, ParetoFront
-from .front_curve import trace_front
-from .front_surface import find_front
-from .impact import ImpactModel
+from ..constraints import Constraint
+from ..criteria import magnitude
+from ..impact import ImpactModel
+from ..problem import Encounters, Evaluator
+from ..quantities import QUANTITY_UNITS
+from ..search.freedom import make_freedom
+from ..search.trials import Trials
+from .comparison import compare_with_bound
+from .curve import trace_front
+from .domination import FoundFront, extent_of, shortfall
 from .knee import find_knee
 from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
-from .problem import Evaluator
-from .quantities import QUANTITY_UNITS
-from .trials import Trials, magnitude
+from .result import FrontPoint, FrontStatus, ParetoFront
+from .surface import find_front
 
-__all__ = ["Chosen", "pareto_front"]
+__all__ = ["Choice", "pareto_front"]
 
 _ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
-_FLAT: Final = 1e-12  # relative: a quantity that varies less along the front is the same everywhere
 
 
-class Chosen(Protocol):
+class Choice(Protocol):
     """What can be marked as the user's choice: a design."""
 
     @property
@@ -44,18 +43,6 @@ class Chosen(Protocol):
     @property
     def scenario(self) -> Scenario:
         """The encounter with its admittance."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    """A front by coordinates, whichever way it was found."""
-
-    at: FloatArray
-    values: FloatArray
-    piece: IntArray
-    scanned: FloatArray
-    scanned_values: FloatArray
-    missed: float
 
 
 def pareto_front(
@@ -68,7 +55,7 @@ def pareto_front(
     damping_ratio: tuple[float, float] | None = None,
     constraints: Sequence[Constraint] = (),
     impact: ImpactModel | None = None,
-    choice: float | Chosen | None = None,
+    choice: float | Choice | None = None,
     method: str = "auto",
     horizon: float = 600.0,
     evaluate: Evaluator | None = None,
@@ -83,7 +70,7 @@ def pareto_front(
     Args:
         scenario: one encounter; its virtual mass is kept.
         sensor: the sensor curve.
-        quantities: two or three names of QUANTITY_UNITS; their magnitudes are minimized.
+        quantities: two or three different names of QUANTITY_UNITS; their magnitudes are minimized.
         bounds: smallest and largest gain [N s]; mitigating gains are negative.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; the damping ratio is kept then.
         damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) where it is free.
@@ -97,9 +84,6 @@ def pareto_front(
 
     Returns:
         The front; infeasible and no-contact are statuses of it, not errors.
-
-    Raises:
-        InvalidInputError: quantities are not known or not two or three different ones, or bounds are no interval.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle
@@ -119,20 +103,19 @@ def pareto_front(
         True
     """
     names = _quantities(quantities)
-    low, high = (finite(b, "bounds", "N*s") for b in bounds)
-    if not low < high:
-        raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
-    trials = Trials(
-        freedom=make_freedom(scenario, (low, high), natural_frequency, damping_ratio),
+    encounters = Encounters(
+        scenario=scenario,
         sensor=sensor,
-        measures=tuple(magnitude(name, impact) for name in names),
         constraints=tuple(constraints),
         impact=impact,
         method=method,
         horizon=horizon,
         evaluator=evaluate,
     )
-    found = _find(trials)
+    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
+    measures = tuple(magnitude(name, impact) for name in names)
+    trials = Trials(freedom=freedom, encounters=encounters, measures=measures)
+    found = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
     return _assemble(trials, names, found, choice)
 
 
@@ -146,47 +129,9 @@ def _quantities(given: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def _find(trials: Trials) -> _Found:
-    """Find the front, as points that ascend in the first quantity."""
-    if trials.freedom.size > 1:
-        surface = find_front(trials)
-        return _Found(
-            at=surface.at,
-            values=surface.values,
-            piece=surface.piece,
-            scanned=surface.scanned,
-            scanned_values=surface.scanned_values,
-            missed=surface.missed,
-        )
-    curve = trace_front(lambda u: trials.values(u[:, None]))
-    order = np.argsort(curve.values[:, 0] if curve.values.shape[1] == 2 else curve.at, kind="stable")
-    extent = _extent(curve.values)
-    missed = shortfall(curve.scanned_values / extent, curve.values / extent).max() if len(order) else np.inf
-    return _Found(
-        at=curve.at[order][:, None],
-        values=curve.values[order],
-        piece=_numbered(curve.piece[order]),
-        scanned=curve.scanned[:, None],
-        scanned_values=curve.scanned_values,
-        missed=float(max(missed, 0.0)),
-    )
-
-
-def _numbered(piece: IntArray) -> IntArray:
-    """Number the stretches of points that follow each other on one piece."""
-    return np.asarray(np.concatenate([[0], np.cumsum(piece[1:] != piece[:-1])])[: len(piece)], dtype=np.int64)
-
-
-def _extent(values: FloatArray) -> FloatArray:
-    if not len(values):
-        return np.ones(values.shape[1])
-    extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
-    return np.asarray(np.where(extent > _FLAT * size, extent, np.where(size > 0, size, 1.0)))
-
-
-def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: float | Chosen | None) -> ParetoFront:
+def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice: float | Choice | None) -> ParetoFront:
     freedom = trials.freedom
-    maker = _Points(trials, names, found)
+    maker = _Plane(trials, names, found)
     reached = np.isfinite(found.scanned_values).all(axis=1)
     known = len(found.at) > 0
     status = FrontStatus.FOUND if known else _why_empty(trials, found)
@@ -205,7 +150,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: flo
         knee=None if knee is None else maker.point("knee", *maker.choice_at(knee[0]), depth=knee[1]),
         choice=None if choice is None else maker.chosen(choice),
         ends=maker.ends(found.at),
-        comparison=None if result is None else compare_with_bound(trials, freedom.encounters(found.at), gain, result),
+        comparison=None if result is None else compare_with_bound(trials, freedom.scenarios(found.at), gain, result),
         bound=_bound(trials),
         no_bound=_why_no_bound(trials),
         scanned=found.scanned_values[reached],
@@ -216,19 +161,19 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: _Found, choice: flo
         damping_ratio_bounds=freedom.damping_ratio,
         constraints=trials.constraints,
         scenario=freedom.scenario,
-        sensor=trials.sensor,
-        impact=trials.impact,
+        sensor=trials.encounters.sensor,
+        impact=trials.encounters.impact,
         result=result,
     )
 
 
-def _why_empty(trials: Trials, found: _Found) -> FrontStatus:
+def _why_empty(trials: Trials, found: FoundFront) -> FrontStatus:
     _, reached = trials.rows(found.scanned)
     return FrontStatus.INFEASIBLE if reached.any() else FrontStatus.NO_CONTACT
 
 
 def _why_no_bound(trials: Trials) -> str:
-    if trials.method == "uniform-motion" or trials.evaluator is not None:
+    if not trials.encounters.is_differentiable:
         return "the motion is not that of L(1) from rest, of which the bound speaks"
     return why_no_bound(trials.freedom.scenario)
 
@@ -245,19 +190,19 @@ def _bound(trials: Trials) -> PhysicalBound | None:
     )
 
 
-class _Points:
+class _Plane:
     """Makes points of the plane: solves single encounters and places them beside the front."""
 
-    def __init__(self, trials: Trials, names: tuple[str, ...], found: _Found) -> None:
+    def __init__(self, trials: Trials, names: tuple[str, ...], found: FoundFront) -> None:
         self.trials, self.names, self.front = trials, names, found.values
-        self.extent = _extent(found.values)
+        self.extent = extent_of(found.values)
 
     def choice_at(self, at: FloatArray) -> tuple[Scenario, float]:
         """Return the encounter and the gain at coordinates."""
         freedom = self.trials.freedom
         scenario = freedom.scenario
         if freedom.size > 1:
-            every = freedom.encounters(at[None]).admittance
+            every = freedom.scenarios(at[None]).admittance
             one = {f.name: float(np.reshape(getattr(every, f.name), -1)[0]) for f in dataclasses.fields(every)}
             scenario = dataclasses.replace(scenario, admittance=dataclasses.replace(every, **one))
         return scenario, float(freedom.gain(at[None])[0])
@@ -270,7 +215,7 @@ class _Points:
         points = [self.point(f"least {name}", *one) for name, one in zip(self.names, least, strict=True)]
         return tuple(p for p in points if p is not None)
 
-    def chosen(self, choice: float | Chosen) -> FrontPoint | None:
+    def chosen(self, choice: float | Choice) -> FrontPoint | None:
         """Return the user's choice; None where that is a design without a gain or an encounter without contact."""
         if isinstance(choice, (int, float)):
             return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", "N*s")))
@@ -284,7 +229,7 @@ class _Points:
     def point(self, name: str, scenario: Scenario, gain: float, depth: float | None = None) -> FrontPoint | None:
         """Solve an encounter and place it; None where it does not end in contact."""
         trials = self.trials
-        result: ContactResult = trials.solve(scenario, gain)
+        result: ContactResult = trials.encounters.solve(scenario, gain)
         if not result.reached.all():
             return None
         rows = trials.rows_of(result).reshape(1, -1)

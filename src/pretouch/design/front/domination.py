@@ -3,13 +3,57 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
-__all__ = ["non_dominated", "shortfall"]
+__all__ = ["FoundFront", "extent_of", "non_dominated", "shortfall"]
+
+_FLAT: Final = 1e-12  # relative: a quantity that varies less along the front is the same everywhere
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundFront:
+    """A front by coordinates, whichever way it was found.
+
+    Args:
+        at: coordinates of its points, shape (n, size).
+        values: the quantities there, shape (n, k).
+        piece: the number of the piece that each point belongs to, from 0 on.
+        scanned: coordinates of everything that was tried side by side, shape (m, size).
+        scanned_values: the quantities there, infinite where not feasible.
+        missed: the largest amount by which the front misses what was tried, of its extent in every quantity at once.
+    """
+
+    at: FloatArray
+    values: FloatArray
+    piece: IntArray
+    scanned: FloatArray
+    scanned_values: FloatArray
+    missed: float
+
+    @classmethod
+    def of(
+        cls, at: FloatArray, values: FloatArray, piece: Any, scanned: FloatArray, scanned_values: FloatArray
+    ) -> FoundFront:
+        """Put a front beside what was tried."""
+        missed = np.inf
+        if len(at):
+            extent = extent_of(values)
+            missed = max(float(shortfall(scanned_values / extent, values / extent).max()), 0.0)
+        numbers = np.asarray(piece, dtype=np.int64)
+        return cls(at=at, values=values, piece=numbers, scanned=scanned, scanned_values=scanned_values, missed=missed)
+
+
+def extent_of(values: FloatArray) -> FloatArray:
+    """Return the extent of a front, shape (n, k), in each quantity; where it has none, the quantity itself."""
+    if not len(values):
+        return np.ones(values.shape[1])
+    extent, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
+    return np.asarray(np.where(extent > _FLAT * size, extent, np.where(size > 0, size, 1.0)))
 
 
 def non_dominated(values: FloatArray) -> BoolArray:

@@ -1,0 +1,128 @@
+"""What an encounter is appraised by: a number, made of quantities at contact, and how it follows them.
+
+Every derivative of an objective or a limit, by whatever input, is this chain rule with the derivatives of the contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import FloatArray
+from pretouch.motion.contact import ContactResult, ContactState
+
+from .impact import ImpactModel
+from .objectives import OBSTACLE_SPEED, Objective
+from .own_objective import appraise
+from .quantities import quantity_of
+
+__all__ = ["Criterion", "along", "magnitude", "merit"]
+
+Slope: TypeAlias = Callable[[str], Any]
+"""From a quantity at contact to its derivative by some input."""
+
+Rates: TypeAlias = list[tuple[str, Any]]
+
+_WITH_GRADIENTS: Final = frozenset(
+    ("time", "position", "velocity", "acceleration", "displacement", "relative_velocity", "virtual_force")
+) | {"impact_force", "gain"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Criterion:
+    """A number of an encounter.
+
+    Args:
+        value: the number, from a result.
+        rates: its derivative by each quantity that it is made of, from a state at contact.
+        has_gradients: whether all of these have gradients: False where one needs the whole motion, or where a class of
+            the user's computes the number.
+    """
+
+    value: Callable[[ContactResult], Any]
+    rates: Callable[[ContactState], Rates]
+    has_gradients: bool
+
+    def slope(self, state: ContactState, of: Slope) -> FloatArray:
+        """Differentiate the number by an input.
+
+        Args:
+            state: the state at contact.
+            of: from a quantity to its derivative by the input, as `along` makes it.
+
+        Returns:
+            The derivative in SI, of the shape of the state.
+        """
+        total = np.zeros(np.shape(state.time))
+        for quantity, rate in self.rates(state):
+            total = total + rate * np.asarray(of(quantity))
+        return total
+
+
+def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
+    """Follow one input.
+
+    Args:
+        of: the derivative of a quantity by an input, as `ContactGradients` has it.
+        by: the input.
+        velocity: that of the obstacle at the start [m/s], for what follows its speed.
+
+    Returns:
+        From a quantity to its derivative by the input, that of the gain and of the obstacle's speed among them.
+    """
+
+    def slope(quantity: str) -> Any:
+        if quantity == "gain":
+            return float(by == "gain")
+        if quantity == OBSTACLE_SPEED:
+            return np.sign(velocity) if by == "obstacle.velocity" else 0.0
+        return of(quantity, by)
+
+    return slope
+
+
+def magnitude(quantity: str, impact: ImpactModel | None) -> Criterion:
+    """Make the criterion |quantity|."""
+
+    def rates(state: ContactState) -> Rates:
+        return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)), state, impact)]
+
+    return Criterion(
+        value=lambda result: np.abs(quantity_of(quantity, result.end, impact)),
+        rates=rates,
+        has_gradients=quantity in _WITH_GRADIENTS,
+    )
+
+
+def merit(objective: Objective, obstacle_speed: Any, impact: ImpactModel | None) -> Criterion:
+    """Make the criterion that an objective is: the sum of weight (q / s)^2; s may be the obstacle's speed [m/s]."""
+
+    def rates(state: ContactState) -> Rates:
+        found = []
+        for term in objective.terms:
+            value, scale = quantity_of(term.quantity, state, impact), term.scale_for(obstacle_speed)
+            rate = 2 * term.weight * value / np.square(scale)
+            found.append(_at_contact(term.quantity, rate, state, impact))
+            if term.scale == OBSTACLE_SPEED:
+                found.append((OBSTACLE_SPEED, -rate * value / scale))
+        return found
+
+    own = type(objective) is not Objective  # a class of the user's may compute anything
+    return Criterion(
+        value=lambda result: appraise(objective, result.end, result.reached, obstacle_speed, impact),
+        rates=rates,
+        has_gradients=not own and all(term.quantity in _WITH_GRADIENTS for term in objective.terms),
+    )
+
+
+def _at_contact(quantity: str, rate: Any, state: ContactState, impact: ImpactModel | None) -> tuple[str, Any]:
+    """Return a rate as one by a quantity that has gradients: an impact force follows the relative velocity."""
+    if quantity != "impact_force":
+        return quantity, rate
+    if impact is None:
+        raise ResultUnavailableError("impact_force: needs the physical properties of robot and obstacle")
+    return "relative_velocity", rate * impact.peak_force_slope(state.relative_velocity)

@@ -1,0 +1,178 @@
+"""A scan that halves intervals until neighbors predict each other: what makes a search along an axis global."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.values import Value
+
+__all__ = ["EXACT", "HELD", "Effort", "Evaluate", "Landscape", "Scan", "predict", "scan"]
+
+HELD: Final = 1 - 1e-11
+"""Of a limit: so that the encounter at the chosen gain, solved again, holds it, too."""
+
+_JUMP: Final = 1e-6  # of the axis: what an interval so narrow does not predict, jumps
+_EDGE: Final = 1e-3  # of the axis: how narrow the interval is in which feasibility changes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How hard a search along an axis tries.
+
+    Args:
+        first: how many coordinates a scan begins with.
+        largest: how many it ends with at most, where a function with jumps never lets neighbors predict each other.
+        resolved: the error of predicting a value from its neighbors, of itself, from which a scan goes on.
+        share: of the range of the values, by which a value is enlarged for that: near zero, nothing predicts itself.
+        relevant: times the lowest value: an interval that is higher at both ends is not halved for its error, and a
+            minimum that is higher is not refined.
+        most: how many local minima are refined, the lowest first: a smooth function has a few, one with jumps hundreds.
+        finest: of u, where narrowing ends if the function is not smooth.
+    """
+
+    first: int = 65
+    largest: int = 2049
+    resolved: float = 1e-3
+    share: float = 0.0
+    relevant: float = math.inf
+    most: int = 16
+    finest: float = 1e-14
+
+    def counts(self, lowest: float) -> float:
+        """Return up to where values matter; everywhere, for an infinite factor of whatever is lowest."""
+        return math.inf if math.isinf(self.relevant) else self.relevant * lowest
+
+
+EXACT: Final = Effort()
+"""For a function that is known to rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Landscape(Value):
+    """What coordinates lead to.
+
+    Args:
+        objective: the objective, shape (n,), or several, shape (k, n); infinite where there is no contact.
+        ratios: |quantity| / limit of each constraint, shape (constraints, n); infinite where there is no contact.
+    """
+
+    objective: FloatArray
+    ratios: FloatArray
+
+    @property
+    def reached(self) -> BoolArray:
+        """Where the encounter ends in contact."""
+        return np.isfinite(self.objective)
+
+    @property
+    def worst_ratio(self) -> FloatArray:
+        """The largest ratio of any constraint; 0 where there is none."""
+        worst = self.ratios.max(axis=0) if len(self.ratios) else np.zeros_like(self.objective)
+        return np.where(self.reached, worst, np.inf)
+
+    @property
+    def feasible(self) -> BoolArray:
+        """Where the encounter ends in contact and every constraint holds."""
+        return self.reached & (self.worst_ratio <= HELD)
+
+    @property
+    def merit(self) -> FloatArray:
+        """The objective where feasible, infinite elsewhere."""
+        return np.where(self.feasible, self.objective, np.inf)
+
+    def joined(self, other: Landscape, order: IntArray) -> Landscape:
+        """Return both, one after the other, in another order."""
+        return Landscape(
+            objective=np.concatenate([self.objective, other.objective], axis=-1)[..., order],
+            ratios=np.concatenate([self.ratios, other.ratios], axis=1)[:, order],
+        )
+
+
+Evaluate = Callable[[FloatArray], Landscape]
+"""From coordinates to what they lead to; the same coordinate gives the same, noise being common random numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan(Value):
+    """A scan of the whole axis.
+
+    Args:
+        coordinate: u, ascending, shape (n,).
+        landscape: what each gain leads to.
+        resolution: largest error of predicting an objective from its neighbors, relative to the objective.
+    """
+
+    coordinate: FloatArray
+    landscape: Landscape
+    resolution: float
+
+
+def scan(evaluate: Evaluate, low: float, high: float, effort: Effort = EXACT) -> Scan:
+    """Scan an axis and halve its intervals until neighbors predict each other.
+
+    An interval is halved while the cubic through four neighbors misses an objective in its middle by more than
+    `resolved`, or while feasibility changes over it and it is wider than 1e-3 of the axis. At a jump that ends where it
+    is narrower than 1e-6 of the axis; where there are many jumps, when there are as many coordinates as may be.
+
+    Args:
+        evaluate: from coordinates to a Landscape.
+        low: start of the axis.
+        high: its end.
+        effort: how hard to try.
+
+    Returns:
+        The scan.
+    """
+    u = np.linspace(low, high, effort.first)
+    found = evaluate(u)
+    doubtful = np.ones(len(u) - 1, dtype=bool)
+    resolution = np.inf
+    while doubtful.any() and len(u) + int(doubtful.sum()) <= effort.largest:
+        middle = 0.5 * (u[:-1] + u[1:])[doubtful]
+        new = evaluate(middle)
+        error = _missed(predict(u, found.objective, np.flatnonzero(doubtful)), new.objective, found, effort.share)
+        resolution = float(error.max(initial=0.0))
+        lower_ends = np.minimum(found.objective[..., :-1], found.objective[..., 1:])[..., doubtful]
+        near = lower_ends <= effort.counts(float(found.merit.min()))
+        rough = ((error > effort.resolved) & near).reshape(-1, len(middle)).any(axis=0)
+        order = np.argsort(np.concatenate([u, middle]), kind="stable")
+        u, found = np.concatenate([u, middle])[order], found.joined(new, order)
+        marks = np.concatenate([np.zeros(len(u) - len(middle), dtype=bool), rough])[order]
+        apart = np.diff(u)
+        kinds = np.atleast_2d(found.feasible) + 2 * np.atleast_2d(found.reached)
+        changes = (np.diff(kinds) != 0).any(axis=0)
+        doubtful = (marks[:-1] | marks[1:]) & (apart > _JUMP * (high - low)) | changes & (apart > _EDGE * (high - low))
+    return Scan(coordinate=u, landscape=found, resolution=resolution)
+
+
+def _missed(predicted: FloatArray, new: FloatArray, found: Landscape, share: float) -> FloatArray:
+    """Return by how much a prediction misses, in proportion; 0 where there is none."""
+    size = np.abs(new)
+    if share:
+        known = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
+        size = size + share * (np.ptp(known, axis=-1, keepdims=True) if known.size else 1.0)
+    with np.errstate(invalid="ignore"):
+        error = np.abs(predicted - new) / size
+    return np.where(np.isfinite(error), error, 0.0)
+
+
+def predict(u: FloatArray, f: FloatArray, intervals: IntArray) -> FloatArray:
+    """Predict f, shape (..., n), in the middle of intervals by the cubic through the four nodes nearest to each."""
+    first = np.clip(intervals - 1, 0, len(u) - 4)
+    x = u[first[:, None] + np.arange(4)]
+    at = 0.5 * (u[intervals] + u[intervals + 1])
+    total = np.zeros((*f.shape[:-1], len(at)))
+    for i in range(4):
+        weight = np.ones(len(at))
+        for j in range(4):
+            if j != i:
+                weight = weight * (at - x[:, j]) / (x[:, i] - x[:, j])
+        with np.errstate(invalid="ignore"):
+            total = total + weight * f[..., first + i]
+    return total

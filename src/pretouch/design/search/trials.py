@@ -1,0 +1,138 @@
+"""Encounters over all that is free, as rows of numbers: what is minimized, what is limited, and their derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch.motion import ContactResult
+
+from ..constraints import Constraint
+from ..criteria import Criterion, along, magnitude
+from ..problem import Encounters
+from .freedom import Freedom
+from .scan import HELD
+
+__all__ = ["Trials"]
+
+_STEP: Final = 2e-4  # of a coordinate in [0, 1]: differences of order 4 are then as good as the contacts
+_NODES: Final = np.arange(-2.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trials:
+    """Everything that a search asks of encounters.
+
+    Args:
+        freedom: what is free.
+        encounters: how encounters are solved, and what they must keep.
+        measures: what is minimized.
+    """
+
+    freedom: Freedom
+    encounters: Encounters
+    measures: tuple[Criterion, ...]
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The limits."""
+        return self.encounters.constraints
+
+    def run(self, at: FloatArray) -> ContactResult:
+        """Solve the encounters at coordinates, shape (n, size)."""
+        return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
+
+    def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return measures, then |quantity| / limit of every constraint.
+
+        Args:
+            at: coordinates, shape (n, size).
+
+        Returns:
+            Shape (n, measures + constraints), infinite where there is no contact; and where there is.
+        """
+        result = self.run(at)
+        reached = np.asarray(result.reached)
+        every = self.rows_of(result)
+        return np.where(reached[:, None], np.reshape(every, (len(at), -1)), np.inf), reached
+
+    def feasible(self, rows: FloatArray) -> BoolArray:
+        """Tell where there is contact and every limit holds."""
+        ratios = rows[:, len(self.measures) :]
+        return np.asarray(np.isfinite(rows).all(axis=1) & (ratios <= HELD).all(axis=1))
+
+    def values(self, at: FloatArray) -> FloatArray:
+        """Return the measures, infinite where the point is not feasible, shape (n, measures)."""
+        rows, _ = self.rows(at)
+        return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
+
+    def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the rows at one point and their derivatives by its coordinates.
+
+        Derivatives are exact where the result has gradients of all that a row is made of, otherwise differences of
+        order 4 that stay within the bounds.
+
+        Args:
+            at: one point, shape (size,).
+
+        Returns:
+            Shape (rows,) and (rows, size); infinite and zero where there is no contact.
+        """
+        result = self.run(at[None])
+        if not np.asarray(result.reached).all():
+            count = len(self.measures) + len(self.constraints)
+            return np.full(count, np.inf), np.zeros((count, len(at)))
+        rows = np.reshape(self.rows_of(result), -1)
+        slopes = self._exact(result, at)
+        rough = np.isnan(slopes).any(axis=1)
+        if rough.any():
+            slopes[rough] = self._differences(at)[rough]
+        return rows, slopes
+
+    def rows_of(self, result: ContactResult) -> FloatArray:
+        """Return the rows of a result, its runs along the first axis."""
+        columns = [m.value(result) for m in self.measures]
+        columns += [c.magnitude(result.end, self.encounters.impact) / c.limit for c in self.constraints]
+        return np.stack([np.asarray(c, dtype=np.float64) for c in columns], axis=-1)
+
+    def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
+        """Return exact derivatives, NaN where there are none."""
+        limited = [(magnitude(c.quantity, self.encounters.impact), c.limit) for c in self.constraints]
+        every = [*((m, 1.0) for m in self.measures), *limited]
+        found = np.full((len(every), len(at)), np.nan)
+        try:
+            gradients = result.gradients if self.encounters.evaluator is None else None
+        except ResultUnavailableError:
+            gradients = None
+        if gradients is None:
+            return found
+        chain = self.freedom.chain(at)
+        for i, (measure, scale) in enumerate(every):
+            if measure.has_gradients:
+                by = {name: measure.slope(result.end, along(gradients.of, name)) for one in chain for name, _ in one}
+                for j, inputs in enumerate(chain):
+                    found[i, j] = sum(rate * by[name].item() for name, rate in inputs) / scale
+        return found
+
+    def _differences(self, at: FloatArray) -> FloatArray:
+        """Return derivatives by differences of order 4, one-sided beside a bound."""
+        size = len(at)
+        shift = np.clip(0.0, 2 - at / _STEP, (1 - at) / _STEP - 2)  # of the middle node, in steps
+        offsets = _STEP * (_NODES + shift[:, None])
+        points = np.repeat(at[None], 5 * size, axis=0).reshape(size, 5, size)
+        for j in range(size):
+            points[j, :, j] = np.clip(points[j, :, j] + offsets[j], 0.0, 1.0)
+        rows, _ = self.rows(points.reshape(-1, size))
+        samples = rows.reshape(size, 5, -1)
+        found = np.zeros((samples.shape[2], size))
+        for j in range(size):
+            powers = np.vander((points[j, :, j] - at[j]) / _STEP, 5, increasing=True).T
+            weights = np.linalg.solve(powers, np.array([0.0, 1.0, 0.0, 0.0, 0.0])) / _STEP
+            with np.errstate(invalid="ignore"):
+                slope = weights @ samples[j]
+            found[:, j] = np.where(np.isfinite(slope), slope, 0.0)  # beside an edge of contact
+        return found

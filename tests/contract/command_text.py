@@ -86,6 +86,5 @@ def stand_in_for_reports(monkeypatch):
     def write(result, path, *, overwrite=False, **_):
         return write_text(path, sign(PAGE.format(type(result).__name__)), overwrite=overwrite)
 
-    module.write_design_report = write
-    module.write_fit_report = write
+    module.write_report = write
     monkeypatch.setitem(sys.modules, "pretouch.report", module)

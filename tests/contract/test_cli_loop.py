@@ -43,8 +43,8 @@ def run(tmp_path, monkeypatch, capsys):
     Path("loop.toml").write_text(LOOP)
     stand_in_for_reports(monkeypatch)
     module = sys.modules["pretouch.report"]
-    for name in ("write_simulation_report", "write_verdict_report"):
-        monkeypatch.setattr(module, name, module.write_design_report, raising=False)
+    for name in ("write_report", "write_report"):
+        monkeypatch.setattr(module, name, module.write_report, raising=False)
     return command(monkeypatch, capsys)
 
 

@@ -29,7 +29,7 @@ def run(tmp_path, monkeypatch, capsys):
     Path("unsure.toml").write_text(UNCERTAIN)
     stand_in_for_reports(monkeypatch)
     module = sys.modules["pretouch.report"]
-    monkeypatch.setattr(module, "write_robust_report", module.write_design_report, raising=False)
+    monkeypatch.setattr(module, "write_report", module.write_report, raising=False)
     return command(monkeypatch, capsys)
 
 

@@ -43,7 +43,7 @@ def _public() -> dict[str, object]:
     """Every function and class in the __all__ of pretouch and of the packages below it."""
     packages = [m.name for m in pkgutil.walk_packages(pretouch.__path__, "pretouch.") if m.ispkg]
     found: dict[str, object] = {}
-    for package in ("pretouch", *packages):
+    for package in ("pretouch", "pretouch.report.plots", *packages):
         module = importlib.import_module(package)
         for name in getattr(module, "__all__", ()):
             value = getattr(module, name)

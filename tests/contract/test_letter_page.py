@@ -16,7 +16,7 @@ from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.json_text import plain
 from pretouch.letter.comparison import Comparison, Verdict, compare
-from pretouch.letter.page import letter_report_html, write_letter_report
+from pretouch.letter.page import report_html, write_report
 from pretouch.letter.result import Evidence, LetterReport
 from pretouch.letter.text import WIDTH, report_text
 from pretouch.letter.wording import SHAPES, WORDS, difference, evidence, numeral, ours, over_inputs
@@ -25,7 +25,7 @@ from pretouch.report.style import new_figure
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    return letter_report_html(good())
+    return report_html(good())
 
 
 # --- the page
@@ -33,10 +33,10 @@ def page() -> str:
 
 @pytest.mark.parametrize("make", [good, bad, LetterReport], ids=["good", "bad", "empty"])
 def test_a_page_is_sound_and_repeats(make) -> None:
-    page = letter_report_html(make())
+    page = report_html(make())
     words = assert_sound(page).words
     assert "Method and assumptions" in words
-    assert letter_report_html(make()) == page
+    assert report_html(make()) == page
 
 
 def test_a_page_shows_every_text_of_the_report(page: str) -> None:
@@ -87,7 +87,7 @@ def test_the_code_is_shown_as_it_is(page: str) -> None:
     assert [text.removeprefix("\n") for text in parse(page).code] == [CODE, CODE]
     assert all(text.startswith("\n") for text in parse(page).code)
     indented = "\n    first()\n\n"
-    page = letter_report_html(LetterReport(reproductions=(reproduction(code=indented),)))
+    page = report_html(LetterReport(reproductions=(reproduction(code=indented),)))
     assert parse(page).code == ["\n" + indented]
 
 
@@ -104,10 +104,10 @@ def test_the_numbers_are_in_the_page_and_can_be_saved(page: str) -> None:
 
 
 def test_hostile_text_stays_text() -> None:
-    page = letter_report_html(good(lambda text: f"{text}{EVIL}</pre></style>\\1"))
+    page = report_html(good(lambda text: f"{text}{EVIL}</pre></style>\\1"))
     assert_sound(page)
     assert "alert(" in parse(page).words
-    harmless = letter_report_html(good())
+    harmless = report_html(good())
     assert all(page.count(tag) == harmless.count(tag) for tag in ("<script", "<pre", "</style", "<a ", "<td"))
 
 
@@ -118,7 +118,7 @@ def test_what_does_not_come_out_is_loud_and_what_does_is_not(page: str) -> None:
     assert "NOT HOLD" not in words
     assert 'class="warning"' not in page
 
-    page = letter_report_html(bad())
+    page = report_html(bad())
     words = parse(page).words
     assert "not reproduced" in words
     assert words.count("DOES NOT HOLD") == 1
@@ -131,11 +131,11 @@ def test_what_does_not_come_out_is_loud_and_what_does_is_not(page: str) -> None:
 
 def test_a_reason_that_many_share_stands_once() -> None:
     same = tuple(dataclasses.replace(comparisons()[3], name=f"time {i}") for i in range(3))
-    words = parse(letter_report_html(LetterReport(reproductions=(reproduction(given=same),)))).words
+    words = parse(report_html(LetterReport(reproductions=(reproduction(given=same),)))).words
     assert words.count("friction") - words.count("friction and modeling") == 1
     assert "all of them : friction" in words
     more = (*same[:2], comparisons()[0])
-    words = parse(letter_report_html(LetterReport(reproductions=(reproduction(given=more),)))).words
+    words = parse(report_html(LetterReport(reproductions=(reproduction(given=more),)))).words
     assert "time 0; time 1 : friction" in words
 
 
@@ -146,7 +146,7 @@ def test_many_inputs_stand_in_two_tables_and_a_wide_figure_above_its_code(page: 
         parameters=tuple(dataclasses.replace(mass, name=f"input {i}") for i in range(11)),
         figure=new_figure(8.0, 3.0),
     )
-    wide = letter_report_html(LetterReport(reproductions=(many,)))
+    wide = report_html(LetterReport(reproductions=(many,)))
     assert re.findall(r"input (\d+)", parse(wide).words) == [str(i) for i in range(11)]
     assert (page.count(">symbol</th>"), wide.count(">symbol</th>")) == (2, 2)
     assert 'class="code-of beside"' in page
@@ -155,7 +155,7 @@ def test_many_inputs_stand_in_two_tables_and_a_wide_figure_above_its_code(page: 
 
 def test_parts_without_inputs_numbers_or_tables_have_no_empty_headings() -> None:
     bare = dataclasses.replace(reproduction(given=()), parameters=(), tables=())
-    page = letter_report_html(LetterReport(reproductions=(bare,)))
+    page = report_html(LetterReport(reproductions=(bare,)))
     words = assert_sound(page).words
     assert "Inputs, as the letter gives them" not in words
     assert "Printed numbers beside ours" not in words
@@ -163,13 +163,13 @@ def test_parts_without_inputs_numbers_or_tables_have_no_empty_headings() -> None
 
 
 def test_a_page_is_written_like_every_report(tmp_path: Path) -> None:
-    path = write_letter_report(good(), tmp_path / "letter.html")
-    assert path.read_text(encoding="utf-8") == letter_report_html(good())
+    path = write_report(good(), tmp_path / "letter.html")
+    assert path.read_text(encoding="utf-8") == report_html(good())
     assert is_own_unchanged(path)
     path.write_text("mine", encoding="utf-8")
     with pytest.raises(OutputExistsError, match=r"letter\.html"):
-        write_letter_report(good(), path)
-    write_letter_report(good(), path, overwrite=True)
+        write_report(good(), path)
+    write_report(good(), path, overwrite=True)
     assert is_own_unchanged(path)
 
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.report.html import design_report_html
+from pretouch.report import report_html
 from pretouch.report.loop_motion import loop_motion
 from pretouch.report.motion_panels import runs_of
-from pretouch.report.robust_html import robust_report_html
 
 pytest.importorskip("matplotlib")
 
@@ -24,11 +23,11 @@ SCENARIO = pt.Scenario(
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 LOOP = pt.ClosedLoop(
-    law=pt.Controller(
+    law=pt.control.Controller(
         period=1e-3,
-        conditioning=pt.Conditioning(floor=1e-3, sensor_period=4e-3),
-        law=pt.VirtualDamper(gain=0.0),
-        admittance=pt.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        conditioning=pt.control.Conditioning(floor=1e-3, sensor_period=4e-3),
+        law=pt.control.VirtualDamper(gain=0.0),
+        admittance=pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
     ),
     chain=pt.SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, noise=1e-3),
 )
@@ -44,7 +43,7 @@ def design(evaluate: Any) -> pt.GainDesign:
 
 def test_a_design_report_shows_the_loop() -> None:
     found = design(LOOP)
-    page = design_report_html(found)
+    page = report_html(found)
     assert "The sampled loop: sensor chain" in page
     assert "One run of the sampled loop" in page
     assert "one run and its noise" in page
@@ -58,7 +57,7 @@ def test_a_design_report_shows_the_loop() -> None:
 
 
 def test_the_report_of_a_design_by_a_function_says_that_its_motion_is_not_known() -> None:
-    page = design_report_html(design(theirs))
+    page = report_html(design(theirs))
     assert "the function that the design was handed gives none" in page
     assert "what that assumes is not known here" in page
     assert "Time is continuous" not in page
@@ -66,7 +65,9 @@ def test_the_report_of_a_design_by_a_function_says_that_its_motion_is_not_known(
 
 def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
     robot = replace(
-        LOOP, plant=pt.PositionPlant(mass=1.0, bandwidth=30.0), contact=pt.SpringDamper(stiffness=1e5, damping=50.0)
+        LOOP,
+        plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=30.0),
+        contact=pt.simulation.SpringDamper(stiffness=1e5, damping=50.0),
     )
     found = loop_motion(robot, SCENARIO, SENSOR, -0.7, horizon=10.0)
     assert np.all(np.diff(found.time) > 0)
@@ -82,10 +83,10 @@ def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
 
 
 def test_a_robust_report_names_the_ideal_design() -> None:
-    found = pt.design_robust_gain(
+    found = pt.robust.design_robust_gain(
         SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32
     )
-    page = robust_report_html(found)
+    page = report_html(found)
     assert "gain of the ideal design" in page
     assert "The sampled loop: sensor chain" in page
     assert "nominal gain" not in page

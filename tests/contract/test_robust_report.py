@@ -18,7 +18,7 @@ from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, R
 from pretouch.design.robust.result import WorstEncounter
 from pretouch.design.robust.wording import share_in_words
 from pretouch.motion import Admittance, Obstacle, Scenario
-from pretouch.report import outcome_figure, price_figure, robust_figure, robust_report_html, write_robust_report
+from pretouch.report import plots, report_html, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Normal, TruncatedNormal, Uniform
 
@@ -77,9 +77,9 @@ def one() -> RobustDesign:
     return DESIGNS["tail with limits"]()
 
 
-@pytest.mark.parametrize("draw", [robust_figure, outcome_figure, price_figure])
+@pytest.mark.parametrize("draw", [plots.robust, plots.outcome, plots.price])
 def test_figures_are_legible(draw: Any, found: RobustDesign) -> None:
-    missing = {price_figure: found.gain is None, outcome_figure: found.status is DesignStatus.NO_CONTACT}
+    missing = {plots.price: found.gain is None, plots.outcome: found.status is DesignStatus.NO_CONTACT}
     if missing.get(draw):
         with pytest.raises(ResultUnavailableError):
             draw(found)
@@ -88,13 +88,13 @@ def test_figures_are_legible(draw: Any, found: RobustDesign) -> None:
 
 
 def test_figures_show_the_numbers_of_the_design(one: RobustDesign) -> None:
-    texts = " ".join(text for text, _ in visible_texts(robust_figure(one)))
+    texts = " ".join(text for text, _ in visible_texts(plots.robust(one)))
     for gain in (one.gain, one.nominal_gain):
         assert f"{gain:.4g} N s".replace("-", "\u2212") in texts.replace("\n", " ")
-    texts = " ".join(text for text, _ in visible_texts(outcome_figure(one)))
+    texts = " ".join(text for text, _ in visible_texts(plots.outcome(one)))
     assert "limit" in texts
     assert "relative speed at contact" in texts
-    texts = " ".join(text for text, _ in visible_texts(price_figure(one)))
+    texts = " ".join(text for text, _ in visible_texts(plots.price(one)))
     assert {"obstacle.velocity", "sensor.exponent", "best for each value"} <= {
         name for name in ("obstacle.velocity", "sensor.exponent", "best for each value") if name in texts
     }
@@ -102,7 +102,7 @@ def test_figures_show_the_numbers_of_the_design(one: RobustDesign) -> None:
 
 def test_curves_of_shares_are_the_distribution_of_the_outcomes(one: RobustDesign) -> None:
     """Every point of a curve says in how many encounters the quantity is no larger."""
-    axes = robust_figure(one).axes[1]
+    axes = plots.robust(one).axes[1]
     own = one.outcomes().objective
     x, share = axes.lines[0].get_data()
     for at, below in list(zip(x, share, strict=True))[1:]:
@@ -110,7 +110,7 @@ def test_curves_of_shares_are_the_distribution_of_the_outcomes(one: RobustDesign
 
 
 def test_reports_are_sound_for_every_status(found: RobustDesign) -> None:
-    words = assert_sound(robust_report_html(found)).words
+    words = assert_sound(report_html(found)).words
     assert "Method and assumptions" in words
     status = {"optimal": "robust gain found", "infeasible": "infeasible", "no-contact": "no contact"}
     assert status[found.status.value] in words
@@ -121,7 +121,7 @@ def test_reports_are_sound_for_every_status(found: RobustDesign) -> None:
 
 
 def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign) -> None:
-    words = parse(robust_report_html(one)).words
+    words = parse(report_html(one)).words
     v = one.validation
     assert v is not None
     for number in (
@@ -141,12 +141,12 @@ def test_a_report_contains_the_numbers_of_the_design(one: RobustDesign) -> None:
 
 
 def test_a_report_tells_what_the_objective_varies_with(one: RobustDesign) -> None:
-    words = parse(robust_report_html(one)).words
+    words = parse(report_html(one)).words
     assert "What the objective varies with" in words
     for share in one.importance:
         assert f"{share.name} {100 * share.alone:.1f} % ± {100 * share.alone_error:.1f}" in words
     alone = design()  # a single input has all of the variance
-    assert "What the objective varies with" not in parse(robust_report_html(alone)).words
+    assert "What the objective varies with" not in parse(report_html(alone)).words
 
 
 def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign) -> None:
@@ -162,27 +162,27 @@ def test_a_worst_encounter_is_shown_where_there_is_one(one: RobustDesign) -> Non
         encounters=((-0.6,),),
     )
     shown = replace(one, worst=worst)
-    words = parse(robust_report_html(shown)).words
+    words = parse(report_html(shown)).words
     for text in ("The worst encounter", "-0.6 m/s, with which the objective only falls", "0.3101, for which 17 boxes"):
         assert text in words
     assert "none exceeds 0.3101 (17 boxes told apart)" in str(shown)
-    assert "The worst encounter" not in parse(robust_report_html(one)).words
+    assert "The worst encounter" not in parse(report_html(one)).words
 
 
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     made = design()
-    page = robust_report_html(made)
-    assert page == robust_report_html(made)
-    path = write_robust_report(made, tmp_path / "robust.html")
+    page = report_html(made)
+    assert page == report_html(made)
+    path = write_report(made, tmp_path / "robust.html")
     assert path.read_text(encoding="utf-8") == page
     assert is_own_unchanged(path)
     (tmp_path / "mine.html").write_text("mine", encoding="utf-8")
     with pytest.raises(OutputExistsError, match=r"mine\.html"):
-        write_robust_report(made, tmp_path / "mine.html")
+        write_report(made, tmp_path / "mine.html")
 
 
 def test_reports_escape_what_users_wrote(one: RobustDesign) -> None:
     source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
-    page = robust_report_html(one, source=source)
+    page = report_html(one, source=source)
     assert_sound(page)
     assert "<script" not in page

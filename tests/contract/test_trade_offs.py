@@ -17,7 +17,7 @@ from figure_checks import assert_legible, visible_texts
 from page_checks import EVIL, assert_sound, parse
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import is_own_unchanged
-from pretouch.report import design_report_html, pareto_report_html
+from pretouch.report import report_html
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "trade-offs.md").read_text(encoding="utf-8")
@@ -201,7 +201,7 @@ def front(request, problem):
 
 
 def test_figures_of_fronts_are_legible(front):
-    figure = pt.pareto_figure(front)
+    figure = pt.plots.pareto(front)
     assert_legible(figure)
     texts = " ".join(text for text, _ in visible_texts(figure))
     assert ("knee" in texts) == (front.knee is not None)
@@ -209,7 +209,7 @@ def test_figures_of_fronts_are_legible(front):
 
 
 def test_reports_of_fronts_are_whole_pages(front):
-    text = pareto_report_html(front, source={"name": EVIL, "text": EVIL, "sha256": "0"})
+    text = report_html(front, source={"name": EVIL, "text": EVIL, "sha256": "0"})
     assert_sound(text)
     assert ("knee" in parse(text).words) == (len(front.gain) > 0)
 
@@ -217,10 +217,10 @@ def test_reports_of_fronts_are_whole_pages(front):
 @pytest.mark.parametrize("free", [{"natural_frequency": (3.0, 10.0)}, {"damping_ratio": (0.7, 1.5)}, FREE])
 def test_a_designed_admittance_is_drawn_and_reported(problem, free):
     design = pt.design_admittance(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free)
-    figure = pt.admittance_figure(design)
+    figure = pt.plots.admittance(design)
     assert_legible(figure)
     assert {"chosen", "as it is"} <= {text for text, _ in visible_texts(figure)}
-    text = design_report_html(design)
+    text = report_html(design)
     assert_sound(text)
     assert "The admittance" in parse(text).words
     json.dumps(design.to_dict(), allow_nan=False)
@@ -229,10 +229,10 @@ def test_a_designed_admittance_is_drawn_and_reported(problem, free):
 def test_what_cannot_be_drawn_is_refused(problem):
     limits = [pt.Constraint(name="excursion", limit=1e-6)]
     with pytest.raises(InvalidInputError, match="expected one with points to draw"):
-        pt.pareto_figure(front_of(problem, constraints=limits))
+        pt.plots.pareto(front_of(problem, constraints=limits))
     design = pt.design_admittance(
         problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE
     )
     with pytest.raises(InvalidInputError, match="no admittance that will do"):
-        pt.admittance_figure(design)
-    assert "as it is" in parse(design_report_html(design)).words
+        pt.plots.admittance(design)
+    assert "as it is" in parse(report_html(design)).words

@@ -12,10 +12,7 @@ from page_checks import EVIL, assert_sound, parse
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch.design.robust.wording import share_in_words
-from pretouch.report import (
-    verdict_report_html,
-    write_verdict_report,
-)
+from pretouch.report import report_html, write_report
 from verdict_cases import CASES, DRAWERS, STATUS, case, drawn
 from verification_samples import (
     loop_of,
@@ -34,7 +31,7 @@ def one() -> pt.Verdict:
 
 
 def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
-    page = verdict_report_html(found)
+    page = report_html(found)
     words = assert_sound(page).words
     assert STATUS[found.status.value] in words
     assert found.status.meaning in words
@@ -67,7 +64,7 @@ def sections_of(page: str) -> list[str]:
 
 
 def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
-    words = parse(verdict_report_html(one)).words
+    words = parse(report_html(one)).words
     speed, force, s = one.comparison("relative_velocity"), one.comparison("impact_force"), one.stability
     for number in (
         f"{one.gain:.4g} N s",
@@ -100,7 +97,7 @@ def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:
     best = slow.best_change
     assert best is not None
     assert best.standing < 1
-    words = parse(verdict_report_html(slow)).words
+    words = parse(report_html(slow)).words
     after = words.index("The one change that would help most, though it alone is not enough")
     before = words.index("What was tried")
     box = words[after:before]
@@ -114,7 +111,7 @@ def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:
 def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hold() -> None:
     wild = case("4x4 that oscillates")
     assert wild.effect.is_harder
-    words = parse(verdict_report_html(wild)).words
+    words = parse(report_html(wild)).words
     assert f"Contact is harder than without mitigation: {wild.effect.speed:.4g} m/s on average instead of 0.3" in words
     box = words[words.index("The one change that would help most") : words.index("What was tried")]
     assert wild.best_change.standing == 1
@@ -126,12 +123,12 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hol
 def test_a_push_that_is_larger_with_mitigation_than_without_is_named(one: pt.Verdict) -> None:
     peak = one.comparison("peak_force")
     assert peak.simulated.mean > peak.unmitigated.mean
-    assert "The largest force of the whole contact is larger with mitigation" in parse(verdict_report_html(one)).words
+    assert "The largest force of the whole contact is larger with mitigation" in parse(report_html(one)).words
 
 
 def test_a_verdict_without_a_gain_says_how_near_each_limit_can_be_come() -> None:
     of = case("no gain")
-    words = parse(verdict_report_html(of)).words
+    words = parse(report_html(of)).words
     (limited,) = of.design.constraints
     assert f"0.001 m/s {limited.best_value:.4g} m/s {limited.best_gain:.4g} N s" in words
     assert "Nothing was run" in words
@@ -140,27 +137,27 @@ def test_a_verdict_without_a_gain_says_how_near_each_limit_can_be_come() -> None
 def test_where_nothing_helps_or_nothing_was_tried_the_report_says_so() -> None:
     still = verdict(loop_of(period=1e-3, rate=1e3), runs=2)
     assert still.best_change is None
-    assert "None of the changes that were tried helps by more than chance." in parse(verdict_report_html(still)).words
-    assert "change" not in parse(verdict_report_html(case("one run, no changes"))).words.split("Predicted and")[0]
+    assert "None of the changes that were tried helps by more than chance." in parse(report_html(still)).words
+    assert "change" not in parse(report_html(case("one run, no changes"))).words.split("Predicted and")[0]
 
 
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     made = case("one run, no changes")
-    page = verdict_report_html(made)
-    assert page == verdict_report_html(CASES["one run, no changes"]())
-    path = write_verdict_report(made, tmp_path / "verdict.html")
+    page = report_html(made)
+    assert page == report_html(CASES["one run, no changes"]())
+    path = write_report(made, tmp_path / "verdict.html")
     assert path.read_text(encoding="utf-8") == page
     assert is_own_unchanged(path)
     (tmp_path / "mine.html").write_text("mine", encoding="utf-8")
     with pytest.raises(OutputExistsError, match=r"mine\.html"):
-        write_verdict_report(made, tmp_path / "mine.html")
+        write_report(made, tmp_path / "mine.html")
 
 
 def test_reports_escape_what_users_wrote_and_show_where_a_curve_is_from() -> None:
     made = case("no gain")
     report = pt.rank_models(pt.read_calibration(Path(__file__).parents[2] / "examples" / "sensor.csv"))
     source = {"name": f"{EVIL}.toml".replace("/", ""), "text": f"# {EVIL}", "sha256": "abc"}
-    page = verdict_report_html(made, calibration=report, source=source)
+    page = report_html(made, calibration=report, source=source)
     words = assert_sound(page).words
     assert "<script" not in page
     assert "SHA-256 abc" in words

@@ -15,7 +15,7 @@ import pytest
 import pretouch as pt
 from page_checks import assert_sound
 from pretouch.cli import main
-from pretouch.report import verdict_report_html
+from pretouch.report import report_html
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit
 
 SCENE = """\
@@ -92,7 +92,7 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
     assert (check.decisive, check.draws) == ("offset", 100)
     assert check.remedy == "record the output with no object in range, and give it to the calibration as no_object"
     assert check.high > 1.15 * check.promised
-    page = assert_sound(verdict_report_html(found, calibration=problem.calibration)).words
+    page = assert_sound(report_html(found, calibration=problem.calibration)).words
     assert "Is the calibration good enough?" in page
     assert f"contact is more than 15 % harder on {check.harder} of 100" in page
     monkeypatch.chdir(tmp_path)

@@ -10,7 +10,7 @@ import pytest
 
 import pretouch as pt
 from pretouch.control import VirtualAdmittance
-from pretouch.report.verdict_html import verdict_report_html
+from pretouch.report.verdict_html import report_html
 from pretouch.simulation.stability import passed_distances
 from pretouch.verification.candidates import Approach, candidates_of
 from pretouch.verification.stability import check_stability, limit_of
@@ -187,5 +187,5 @@ def test_where_no_gain_is_stable_the_verdict_says_so() -> None:
     assert "No gain is stable on this loop, however weak" in " ".join(str(found).split())
     assert found.loss is None or found.loss.loop_gain is None
     assert "the loop is unstable with any gain, however weak" in str(found)
-    page = verdict_report_html(found)
+    page = report_html(found)
     assert "No gain is stable on this loop" in page

@@ -106,7 +106,7 @@ class Picture(Value):
     """A figure, drawn by whoever shows it.
 
     Args:
-        figure: its name among the figures of `pretouch.report`.
+        figure: its name among the figures of `pretouch.report.plots`.
         of: what it is drawn from.
         name: what it shows, for who cannot see it.
         caption: how it is read.

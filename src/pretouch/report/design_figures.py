@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["motion_figure", "sensitivity_figure", "trade_off_figure"]
+__all__ = ["motion", "sensitivity", "trade_off"]
 
 
-def trade_off_figure(design: GainDesign) -> Figure:
+def trade_off(design: GainDesign) -> Figure:
     """Draw the objective over all gains, and the trade-off between the speed at contact and its price.
 
     Args:
@@ -38,7 +38,7 @@ def trade_off_figure(design: GainDesign) -> Figure:
     return figure
 
 
-def motion_figure(design: GainDesign) -> Figure:
+def motion(design: GainDesign) -> Figure:
     """Draw the motion until contact with the chosen gain and without mitigation.
 
     Args:
@@ -58,7 +58,7 @@ def motion_figure(design: GainDesign) -> Figure:
     return figure
 
 
-def sensitivity_figure(design: GainDesign) -> Figure:
+def sensitivity(design: GainDesign) -> Figure:
     """Draw how far the optimal gain moves when each input grows by 1 %.
 
     Args:

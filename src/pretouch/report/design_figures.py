@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["motion", "sensitivity", "trade_off"]
+__all__ = ["sensitivity", "trade_off"]
 
 
 def trade_off(design: GainDesign) -> Figure:
@@ -35,26 +35,6 @@ def trade_off(design: GainDesign) -> Figure:
         figure.subplots_adjust(left=0.1, right=0.972, bottom=0.14, top=0.91, wspace=0.26)
         draw_objective(left, design)
         draw_plane(right, design)
-    return figure
-
-
-def motion(design: GainDesign) -> Figure:
-    """Draw the motion until contact with the chosen gain and without mitigation.
-
-    Args:
-        design: a design of any status; where no gain was chosen, the nearest gain or a bound is drawn.
-
-    Returns:
-        Four panels over time: distance, plant position, relative velocity and virtual force, with the limits of
-        the constraints.
-    """
-    from .motion_panels import draw_panels  # noqa: PLC0415 - drawing is loaded when it is asked for
-
-    with drawing():
-        figure = new_figure(7.4, 4.7)
-        panels = [figure.add_subplot(2, 2, i + 1) for i in range(4)]
-        figure.subplots_adjust(left=0.1, right=0.972, bottom=0.1, top=0.985, wspace=0.27, hspace=0.28)
-        draw_panels(panels, design)
     return figure
 
 

@@ -1,7 +1,7 @@
 from .calibration_figures import calibration as calibration
-from .design_figures import motion as motion
 from .design_figures import sensitivity as sensitivity
 from .design_figures import trade_off as trade_off
+from .motion_panels import motion as motion
 from .pareto_figures import admittance as admittance
 from .pareto_figures import pareto as pareto
 from .robust_figures import outcome as outcome

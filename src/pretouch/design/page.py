@@ -190,9 +190,11 @@ def _trade_off(design: GainDesign) -> Section:
     )
     if shows_equals(design):
         caption += (
-            " No gain reaches inside the dotted line of equal objective; the chosen one touches it unless a limit "
+            " No gain reaches inside the thin line of equal objective; the chosen one touches it unless a limit "
             "holds it back."
         )
+    if not design.trade_off.reached.any():
+        caption = "How near to contact each gain comes."
     name = "Objective over the gain, and relative velocity at contact against its price"
     own = isinstance(design.definition, OwnObjective)
     note = _NOT_OURS if own else "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in L(20) and L(22)."

@@ -1,6 +1,6 @@
 """HTML reports of every result, and panels of one's own; Matplotlib is loaded when something is drawn."""
 
 from .html import report_html, write_report
-from .panels import Curve, Mark, Panel, panel_figure
+from .panels import Curve, Mark, Panel, Span, panel_figure
 
-__all__ = ["Curve", "Mark", "Panel", "panel_figure", "report_html", "write_report"]
+__all__ = ["Curve", "Mark", "Panel", "Span", "panel_figure", "report_html", "write_report"]

@@ -14,28 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["sensitivity", "trade_off"]
-
-
-def trade_off(design: GainDesign) -> Figure:
-    """Draw the objective over all gains, and the trade-off between the speed at contact and its price.
-
-    Args:
-        design: a design of any status.
-
-    Returns:
-        Two panels: the objective with its terms over the gain [N s], where gains without contact and gains that
-        break a constraint are hatched; and the relative speed at contact against what it costs.
-    """
-    from .trade_off_panels import draw_objective, draw_plane  # noqa: PLC0415 - drawing is loaded when it is asked for
-
-    with drawing():
-        figure = new_figure(7.4, 3.5)
-        left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
-        figure.subplots_adjust(left=0.1, right=0.972, bottom=0.14, top=0.91, wspace=0.26)
-        draw_objective(left, design)
-        draw_plane(right, design)
-    return figure
+__all__ = ["sensitivity"]
 
 
 def sensitivity(design: GainDesign) -> Figure:

@@ -36,8 +36,8 @@ LAW = Controller(
     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
 )
 CHAIN = pt.SensorChain(rate=1 / PERIOD, exposure=170e-6, delay=120e-6, noise=1e-3, relative_noise=2e-3)
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
-CONTACT = pt.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+CONTACT = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0)
 CASES: dict[str, dict[str, Any]] = {
     "ideal robot, until contact": {},
     "robot and contact, 0.2 s beyond": {"plant": ROBOT, "contact": CONTACT},
@@ -105,7 +105,9 @@ def difference(rate: float, part: float) -> tuple[float, float]:
     The curve has g = -1/m all along, so that the damping is -D_p; the loop steps twenty times per reading.
     """
     chain = pt.SensorChain(rate=rate, delay=part / rate)
-    predicted = pt.largest_damping(SCENARIO.admittance, pt.LoopTiming(rate=rate, delay=chain.delay)).damping
+    predicted = pt.simulation.largest_damping(
+        SCENARIO.admittance, pt.simulation.LoopTiming(rate=rate, delay=chain.delay)
+    ).damping
     curve = pt.ExponentialFirstOrder(scale=1.0, rate=-1.0)
     scenario = pt.Scenario(
         admittance=SCENARIO.admittance, obstacle=pt.Obstacle(position=1.0), plant=pt.Plant(position=1e-4)

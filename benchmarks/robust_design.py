@@ -22,31 +22,35 @@ SCENARIO = pt.Scenario(
     obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
 )
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-LIMIT = pt.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
+LIMIT = pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
 COMMON = {
-    "obstacle.velocity": pt.TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.05),
-    "obstacle.position": pt.Uniform(low=0.035, high=0.046),
-    "admittance.damping": pt.Uniform(low=10.0, high=11.0),
+    "obstacle.velocity": pt.robust.TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.05),
+    "obstacle.position": pt.robust.Uniform(low=0.035, high=0.046),
+    "admittance.damping": pt.robust.Uniform(low=10.0, high=11.0),
 }
 CASES = {
     "exponential-1": (
         pt.ExponentialFirstOrder(scale=0.458, rate=-61.0),
-        {"sensor.rate": pt.Normal(mean=-61.0, deviation=3.0)},
+        {"sensor.rate": pt.robust.Normal(mean=-61.0, deviation=3.0)},
     ),
     "inverse-power": (
         pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
-        {"sensor.exponent": pt.Normal(mean=3.32, deviation=0.1)},
+        {"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)},
     ),
     "exponential-2": (
         pt.ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0),
-        {"sensor.rate": pt.Normal(mean=-74.0, deviation=1.0)},
+        {"sensor.rate": pt.robust.Normal(mean=-74.0, deviation=1.0)},
     ),
     "mittag-leffler": (
         pt.MittagLeffler(scale=0.5, rate=-60.0, order=0.9),
-        {"plant.velocity": pt.Uniform(low=0.0, high=0.02)},
+        {"plant.velocity": pt.robust.Uniform(low=0.0, high=0.02)},
     ),
 }
-MEASURES = (pt.Expected(), pt.Quantile(probability=0.9), pt.ConditionalValueAtRisk(probability=0.9))
+MEASURES = (
+    pt.robust.Expected(),
+    pt.robust.Quantile(probability=0.9),
+    pt.robust.ConditionalValueAtRisk(probability=0.9),
+)
 COUNT = 10_000
 
 
@@ -79,19 +83,19 @@ CUSTOM = pt.CustomSensor(
     maximum_distance=2.0,
 )
 MITTAG_LEFFLER = pt.MittagLeffler(scale=1.0, rate=-80.0, order=0.8)
-RECESS = {"sensor.recess": pt.Uniform(low=0.004, high=0.006)}
+RECESS = {"sensor.recess": pt.robust.Uniform(low=0.004, high=0.006)}
 FAMILIES = {
     "inverse-power, exponent": CASES["inverse-power"],
-    "gaussian, width": (BELL, {"sensor.width": pt.Normal(mean=0.05, deviation=0.002)}),
+    "gaussian, width": (BELL, {"sensor.width": pt.robust.Normal(mean=0.05, deviation=0.002)}),
     "gaussian, width and offset": (
         BELL,
         {
-            "sensor.width": pt.Normal(mean=0.05, deviation=0.002),
-            "sensor.offset": pt.Uniform(low=0.029, high=0.031),
+            "sensor.width": pt.robust.Normal(mean=0.05, deviation=0.002),
+            "sensor.offset": pt.robust.Uniform(low=0.029, high=0.031),
         },
     ),
-    "mittag-leffler, rate": (MITTAG_LEFFLER, {"sensor.rate": pt.Normal(mean=-80.0, deviation=2.0)}),
-    "mittag-leffler, order": (MITTAG_LEFFLER, {"sensor.order": pt.Uniform(low=0.75, high=0.85)}),
+    "mittag-leffler, rate": (MITTAG_LEFFLER, {"sensor.rate": pt.robust.Normal(mean=-80.0, deviation=2.0)}),
+    "mittag-leffler, order": (MITTAG_LEFFLER, {"sensor.order": pt.robust.Uniform(low=0.75, high=0.85)}),
     "recessed table": (pt.Recessed(sensor=TABLE, recess=0.005), RECESS),
     "recessed custom": (pt.Recessed(sensor=CUSTOM, recess=0.005), RECESS),
     "recessed gaussian": (pt.Recessed(sensor=BELL, recess=0.005), RECESS),
@@ -102,7 +106,7 @@ FAMILIES = {
 def seconds(sensor: pt.SensorModel, uncertainty: dict[str, object], count: int) -> tuple[float, float]:
     """Time a design, by the clock and by the processors."""
     start, used = time.perf_counter(), time.process_time()
-    pt.design_robust_gain(
+    pt.robust.design_robust_gain(
         SCENARIO,
         sensor,
         OBJECTIVE,
@@ -140,7 +144,7 @@ def designs() -> None:
             shortest = float("inf")
             for _ in range(3):
                 start = time.perf_counter()
-                design = pt.design_robust_gain(
+                design = pt.robust.design_robust_gain(
                     SCENARIO,
                     sensor,
                     OBJECTIVE,

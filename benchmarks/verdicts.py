@@ -17,17 +17,19 @@ SENSOR = SENSORS["inverse-power"]
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 BOUNDS = (-10.0, -0.01)
 LIMITS = (pt.Constraint(name="relative_velocity", limit=0.1), pt.Constraint(name="excursion", limit=0.2))
-CURVE = {"sensor.exponent": pt.Normal(mean=3.32, deviation=0.05)}
-ROBOT = pt.ImpedancePlant(mass=4.0, stiffness=4000.0, damping=250.0)
-CONTACT = pt.HuntCrossley(stiffness=1.33e6, dissipation=0.5, obstacle_mass=1.5)
+CURVE = {"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.05)}
+ROBOT = pt.simulation.ImpedancePlant(mass=4.0, stiffness=4000.0, damping=250.0)
+CONTACT = pt.simulation.HuntCrossley(stiffness=1.33e6, dissipation=0.5, obstacle_mass=1.5)
 NOISE = {"noise": 1e-3, "relative_noise": 2e-3}
 
 
 def loop(chain: pt.SensorChain, period: float = 1e-3, **conditioning: int | float) -> pt.ClosedLoop:
     """The letter's admittance behind a sensor chain."""
-    told = pt.Conditioning(floor=1e-3, sensor_period=chain.period, **conditioning)
-    admittance = pt.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
-    law = pt.Controller(period=period, conditioning=told, law=pt.VirtualDamper(gain=0.0), admittance=admittance)
+    told = pt.control.Conditioning(floor=1e-3, sensor_period=chain.period, **conditioning)
+    admittance = pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+    law = pt.control.Controller(
+        period=period, conditioning=told, law=pt.control.VirtualDamper(gain=0.0), admittance=admittance
+    )
     return pt.ClosedLoop(law=law, chain=chain)
 
 
@@ -69,7 +71,7 @@ def designs(samples: int, most: int) -> list[str]:
     rows = []
     for name, which in list(DESIGNS.items())[:most]:
         start = time.perf_counter()
-        found = pt.design_robust_gain(
+        found = pt.robust.design_robust_gain(
             *(SCENARIO, SENSOR, OBJECTIVE), bounds=BOUNDS, uncertainty={}, evaluate=which, samples=samples
         )
         seconds, loss = time.perf_counter() - start, found.loss_of_nominal

@@ -9,7 +9,7 @@ import pretouch as pt
 def main(target: str) -> None:
     """Draw the figure to a PNG file."""
     design = pt.load_scenario(Path(__file__).parent / "approach.toml").design()
-    pt.motion_figure(design).savefig(target, dpi=110, metadata={"Software": None})
+    pt.plots.motion(design).savefig(target, dpi=110, metadata={"Software": None})
 
 
 if __name__ == "__main__":

@@ -17,9 +17,11 @@ from pretouch._core.numbers import FloatArray
 from pretouch.simulation.plant import linear_plant
 
 
-def lifted_loop(admittance: pt.Admittance, timing: pt.LoopTiming, damping: float, plant: Any = None) -> FloatArray:
+def lifted_loop(
+    admittance: pt.Admittance, timing: pt.simulation.LoopTiming, damping: float, plant: Any = None
+) -> FloatArray:
     """What a period makes of the plant at the start of an exposure, the forces of earlier readings, the last one."""
-    system, push, output = linear_plant(admittance, plant or pt.IdealPlant())
+    system, push, output = linear_plant(admittance, plant or pt.simulation.IdealPlant())
     n, period, hold = len(push), timing.period, timing.holding
     exposure = min(timing.exposure, period)
     start = timing.delay + timing.exposure / 2  # of a force, after the start of its exposure
@@ -50,7 +52,9 @@ def lifted_loop(admittance: pt.Admittance, timing: pt.LoopTiming, damping: float
     return matrix
 
 
-def lifted_radius(admittance: pt.Admittance, timing: pt.LoopTiming, damping: float, plant: Any = None) -> float:
+def lifted_radius(
+    admittance: pt.Admittance, timing: pt.simulation.LoopTiming, damping: float, plant: Any = None
+) -> float:
     """The spectral radius of the loop, without the eigenvalue of 1 of a position that nothing holds."""
     values = np.linalg.eigvals(lifted_loop(admittance, timing, damping, plant))
     if admittance.stiffness == 0:

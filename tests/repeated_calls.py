@@ -26,7 +26,10 @@ TABLE = pt.Table(distances=(0.0, 0.01, 0.025, 0.05), outputs=(0.46, 0.25, 0.1, 0
 F_1 = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 F_2 = pt.time_objective(time_scale=1.0, velocity_scale=0.3)
 BOUNDS = (-10.0, -0.01)
-DRAWN = {"obstacle.velocity": pt.Uniform(low=-0.5, high=-0.1), "obstacle.position": pt.Uniform(low=0.03, high=0.045)}
+DRAWN = {
+    "obstacle.velocity": pt.robust.Uniform(low=-0.5, high=-0.1),
+    "obstacle.position": pt.robust.Uniform(low=0.03, high=0.045),
+}
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
@@ -51,7 +54,7 @@ def loop() -> pt.ClosedLoop:
 
 def contact(sensor: pt.SensorModel, gain: Any, scenario: pt.Scenario | None = None) -> dict[str, Any]:
     found = pt.find_contact(scenario or scene(), sensor, gain)
-    names = [name for name in pt.ContactState.names() if name != "distance"]
+    names = [name for name in pt.motion.ContactState.names() if name != "distance"]
     own = {name: getattr(found.end, name) for name in names}
     slopes = {by: found.gradients.of("relative_velocity", by) for by in found.gradients.inputs}
     return {"status": found.status, "residual": found.impulse_residual, **own, **slopes}
@@ -69,8 +72,8 @@ def designs(scenario: pt.Scenario, sensor: pt.SensorModel) -> dict[str, Any]:
 
 
 def robust(sensor: pt.SensorModel, **own: Any) -> dict[str, Any]:
-    limit = pt.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
-    found = pt.design_robust_gain(
+    limit = pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
+    found = pt.robust.design_robust_gain(
         scene(), sensor, F_1, bounds=BOUNDS, uncertainty=DRAWN | own, constraints=[limit], samples=128, validation=128
     )
     return {**found.to_dict(), "outcomes": found.outcomes(found.gain).objective}
@@ -123,15 +126,15 @@ CALLS: dict[str, Callable[[], Any]] = {
         scene(), LINE, F_2, bounds=BOUNDS, natural_frequency=(2.0, 10.0), damping_ratio=(1.0, 2.0)
     ).to_dict(),
     "front": lambda: pt.pareto_front(scene(), POWER, bounds=BOUNDS).to_dict(),
-    "robust": lambda: robust(POWER, **{"sensor.exponent": pt.Normal(mean=3.32, deviation=0.1)}),
-    "robust, many curves": lambda: robust(MITTAG_LEFFLER, **{"sensor.order": pt.Uniform(low=0.75, high=0.85)}),
+    "robust": lambda: robust(POWER, **{"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)}),
+    "robust, many curves": lambda: robust(MITTAG_LEFFLER, **{"sensor.order": pt.robust.Uniform(low=0.75, high=0.85)}),
     "robust, closed form": lambda: robust(LINE),
     "sweep": swept,
     "fit and ranking": fitted,
     "loop": run,
     "design on the loop": lambda: pt.design_gain(scene(), POWER, F_1, bounds=BOUNDS, evaluate=loop()).to_dict(),
     "verdict": verified,
-    "verdict, many curves": lambda: verified(**{"sensor.exponent": pt.Normal(mean=3.32, deviation=0.1)}),
+    "verdict, many curves": lambda: verified(**{"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)}),
     "a file": lambda: pt.load_scenario(EXAMPLES / "tradeoff.toml").design().to_dict(),
 }
 

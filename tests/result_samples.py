@@ -21,12 +21,12 @@ from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, con
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CONSTANT = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
 SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.linspace(-0.35, -0.2, 12)))
-SPEED = {"obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2)}
+SPEED = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
 LIMITS = (pt.Constraint(name="relative_velocity", limit=0.09),)
 IMPACT = pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
 FREE = {"damping_ratio": (0.7, 1.3)}
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0)
-TOUCHING = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=2e6, dissipation=1.0))
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0)
+TOUCHING = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=2e6, dissipation=1.0))
 
 
 def log_output(distance: Any) -> Any:
@@ -47,9 +47,9 @@ def _report() -> pt.CalibrationReport:
     return pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
 
 
-def _robust(**options: Any) -> pt.RobustDesign:
+def _robust(**options: Any) -> pt.robust.RobustDesign:
     given = {"bounds": BOUNDS, "uncertainty": SPEED, "samples": 64, "validation": 64} | options
-    return pt.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, **given)
+    return pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, **given)
 
 
 def _signals(law: control.Controller) -> tuple[Any, ...]:
@@ -113,14 +113,14 @@ RESULTS: dict[str, Callable[[], Any]] = {
     ),
     "front with admittance": lambda: pt.pareto_front(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE),
     "bound": lambda: find_physical_bound(SCENARIO, acceleration_limit=2.0),
-    "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.Quantile(probability=0.9)),
-    "robust, worst case": lambda: _robust(measure=pt.WorstCase()),
+    "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.robust.Quantile(probability=0.9)),
+    "robust, worst case": lambda: _robust(measure=pt.robust.WorstCase()),
     "robust on a loop": lambda: _robust(
-        evaluate=NOISY, bounds=(-1.0, -0.5), measure=pt.ConditionalValueAtRisk(probability=0.9), samples=8
+        evaluate=NOISY, bounds=(-1.0, -0.5), measure=pt.robust.ConditionalValueAtRisk(probability=0.9), samples=8
     ),
     "fit": lambda: pt.fit_sensor(pt.read_calibration(EXAMPLES / "sensor.csv"), "inverse-power"),
     "ranking": lambda: replace(_report()),
-    "distribution": lambda: pt.parameter_distribution(_report().best),
+    "distribution": lambda: pt.robust.parameter_distribution(_report().best),
     "reservations": lambda: uncertainty.reservations_of(_report(), pt.load_scenario(EXAMPLES / "fingertip.toml")),
     "simulation": lambda: TOUCHING.run(SCENARIO, SENSOR, -0.7),
     "simulations": lambda: NOISY.run(SEVERAL, SENSOR, -0.7),
@@ -128,15 +128,15 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "encounter": lambda: pt.simulate_encounter(SCENARIO, SENSOR, TOUCHING, -0.7, impact=IMPACT),
     "verdict": lambda: verdict(NOISY, constraints=[velocity_limit(0.1)], runs=12),
     "verdict, uncertain sensor": lambda: verdict(
-        NOISY, uncertainty={"sensor.exponent": pt.Uniform(low=3.2, high=3.4)}, runs=4, changes=False
+        NOISY, uncertainty={"sensor.exponent": pt.robust.Uniform(low=3.2, high=3.4)}, runs=4, changes=False
     ),
     "verdict, calibrated sensor": lambda: verdict(NOISY, calibration=_report(), runs=4, changes=False),
-    "gain limit": lambda: pt.gain_limit(
-        SENSOR, SCENARIO.admittance, pt.timing_of(NOISY.chain, NOISY.law), distance=[0.0, 0.04]
+    "gain limit": lambda: pt.simulation.gain_limit(
+        SENSOR, SCENARIO.admittance, pt.simulation.timing_of(NOISY.chain, NOISY.law), distance=[0.0, 0.04]
     ),
     "witness": _witness,
     "conformance": lambda: pt.check_sensor(SENSOR),
-    "letter": lambda: pt.reproduce(["figure-5", "impact-force"]),
+    "letter": lambda: pt.letter.reproduce(["figure-5", "impact-force"]),
     "progress": lambda: Progress(finished=1, total=2, seconds=3.0),
 }
 """What is returned, by name."""
@@ -149,20 +149,20 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "ensemble": lambda: uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}),
     "axis": lambda: Axis(name="gain", columns={"gain": np.linspace(-1.0, -0.5, 3)}),
     "loop": lambda: TOUCHING,
-    "timing": lambda: pt.timing_of(NOISY.chain, NOISY.law),
-    "part": lambda: pt.sensor_part("VCNL4010"),
-    "position plant": lambda: pt.PositionPlant(mass=2.0, bandwidth=20.0),
+    "timing": lambda: pt.simulation.timing_of(NOISY.chain, NOISY.law),
+    "part": lambda: pt.simulation.sensor_part("VCNL4010"),
+    "position plant": lambda: pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0),
     "hertz": lambda: pt.HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01),
     "elastic": lambda: pt.design.ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),
-    "spring damper": lambda: pt.SpringDamper(stiffness=1e4, damping=3.0),
+    "spring damper": lambda: pt.simulation.SpringDamper(stiffness=1e4, damping=3.0),
     "controller": lambda: replace(controller(1e-3), limits=control.Limits(speed=1.0)),
-    "expected": pt.Expected,
+    "expected": pt.robust.Expected,
     "signals": lambda: _signals(controller(1e-3)),
-    "panel": lambda: pt.Panel(
+    "panel": lambda: pt.report.Panel(
         x_label="t [s]",
         y_label="l [m]",
-        curves=(pt.Curve(label="l", x=[0.0, 1.0], y=[0.0, 1.0]),),
-        marks=(pt.Mark(label="end", x=1.0, y=1.0),),
+        curves=(pt.report.Curve(label="l", x=[0.0, 1.0], y=[0.0, 1.0]),),
+        marks=(pt.report.Mark(label="end", x=1.0, y=1.0),),
     ),
     "curves": lambda: (
         CONSTANT,
@@ -173,12 +173,12 @@ REQUESTS: dict[str, Callable[[], Any]] = {
         pt.CustomSensor(log_output_function=log_output, log_slope_function=log_slope),
     ),
     "distributions": lambda: (
-        pt.Normal(mean=1.0, deviation=0.1),
-        pt.TruncatedNormal(location=1.0, deviation=0.1, low=0.8, high=1.2),
-        pt.Uniform(low=0.0, high=1.0),
-        pt.Interval(low=0.0, high=1.0),
-        pt.Empirical(samples=(1.0, 2.0, 3.0)),
-        pt.CorrelatedNormal(names=("a", "b"), mean=(1.0, 2.0), covariance=((1.0, 0.0), (0.0, 1.0))),
+        pt.robust.Normal(mean=1.0, deviation=0.1),
+        pt.robust.TruncatedNormal(location=1.0, deviation=0.1, low=0.8, high=1.2),
+        pt.robust.Uniform(low=0.0, high=1.0),
+        pt.robust.Interval(low=0.0, high=1.0),
+        pt.robust.Empirical(samples=(1.0, 2.0, 3.0)),
+        pt.robust.CorrelatedNormal(names=("a", "b"), mean=(1.0, 2.0), covariance=((1.0, 0.0), (0.0, 1.0))),
     ),
 }
 """What is asked with, by name."""

@@ -13,8 +13,7 @@ import pytest
 import pretouch as pt
 from loop_samples import BareLaw
 from pretouch._core.errors import ResultUnavailableError
-from pretouch.report.verdict_figures import verdict_figure, verdict_run_figure
-from pretouch.report.verdict_gains import verdict_gain_figure, verdict_stability_figure
+from pretouch.report import plots
 from pretouch.simulation import ClosedLoop
 from verification_samples import (
     BOUNDS,
@@ -29,10 +28,10 @@ from verification_samples import (
 )
 
 COUNTS = pt.InversePower(scale=0.13, distance_offset=0.0419, exponent=3.32)
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0, coulomb_friction=1.0)
-CONTACT = pt.HuntCrossley(stiffness=2e6, dissipation=1.0)
-SPEED = {"obstacle.velocity": pt.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
-DRAWERS = (verdict_figure, verdict_run_figure, verdict_stability_figure, verdict_gain_figure)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0, coulomb_friction=1.0)
+CONTACT = pt.simulation.HuntCrossley(stiffness=2e6, dissipation=1.0)
+SPEED = {"obstacle.velocity": pt.robust.TruncatedNormal(location=-0.3, deviation=0.05, low=-0.4, high=-0.2)}
+DRAWERS = (plots.verdict, plots.verdict_run, plots.verdict_stability, plots.verdict_gain)
 STATUS = {"holds": "holds", "holds-narrowly": "holds narrowly", "does-not-hold": "does not hold", "no-gain": "no gain"}
 
 
@@ -44,20 +43,20 @@ class TunedLaw(BareLaw):
         return replace(self, gain=gain)
 
 
-def limit(name: str, size: float, probability: float = 1.0) -> pt.Required:
-    return pt.Required(constraint=pt.Constraint(name=name, limit=size), probability=probability)
+def limit(name: str, size: float, probability: float = 1.0) -> pt.robust.Required:
+    return pt.robust.Required(constraint=pt.Constraint(name=name, limit=size), probability=probability)
 
 
 def pushing(part: str, sensor: Any, conditioning: dict[str, float], **options: Any) -> pt.Verdict:
     """A part's data sheet, a robot behind an impedance controller, and a contact with a force."""
     loop = ClosedLoop(
-        law=controller(1e-3, **conditioning), chain=pt.sensor_part(part).chain, plant=ROBOT, contact=CONTACT
+        law=controller(1e-3, **conditioning), chain=pt.simulation.sensor_part(part).chain, plant=ROBOT, contact=CONTACT
     )
     given = {"bounds": BOUNDS, "runs": 40, **options}
     return pt.verify_gain(SCENARIO, sensor, OBJECTIVE, loop, **given)
 
 
-def tof(part: str, rate: float, *limits: pt.Required, runs: int = 20) -> pt.Verdict:
+def tof(part: str, rate: float, *limits: pt.robust.Required, runs: int = 20) -> pt.Verdict:
     return pushing(part, SENSOR, {"sensor_period": 1 / rate}, constraints=limits, runs=runs)
 
 
@@ -85,7 +84,7 @@ CASES: dict[str, Callable[[], pt.Verdict]] = {
     ),
     "one run, no changes": lambda: verdict(loop_of(), runs=1, changes=False),
     "never in time": lambda: verdict(
-        replace(NOISY, horizon=0.47), runs=5, uncertainty={"obstacle.velocity": pt.Uniform(low=-0.22, high=-0.2)}
+        replace(NOISY, horizon=0.47), runs=5, uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.22, high=-0.2)}
     ),
     "no mitigation at all": lambda: verdict(loop_of(), runs=3, gain=0.0, changes=False),
     "a gain that drives on": lambda: verdict(loop_of(), runs=3, gain=0.05, bounds=(-2.0, 1.0)),
@@ -107,10 +106,10 @@ def case(name: str) -> pt.Verdict:
 def drawn(draw: Any, of: pt.Verdict) -> Any:
     """The figure; None where there is nothing to draw, which must be for a reason that the verdict has."""
     missing = {
-        verdict_figure: of.gain is None,
-        verdict_run_figure: of.gain is None,
-        verdict_stability_figure: of.stability is None,
-        verdict_gain_figure: not np.isfinite(of.design.trade_off.objective).any(),
+        plots.verdict: of.gain is None,
+        plots.verdict_run: of.gain is None,
+        plots.verdict_stability: of.stability is None,
+        plots.verdict_gain: not np.isfinite(of.design.trade_off.objective).any(),
     }
     if missing[draw]:
         with pytest.raises(ResultUnavailableError):

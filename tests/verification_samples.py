@@ -45,6 +45,6 @@ def verdict(loop: ClosedLoop, **options: Any) -> pt.Verdict:
     return pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop, **given)
 
 
-def velocity_limit(limit: float, probability: float = 1.0) -> pt.Required:
+def velocity_limit(limit: float, probability: float = 1.0) -> pt.robust.Required:
     """A limit of the speed at contact."""
-    return pt.Required(constraint=pt.Constraint(name="relative_velocity", limit=limit), probability=probability)
+    return pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=limit), probability=probability)

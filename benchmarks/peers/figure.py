@@ -70,7 +70,7 @@ def _follow(peer: str, way: Way, sizes: Sequence[int], budget: float) -> Growth:
 
 def draw(grown: Sequence[Growth], limit: float, file: Path) -> None:
     """Draw the figure; `limit` is the cost of one exp() [s]."""
-    from pretouch import Curve, Panel, panel_figure  # noqa: PLC0415
+    from pretouch.report import Curve, Panel, panel_figure  # noqa: PLC0415
 
     floor = {f"limit: {_EXPONENTIALS} exp() of {limit * 1e9:.2g} ns": _EXPONENTIALS * limit * 1e6}
     panels = []

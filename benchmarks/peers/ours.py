@@ -70,7 +70,7 @@ def _broadcasts() -> bool:
 
     try:
         _design(scenario([-0.3, -0.2]), sensor_named("exponential-1"))
-    except pt.InvalidInputError:
+    except pt.errors.InvalidInputError:
         return False
     return True
 

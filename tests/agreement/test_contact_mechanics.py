@@ -20,10 +20,10 @@ SENSOR = pt.ExponentialFirstOrder(scale=1.0, rate=-1.0)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0)
 
 
-def throw(contact: Any, speed: float, mass: float = 1.7) -> pt.SimulationResult:
+def throw(contact: Any, speed: float, mass: float = 1.7) -> pt.simulation.SimulationResult:
     """A mass that nothing pulls flies against an obstacle at rest."""
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.01), plant=pt.Plant(velocity=speed))
-    free = pt.ImpedancePlant(mass=mass, stiffness=1e-9, damping=0.0, feedforward=False)
+    free = pt.simulation.ImpedancePlant(mass=mass, stiffness=1e-9, damping=0.0, feedforward=False)
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
     return pt.simulate(scenario, SENSOR, law, plant=free, contact=contact, horizon=1.0, follow=0.5)
 
@@ -45,7 +45,9 @@ def restitution_of_hunt_crossley(loss: float, speed: float) -> float:
 def test_hunt_and_crossley_give_back_the_speed_that_the_closed_form_says(
     speed: float, exponent: float, loss: float, obstacle_mass: float
 ) -> None:
-    contact = pt.HuntCrossley(stiffness=2e5, dissipation=loss, exponent=exponent, obstacle_mass=obstacle_mass)
+    contact = pt.simulation.HuntCrossley(
+        stiffness=2e5, dissipation=loss, exponent=exponent, obstacle_mass=obstacle_mass
+    )
     run = throw(contact, speed)
     e = restitution_of_hunt_crossley(loss, speed)
     assert run.rebound_velocity == pytest.approx(e * speed, rel=STEP)
@@ -60,7 +62,7 @@ def test_hunt_and_crossley_give_back_the_speed_that_the_closed_form_says(
 @pytest.mark.parametrize("stiffness", [1e3, 1e7, 1e11])
 def test_no_contact_is_too_stiff_for_the_step_before_it(stiffness: float) -> None:
     """A contact that is over within a hundredth of the loop's period is found, and gives back the same."""
-    run = throw(pt.HuntCrossley(stiffness=stiffness, dissipation=1.0), 0.3)
+    run = throw(pt.simulation.HuntCrossley(stiffness=stiffness, dissipation=1.0), 0.3)
     assert run.rebound_velocity == pytest.approx(restitution_of_hunt_crossley(1.0, 0.3) * 0.3, rel=STEP)
     assert run.time == pytest.approx(0.01 / 0.3, abs=1e-9)
 
@@ -71,7 +73,7 @@ def test_spring_and_damper_give_back_the_speed_that_the_closed_form_says(ratio: 
     """The force ends where k d + c d' = 0, that is d'' = 0: e = exp(-z (pi - atan(2 z s / (1 - 2 z^2))) / s)."""
     stiffness, mass = 3e4, 1.7
     damping = 2 * ratio * math.sqrt(stiffness * mass)
-    run = throw(pt.SpringDamper(stiffness=stiffness, damping=damping), speed)
+    run = throw(pt.simulation.SpringDamper(stiffness=stiffness, damping=damping), speed)
     root = math.sqrt(1 - ratio**2)
     angle = math.pi - math.atan2(2 * ratio * root, 1 - 2 * ratio**2)
     e = math.exp(-ratio / root * angle)
@@ -87,7 +89,7 @@ def test_spring_and_damper_give_back_the_speed_that_the_closed_form_says(ratio: 
 def test_a_strong_damper_has_its_peak_at_the_touch(ratio: float) -> None:
     """There F = c v, and F' = k v (1 - 4 zeta^2): for zeta >= 1/2 it only falls. MuJoCo found it to be missed."""
     damping = 2 * ratio * math.sqrt(3e4 * 1.7)
-    run = throw(pt.SpringDamper(stiffness=3e4, damping=damping), 0.4)
+    run = throw(pt.simulation.SpringDamper(stiffness=3e4, damping=damping), 0.4)
     assert run.peak_force == pytest.approx(0.4 * damping, rel=1e-9)
     assert run.impact_force == run.contact_list[0, 2] == run.peak_force
 
@@ -95,16 +97,16 @@ def test_a_strong_damper_has_its_peak_at_the_touch(ratio: float) -> None:
 def test_an_elastic_sphere_has_the_peak_of_hertz() -> None:
     hertz = pt.HertzImpact(robot_mass=1.7, effective_modulus=1e7, radius=0.01)
     stiffness = 4 / 3 * 1e7 * math.sqrt(0.01)
-    run = throw(pt.HuntCrossley(stiffness=stiffness), 0.4)
+    run = throw(pt.simulation.HuntCrossley(stiffness=stiffness), 0.4)
     assert run.peak_force == pytest.approx(hertz.peak_force(0.4), rel=STEP)
     assert run.rebound_velocity == pytest.approx(0.4, rel=STEP)
 
 
 def test_a_pulled_mass_in_contact_follows_scipy() -> None:
     """Servo lag, friction, Hunt and Crossley's force and a light obstacle: position after 60 ms, before any rebound."""
-    plant = pt.ImpedancePlant(mass=2.0, stiffness=3000.0, damping=120.0, bandwidth=40.0, coulomb_friction=1.5,
-                              friction_speed=0.01, feedforward=False)  # fmt: skip
-    contact = pt.HuntCrossley(stiffness=5e5, dissipation=0.8, obstacle_mass=0.9)
+    plant = pt.simulation.ImpedancePlant(mass=2.0, stiffness=3000.0, damping=120.0, bandwidth=40.0,
+                                         coulomb_friction=1.5, friction_speed=0.01, feedforward=False)  # fmt: skip
+    contact = pt.simulation.HuntCrossley(stiffness=5e5, dissipation=0.8, obstacle_mass=0.9)
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.004), plant=pt.Plant(velocity=0.25))
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)  # x_v goes on at 0.25 m/s
     run = pt.simulate(scenario, SENSOR, law, plant=plant, contact=contact, horizon=0.0605, follow=1.0)
@@ -130,8 +132,8 @@ def test_a_pulled_mass_in_contact_follows_scipy() -> None:
 
 def test_a_robot_that_is_pressed_on_comes_back_after_each_rebound() -> None:
     """Section VI.A: each approach after a separation is one more encounter."""
-    plant = pt.PositionPlant(mass=1.0, bandwidth=0.5)
-    contact = pt.HuntCrossley(stiffness=1e9, dissipation=0.4)
+    plant = pt.simulation.PositionPlant(mass=1.0, bandwidth=0.5)
+    contact = pt.simulation.HuntCrossley(stiffness=1e9, dissipation=0.4)
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         obstacle=pt.Obstacle(position=0.02),
@@ -153,21 +155,28 @@ def test_a_robot_that_is_pressed_on_comes_back_after_each_rebound() -> None:
 
 
 def test_a_driven_obstacle_pushes_on_after_the_impact() -> None:
-    plant = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+    plant = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         obstacle=pt.Obstacle(position=0.02, velocity=-0.3),
     )
     run = pt.simulate(
-        scenario, SENSOR, BareLaw(-1e-6, 1e-3), plant=plant, contact=pt.SpringDamper(stiffness=1e6), follow=0.6
+        scenario,
+        SENSOR,
+        BareLaw(-1e-6, 1e-3),
+        plant=plant,
+        contact=pt.simulation.SpringDamper(stiffness=1e6),
+        follow=0.6,
     )
     assert 0 < run.impact_force < run.peak_force
     # of the pair mass, contact: the virtual object stays, so the impedance takes part with 180 N s/m of damping
     assert run.impact_force == pytest.approx(0.3 * math.sqrt(2.0 * 1e6), rel=0.15)
 
 
-@pytest.mark.parametrize("contact", [pt.HuntCrossley(stiffness=1e10, dissipation=1.0), pt.SpringDamper(stiffness=3e7)])
-def test_a_trace_resolves_contacts_that_are_over_within_a_step_of_the_law(contact: pt.HuntCrossley) -> None:
+@pytest.mark.parametrize(
+    "contact", [pt.simulation.HuntCrossley(stiffness=1e10, dissipation=1.0), pt.simulation.SpringDamper(stiffness=3e7)]
+)
+def test_a_trace_resolves_contacts_that_are_over_within_a_step_of_the_law(contact: pt.simulation.HuntCrossley) -> None:
     """The force over time of the trace is the one whose impulse and peak the run reports."""
     run = throw(contact, 0.4)
     trace = run.trace()

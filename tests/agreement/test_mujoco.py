@@ -18,8 +18,8 @@ from pretouch.letter.given import approach, disruption, f_1, f_2, sensor
 from pretouch.simulation.mujoco import WitnessResult, witness_encounter
 
 STEPS = (1e-4, 5e-5, 2.5e-5)
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
-CONTACT = pt.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+CONTACT = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0)
 ENCOUNTERS: dict[str, tuple[pt.Scenario, pt.SensorModel, Any, float]] = {
     "an obstacle approaches": (approach(), sensor("inverse-power"), f_1(), -3.0),
     "the robot moves": (disruption(), sensor("fingertip"), f_2(), -2.0),
@@ -50,13 +50,13 @@ def gain_of(name: str, strength: str) -> float:
     return {"none": 0.0, "strong": strong}[strength]
 
 
-def rate_of(contact: pt.SpringDamper, mass: float) -> float:
+def rate_of(contact: pt.simulation.SpringDamper, mass: float) -> float:
     """How fast the force of a contact can change, relative to it [1/s]: of its spring and of its damper."""
     inverse = 1 / mass + 1 / contact.obstacle_mass
     return math.sqrt(contact.stiffness * inverse) + contact.damping * inverse
 
 
-def bounds_of(found: WitnessResult, step: float, contact: pt.SpringDamper, mass: float) -> dict[str, float]:
+def bounds_of(found: WitnessResult, step: float, contact: pt.simulation.SpringDamper, mass: float) -> dict[str, float]:
     """By how much MuJoCo may differ from the exact motion, absolutely.
 
     Its method is of the first order: x is moved with x' from the end of a step and x' with the force from its start,
@@ -106,7 +106,7 @@ def test_mujoco_comes_to_the_same_encounter_the_closer_the_shorter_its_step(name
 def test_a_driven_obstacle_pushes_as_in_mujoco() -> None:
     """It does not yield: after the impact it presses the robot away, ever harder, until the run ends."""
     scenario, curve, _, _ = ENCOUNTERS["an obstacle approaches"]
-    wall = pt.SpringDamper(stiffness=3e4, damping=60.0)
+    wall = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0)
     law = controller(-0.7463)
     ours = pt.simulate(scenario, curve, law, plant=ROBOT, contact=wall)
     impulses = []
@@ -123,11 +123,11 @@ def test_a_driven_obstacle_pushes_as_in_mujoco() -> None:
 @pytest.mark.parametrize(
     "plant",
     [
-        pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0, feedforward=False),
-        pt.ImpedancePlant(
+        pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0, feedforward=False),
+        pt.simulation.ImpedancePlant(
             mass=2.0, stiffness=4000.0, damping=180.0, viscous_friction=5.0, coulomb_friction=1.0, friction_speed=0.01
         ),
-        pt.PositionPlant(mass=1.5, bandwidth=20.0),
+        pt.simulation.PositionPlant(mass=1.5, bandwidth=20.0),
     ],
 )
 def test_robots_that_lag_and_rub_come_to_the_same_contact_in_mujoco(plant: Any) -> None:
@@ -149,7 +149,7 @@ def test_robots_that_lag_and_rub_come_to_the_same_contact_in_mujoco(plant: Any) 
     assert np.divide(*errors) == pytest.approx([2.0, 2.0], rel=0.05)
 
 
-def kelvin_and_voigt(contact: pt.SpringDamper, mass: float, speed: float) -> tuple[float, float, float]:
+def kelvin_and_voigt(contact: pt.simulation.SpringDamper, mass: float, speed: float) -> tuple[float, float, float]:
     """Peak force, impulse and relative speed at release of a mass that flies against a spring with a damper.
 
     delta = v / w exp(-s t) sin(w t) with s = c / 2 m until the force is 0; from then on nothing acts.
@@ -171,8 +171,10 @@ def test_the_contact_of_mujoco_is_a_spring_with_a_damper(ratio: float, speed: fl
     """Alone, without robot and law: `solref` = (-k / m, -c / m) and the impedance do what the module says."""
     mass, step = 1.7, 1e-5
     reduced = 1 / (1 / mass + 1 / obstacle_mass)
-    contact = pt.SpringDamper(stiffness=3e4, damping=2 * ratio * math.sqrt(3e4 * reduced), obstacle_mass=obstacle_mass)
-    free = pt.ImpedancePlant(mass=mass, stiffness=1e-9, damping=0.0, feedforward=False)
+    contact = pt.simulation.SpringDamper(
+        stiffness=3e4, damping=2 * ratio * math.sqrt(3e4 * reduced), obstacle_mass=obstacle_mass
+    )
+    free = pt.simulation.ImpedancePlant(mass=mass, stiffness=1e-9, damping=0.0, feedforward=False)
     admittance = pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0)
     scenario = pt.Scenario(admittance=admittance, obstacle=pt.Obstacle(position=0.01), plant=pt.Plant(velocity=speed))
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
@@ -198,7 +200,7 @@ def test_the_contact_of_mujoco_is_pressed_in_by_a_part_in_ten_thousand_less() ->
     )
     law = BareLaw(-1e-12, 1e-3, damping=40.0, stiffness=400.0)
     curve = pt.ExponentialFirstOrder(scale=1.0, rate=-1.0)
-    wall = pt.SpringDamper(stiffness=3e4, damping=60.0)
+    wall = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0)
     found = witness_encounter(scenario, curve, law, plant=ROBOT, contact=wall, time_step=1e-4, follow=2.0).trace
     drive, push, depth = found.drive_force[-1], found.contact_force[-1], -found.distance[-1]
     # all of it decays as exp(-20 t) or faster: 1e-16 of 80 N is left
@@ -222,9 +224,15 @@ def test_a_witness_that_sees_no_contact_says_so() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"plant": pt.IdealPlant()}, "plant: an ideal plant has no mass"),
-        ({"contact": pt.HuntCrossley(stiffness=1e6)}, "contact: found HuntCrossley, expected a SpringDamper"),
-        ({"contact": pt.SpringDamper(stiffness=1e9)}, r"time_step: found 2e-05 s, which does not resolve .* at most"),
+        ({"plant": pt.simulation.IdealPlant()}, "plant: an ideal plant has no mass"),
+        (
+            {"contact": pt.simulation.HuntCrossley(stiffness=1e6)},
+            "contact: found HuntCrossley, expected a SpringDamper",
+        ),
+        (
+            {"contact": pt.simulation.SpringDamper(stiffness=1e9)},
+            r"time_step: found 2e-05 s, which does not resolve .* at most",
+        ),
         ({"time_step": 3e-5}, r"time_step: found 3e-05 s, of which no whole number makes .* 0\.001 s"),
         ({"time_step": 0.0}, "time_step: found 0 s"),
         ({"scenario": approach(np.array([0.1, 0.3]))}, r"scenario: found encounters of the shape \(2,\), expected one"),

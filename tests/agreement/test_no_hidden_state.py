@@ -101,7 +101,7 @@ def test_neighbors_and_place_in_a_call_change_no_bit(curve: str, kind: str) -> N
     ):
         some = map_fields(batch.scenario, lambda v, which=which: v[which] if np.ndim(v) else v)
         found = pt.find_contact(some, CURVES[curve], batch.gain[which], horizon=60.0)
-        for name in pt.ContactState.names():
+        for name in pt.motion.ContactState.names():
             np.testing.assert_array_equal(getattr(found.end, name), getattr(whole.end, name)[which], err_msg=name)
 
 

@@ -53,7 +53,7 @@ def limit_of(law: Any, chain: pt.SensorChain, guess: float, plant: Any = None, p
 @pytest.mark.parametrize("part", [0.0, 0.5, 1.0, 2.5])
 def test_the_stability_limit_is_that_of_the_simulation(law: Any, rate: float, part: float) -> None:
     """The goal is 5 %; the bisection ends at 0.14 %, and within 400 periods growth below 0.5 % of it goes unseen."""
-    predicted = pt.largest_damping(LETTER, pt.LoopTiming(rate=rate, delay=part / rate)).damping
+    predicted = pt.simulation.largest_damping(LETTER, pt.simulation.LoopTiming(rate=rate, delay=part / rate)).damping
     found = limit_of(law, pt.SensorChain(rate=rate, delay=part / rate), predicted)
     assert found == pytest.approx(predicted, rel=0.01)
 
@@ -61,16 +61,18 @@ def test_the_stability_limit_is_that_of_the_simulation(law: Any, rate: float, pa
 @pytest.mark.parametrize(
     "plant",
     [
-        pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0),
-        pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, feedforward=False),
-        pt.PositionPlant(mass=2.0, bandwidth=20.0),
+        pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0),
+        pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, feedforward=False),
+        pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0),
     ],
 )
 def test_the_limit_holds_with_a_robot_that_lags(plant: Any) -> None:
-    predicted = pt.largest_damping(LETTER, pt.LoopTiming(rate=50.0, delay=0.01), plant=plant).damping
+    predicted = pt.simulation.largest_damping(
+        LETTER, pt.simulation.LoopTiming(rate=50.0, delay=0.01), plant=plant
+    ).damping
     found = limit_of(bare, pt.SensorChain(rate=50.0, delay=0.01), predicted, plant)
     assert found == pytest.approx(predicted, rel=0.01)
-    assert predicted < pt.largest_damping(LETTER, pt.LoopTiming(rate=50.0, delay=0.01)).damping
+    assert predicted < pt.simulation.largest_damping(LETTER, pt.simulation.LoopTiming(rate=50.0, delay=0.01)).damping
 
 
 def test_the_limit_holds_with_exposure_and_filter() -> None:
@@ -78,8 +80,8 @@ def test_the_limit_holds_with_exposure_and_filter() -> None:
     law = lambda gain, period, sensor_period: controller(  # noqa: E731
         gain, period, sensor_period=sensor_period, low_pass_order=3, cutoff=20.0
     )
-    timing = pt.timing_of(chain, law(-1.0, 0.001, 0.01))
-    predicted = pt.largest_damping(LETTER, timing).damping
+    timing = pt.simulation.timing_of(chain, law(-1.0, 0.001, 0.01))
+    predicted = pt.simulation.largest_damping(LETTER, timing).damping
     assert limit_of(law, chain, predicted, period=0.001) == pytest.approx(predicted, rel=0.01)
 
 
@@ -87,7 +89,7 @@ def test_the_limit_holds_with_the_filters_of_the_letter() -> None:
     """Without the median, which is a pure delay only for signals that rise: an oscillation does not."""
     chain = pt.SensorChain(rate=10_000.0)
     law = lambda gain, period, _: controller(gain, period, low_pass_order=5, cutoff=500.0)  # noqa: E731
-    predicted = pt.largest_damping(LETTER, pt.timing_of(chain, law(-1.0, 1e-4, 1e-4))).damping
+    predicted = pt.simulation.largest_damping(LETTER, pt.simulation.timing_of(chain, law(-1.0, 1e-4, 1e-4))).damping
     assert predicted == pytest.approx(1360, rel=0.1)  # some pi/2 over the group delay of 1.03 ms and a period
     assert limit_of(law, chain, predicted, period=1e-4) == pytest.approx(predicted, rel=0.02)
 
@@ -96,7 +98,9 @@ def test_the_limit_holds_with_the_filters_of_the_letter() -> None:
 def test_the_limit_of_a_curve_is_that_of_its_slope_there(distance: float, letter_power: pt.InversePower) -> None:
     """A motion of a micrometer is linear: the curvature of ln xi changes g by 1e-5 over it."""
     rate = 60.0
-    limit = pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=rate, delay=0.008), distance=distance)
+    limit = pt.simulation.gain_limit(
+        letter_power, LETTER, pt.simulation.LoopTiming(rate=rate, delay=0.008), distance=distance
+    )
     scenario = pt.Scenario(admittance=LETTER, obstacle=pt.Obstacle(position=distance), plant=pt.Plant(position=1e-9))
     chain = pt.SensorChain(rate=rate, delay=0.008)
 
@@ -125,7 +129,10 @@ def test_an_array_of_encounters_is_each_of_them(letter_power: pt.InversePower) -
         obstacle=pt.Obstacle(position=0.0422, velocity=speed),
         plant=pt.Plant(position=position),
     )
-    plant, contact = pt.PositionPlant(mass=1.0, bandwidth=30.0), pt.SpringDamper(stiffness=1e5, damping=50.0)
+    plant, contact = (
+        pt.simulation.PositionPlant(mass=1.0, bandwidth=30.0),
+        pt.simulation.SpringDamper(stiffness=1e5, damping=50.0),
+    )
     found = pt.simulate(many, letter_power, full(-0.7, 1e-3, 1e-3), plant=plant, contact=contact)
     assert found.shape == (3, 2)
     for i, j in np.ndindex(3, 2):
@@ -191,7 +198,7 @@ def test_a_plant_that_follows_closely_comes_to_the_ideal_contact(
     letter_power: pt.InversePower, letter_encounter: pt.Scenario
 ) -> None:
     ideal = pt.simulate(letter_encounter, letter_power, bare(-0.7, 1e-4, 1e-4))
-    stiff = pt.ImpedancePlant(mass=1.0, stiffness=1e6, damping=2e3)
+    stiff = pt.simulation.ImpedancePlant(mass=1.0, stiffness=1e6, damping=2e3)
     close = pt.simulate(letter_encounter, letter_power, bare(-0.7, 1e-4, 1e-4), plant=stiff)
     # with feedforward the error stems from reference steps alone, M a / K ~ 1e-5 m
     assert close.time == pytest.approx(ideal.time, rel=1e-3)
@@ -234,5 +241,5 @@ def test_encounters_with_a_sensor_each_are_those_of_each_sensor_alone() -> None:
         np.testing.assert_array_equal(found.end.relative_velocity[:, i], other.end.relative_velocity)
         if i == 7:
             np.testing.assert_array_equal(trace.reading, alone.trace().reading)
-    with pytest.raises(pt.InvalidInputError, match=r"does not broadcast with .* and 11 sensors"):
+    with pytest.raises(pt.errors.InvalidInputError, match=r"does not broadcast with .* and 11 sensors"):
         loop.run_each(scenario, sensors[:-1], [[-0.7, -0.3]])

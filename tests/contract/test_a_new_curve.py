@@ -78,7 +78,7 @@ def test_it_is_known_by_its_name_with_its_parameters_and_their_units(curve: type
     assert known_curves()["two-sources"] is curve
     assert "two-sources" in model_names()
     assert sensor_inputs(curve(scale=1.0, spread=0.02)) == {"sensor.scale": "", "sensor.spread": "m"}
-    with pytest.raises(pt.InvalidInputError, match=r"spread: found -0.02 m, which must be positive"):
+    with pytest.raises(pt.errors.InvalidInputError, match=r"spread: found -0.02 m, which must be positive"):
         curve(scale=1.0, spread=-0.02)
 
 
@@ -89,10 +89,10 @@ def test_a_file_takes_it_and_its_uncertainty(curve: type[SensorModel], tmp_path:
     assert task.sensor.bare == (curve(scale=2.0, spread=0.02), 0.001)
     assert "spread" in keys_of("sensor")
     path.write_text(FILE.replace('"20 mm"\n', '"20 kg"\n', 1), encoding="utf-8")
-    with pytest.raises(pt.ScenarioFileError, match=r"line 5: sensor.spread: found .*expected a quantity in m"):
+    with pytest.raises(pt.errors.ScenarioFileError, match=r"line 5: sensor.spread: found .*expected a quantity in m"):
         pt.load_scenario(path)
     path.write_text(FILE.replace('spread = "20 mm"\n', "", 1), encoding="utf-8")
-    with pytest.raises(pt.ScenarioFileError, match='add, for example: spread = "20 mm"'):
+    with pytest.raises(pt.errors.ScenarioFileError, match='add, for example: spread = "20 mm"'):
         pt.load_scenario(path)
 
 

@@ -13,8 +13,10 @@ import pytest
 from command_text import SCENARIO, command, lay_out, strict
 
 from figure_checks import assert_legible
-from pretouch import InvalidInputError, load_scenario, sweep, sweep_figure
+from pretouch import load_scenario, sweep
+from pretouch._core.errors import InvalidInputError
 from pretouch.config.axis_text import read_axis
+from pretouch.report import plots
 from sweep_samples import CURVED
 from sweep_samples import SCENARIO as ENCOUNTER
 
@@ -179,7 +181,7 @@ FIGURES: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("kind", FIGURES)
 @pytest.mark.parametrize("results", [("time",), ("relative_velocity", "largest_excursion", "time")])
 def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) -> None:
-    figure = sweep_figure(sweep(ENCOUNTER, CURVED, FIGURES[kind], results=results, horizon=20.0))
+    figure = plots.sweep(sweep(ENCOUNTER, CURVED, FIGURES[kind], results=results, horizon=20.0))
     assert_legible(figure)
     assert len([axes for axes in figure.axes if axes.get_xlabel()]) == len(results)
     titles = " ".join(axes.get_title(loc="left") for axes in figure.axes)
@@ -189,12 +191,12 @@ def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) 
 def test_what_cannot_be_drawn_is_refused() -> None:
     axes = {"obstacle.velocity": [-0.3, -0.2], "gain": [-0.5, -0.4], "admittance.mass": [1.0, 2.0]}
     with pytest.raises(InvalidInputError, match="found 3 axes of more than one value"):
-        sweep_figure(sweep(ENCOUNTER, CURVED, axes))
+        plots.sweep(sweep(ENCOUNTER, CURVED, axes))
     flat = sweep(ENCOUNTER, CURVED, {"obstacle.velocity": [0.3, 0.2]}, gain=-0.5, horizon=5.0)
     with pytest.raises(InvalidInputError, match="time: found no encounter with a value"):
-        sweep_figure(flat, ["time"])
+        plots.sweep(flat, ["time"])
     with pytest.raises(InvalidInputError, match="results: found nonsense, expected some of"):
-        sweep_figure(flat, ["nonsense"])
+        plots.sweep(flat, ["nonsense"])
 
 
 # --- the page of documentation

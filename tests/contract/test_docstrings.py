@@ -43,7 +43,7 @@ def _public() -> dict[str, object]:
     """Every function and class in the __all__ of pretouch and of the packages below it."""
     packages = [m.name for m in pkgutil.walk_packages(pretouch.__path__, "pretouch.") if m.ispkg]
     found: dict[str, object] = {}
-    for package in ("pretouch", *packages):
+    for package in ("pretouch", "pretouch.report.plots", *packages):
         module = importlib.import_module(package)
         for name in getattr(module, "__all__", ()):
             value = getattr(module, name)
@@ -83,7 +83,7 @@ def test_args_name_exactly_the_parameters(name: str) -> None:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_verb_shows_how_it_is_used(verb: str) -> None:
-    doc = inspect.getdoc(getattr(pretouch, verb)) or ""
+    (doc,) = {inspect.getdoc(value) or "" for name, value in PUBLIC.items() if name.rpartition(".")[2] == verb}
     assert re.search(r"^Examples:\n    (.*\n)*?    >>> ", doc, re.MULTILINE)
     assert f"{verb}(" in doc.partition("Examples:")[2]
 

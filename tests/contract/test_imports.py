@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 import pretouch
 
 EXTRA = {"xarray", "zarr", "dask", "distributed", "h5netcdf", "h5py", "pandas", "mujoco"}
-HEAVY = {"scipy", "matplotlib", "pydantic", "typer", "jinja2", *EXTRA}
+HEAVY = {"scipy", "matplotlib", "pydantic", "typer", *EXTRA}
 
 
 @pytest.mark.parametrize(
@@ -41,8 +44,32 @@ def test_the_control_law_stands_on_the_core_alone() -> None:
     assert ours == {"_core", "control"}
 
 
-def test_the_public_names_are_sorted_and_each_once() -> None:
+def test_the_public_names_are_few() -> None:
     assert list(pretouch.__all__) == sorted(set(pretouch.__all__))
+    assert len(pretouch.__all__) <= 62
+
+
+@pytest.mark.parametrize("module", [pretouch, pretouch.plots], ids=["front", "plots"])
+def test_every_name_of_a_stub_is_one_that_type_checkers_know_too(module: ModuleType) -> None:
+    """They take the form `import NAME as NAME` alone for a name that is offered, and would not see another."""
+    lines = Path(f"{module.__file__}i").read_text(encoding="utf-8").splitlines()
+    names = [re.fullmatch(r"from \.[\w.]* import (\w+) as \1", line) for line in lines if line.startswith("from")]
+    assert [line for line in lines if line and not line.startswith("from")] in ([], ["__version__: str"])
+    assert sorted(found[1] for found in names if found) == dir(module)[: len(names)]
+    assert len(set(dir(module))) == len(names)
+
+
+@pytest.mark.parametrize("name", dir(pretouch.plots))
+def test_every_figure_is_there_and_documented(name: str) -> None:
+    figure = getattr(pretouch.plots, name)
+    assert figure.__name__ == name
+    assert "Returns:" in figure.__doc__
+
+
+def test_a_figure_loads_no_other_room_before_it_is_drawn() -> None:
+    code = "import sys, pretouch as pt; pt.plots.motion; print(*sys.modules)"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"matplotlib", "pretouch.verification", "pretouch.report.sweep_figures"} & set(answer.stdout.split())
 
 
 @pytest.mark.parametrize("name", pretouch.__all__)

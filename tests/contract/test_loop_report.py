@@ -24,11 +24,11 @@ SCENARIO = pt.Scenario(
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 LOOP = pt.ClosedLoop(
-    law=pt.Controller(
+    law=pt.control.Controller(
         period=1e-3,
-        conditioning=pt.Conditioning(floor=1e-3, sensor_period=4e-3),
-        law=pt.VirtualDamper(gain=0.0),
-        admittance=pt.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        conditioning=pt.control.Conditioning(floor=1e-3, sensor_period=4e-3),
+        law=pt.control.VirtualDamper(gain=0.0),
+        admittance=pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
     ),
     chain=pt.SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, noise=1e-3),
 )
@@ -66,7 +66,9 @@ def test_the_report_of_a_design_by_a_function_says_that_its_motion_is_not_known(
 
 def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
     robot = replace(
-        LOOP, plant=pt.PositionPlant(mass=1.0, bandwidth=30.0), contact=pt.SpringDamper(stiffness=1e5, damping=50.0)
+        LOOP,
+        plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=30.0),
+        contact=pt.simulation.SpringDamper(stiffness=1e5, damping=50.0),
     )
     found = loop_motion(robot, SCENARIO, SENSOR, -0.7, horizon=10.0)
     assert np.all(np.diff(found.time) > 0)
@@ -82,7 +84,7 @@ def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
 
 
 def test_a_robust_report_names_the_ideal_design() -> None:
-    found = pt.design_robust_gain(
+    found = pt.robust.design_robust_gain(
         SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32
     )
     page = report_html(found)

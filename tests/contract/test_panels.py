@@ -14,7 +14,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from figure_checks import assert_legible, visible_texts
-from pretouch import Curve, InvalidInputError, Mark, Panel, panel_figure
+from pretouch._core.errors import InvalidInputError
+from pretouch.report import Curve, Mark, Panel, panel_figure
 from pretouch.report.style import CURVES, MARKERS
 
 X = np.linspace(0.0, 10.0, 200)
@@ -211,8 +212,8 @@ def test_the_same_chart_gives_the_same_bytes(kind: str) -> None:
 def test_charts_show_themselves_in_a_notebook_and_need_no_pyplot() -> None:
     assert panel_figure(tiny())._repr_png_().startswith(b"\x89PNG")
     code = (
-        "import sys, pretouch as pt; assert 'matplotlib' not in sys.modules; "
-        "pt.panel_figure(pt.Panel(x_label='x [1]', y_label='y [1]', curves=[pt.Curve(x=[0, 1], y=[0, 1])])); "
+        "import sys; from pretouch.report import *; assert 'matplotlib' not in sys.modules; "
+        "panel_figure(Panel(x_label='x [1]', y_label='y [1]', curves=[Curve(x=[0, 1], y=[0, 1])])); "
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -19,7 +19,7 @@ from pretouch.design import Constraint, DesignStatus, SpringImpact, excursion_ob
 from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
 from pretouch.design.robust.worst_case import WorstEncounter
 from pretouch.motion import Admittance, Obstacle, Scenario
-from pretouch.report import outcome_figure, price_figure, report_html, robust_figure, write_report
+from pretouch.report import plots, report_html, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Normal, TruncatedNormal, Uniform
 from pretouch.uncertainty.describing import share_in_words
@@ -84,9 +84,9 @@ def page(one: RobustDesign) -> str:
     return report_html(one)
 
 
-@pytest.mark.parametrize("draw", [robust_figure, outcome_figure, price_figure])
+@pytest.mark.parametrize("draw", [plots.robust, plots.outcome, plots.price])
 def test_figures_are_legible(draw: Any, found: RobustDesign) -> None:
-    missing = {price_figure: found.gain is None, outcome_figure: found.status is DesignStatus.NO_CONTACT}
+    missing = {plots.price: found.gain is None, plots.outcome: found.status is DesignStatus.NO_CONTACT}
     if missing.get(draw):
         with pytest.raises(ResultUnavailableError):
             draw(found)
@@ -95,13 +95,13 @@ def test_figures_are_legible(draw: Any, found: RobustDesign) -> None:
 
 
 def test_figures_show_the_numbers_of_the_design(one: RobustDesign) -> None:
-    texts = " ".join(text for text, _ in visible_texts(robust_figure(one)))
+    texts = " ".join(text for text, _ in visible_texts(plots.robust(one)))
     for gain in (one.gain, one.nominal_gain):
         assert f"{gain:.4g} N s".replace("-", "\u2212") in texts.replace("\n", " ")
-    texts = " ".join(text for text, _ in visible_texts(outcome_figure(one)))
+    texts = " ".join(text for text, _ in visible_texts(plots.outcome(one)))
     assert "limit" in texts
     assert "relative velocity at contact" in texts
-    texts = " ".join(text for text, _ in visible_texts(price_figure(one)))
+    texts = " ".join(text for text, _ in visible_texts(plots.price(one)))
     assert {"obstacle.velocity", "sensor.exponent", "best for each value"} <= {
         name for name in ("obstacle.velocity", "sensor.exponent", "best for each value") if name in texts
     }
@@ -109,7 +109,7 @@ def test_figures_show_the_numbers_of_the_design(one: RobustDesign) -> None:
 
 def test_curves_of_shares_are_the_distribution_of_the_outcomes(one: RobustDesign) -> None:
     """Every point of a curve says in how many encounters the quantity is no larger."""
-    axes = robust_figure(one).axes[1]
+    axes = plots.robust(one).axes[1]
     own = one.outcomes().objective
     x, share = axes.lines[0].get_data()
     for at, below in list(zip(x, share, strict=True))[1:]:

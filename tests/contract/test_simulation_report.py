@@ -20,8 +20,7 @@ from page_rows import row, table
 from pretouch._core.block_html import cell_as_html
 from pretouch._core.files import is_own_unchanged
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
-from pretouch.report import report_html, write_report
-from pretouch.report.simulation_figures import simulation_figure
+from pretouch.report import plots, report_html, write_report
 from pretouch.simulation import PARTS, ClosedLoop, ContactModel, PlantModel
 from pretouch.simulation.describing import chain_rows, contact_rows, controller_rows, loop_rows
 
@@ -34,8 +33,8 @@ FREE = pt.Scenario(
 )
 VOLTS = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 COUNTS = pt.InversePower(scale=0.13, distance_offset=0.0419, exponent=3.32)
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0, coulomb_friction=1.0)
-CONTACT = pt.HuntCrossley(stiffness=2e6, dissipation=1.0)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=60.0, coulomb_friction=1.0)
+CONTACT = pt.simulation.HuntCrossley(stiffness=2e6, dissipation=1.0)
 IMPACT = pt.HertzImpact(robot_mass=2.0, effective_modulus=1e7, radius=0.0225)
 
 
@@ -65,18 +64,19 @@ CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {
     "VCNL4010 that pushes": lambda: run(
         COUNTS,
         law=law(floor=30.0, sensor_period=4e-3),
-        chain=pt.sensor_part("VCNL4010").chain,
+        chain=pt.simulation.sensor_part("VCNL4010").chain,
         plant=ROBOT,
         contact=CONTACT,
         impact=IMPACT,
     ),
     "ideal at 10 kHz": lambda: run(
-        law=law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0), chain=pt.sensor_part("RPR-220").chain
+        law=law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0),
+        chain=pt.simulation.sensor_part("RPR-220").chain,
     ),
     "unstable": lambda: run(
         gain=-2.0,
         law=law(sensor_period=1 / 15),
-        chain=pt.sensor_part("VL53L5CX-8x8").chain,
+        chain=pt.simulation.sensor_part("VL53L5CX-8x8").chain,
         plant=ROBOT,
         contact=CONTACT,
     ),
@@ -85,16 +85,16 @@ CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {
         COUNTS,
         -0.3,
         law=law(floor=30.0, sensor_period=4e-3),
-        chain=pt.sensor_part("VCNL4010").chain,
-        plant=pt.ImpedancePlant(mass=1.5, stiffness=60.0, damping=2.0),
-        contact=pt.HuntCrossley(stiffness=1e7, dissipation=0.3),
+        chain=pt.simulation.sensor_part("VCNL4010").chain,
+        plant=pt.simulation.ImpedancePlant(mass=1.5, stiffness=60.0, damping=2.0),
+        contact=pt.simulation.HuntCrossley(stiffness=1e7, dissipation=0.3),
         follow=0.3,
     ),
     "late": lambda: run(
         law=law(floor=0.15, sensor_period=5e-3, limits=Limits(force=6.0)),
         chain=pt.SensorChain(rate=200.0, exposure=1e-3, delay=2e-3, noise=5e-3),
-        plant=pt.PositionPlant(mass=2.0, bandwidth=15.0),
-        contact=pt.SpringDamper(stiffness=2e4, damping=15.0, obstacle_mass=1.0),
+        plant=pt.simulation.PositionPlant(mass=2.0, bandwidth=15.0),
+        contact=pt.simulation.SpringDamper(stiffness=2e4, damping=15.0, obstacle_mass=1.0),
     ),
     "never seen": lambda: run(law=law(floor=10.0)),
     "horizon": lambda: run(horizon=0.05, plant=ROBOT, contact=CONTACT),
@@ -112,11 +112,11 @@ def pushing() -> pt.SimulatedEncounter:
 
 
 def test_figures_are_legible(encounter: pt.SimulatedEncounter) -> None:
-    assert_legible(simulation_figure(encounter))
+    assert_legible(plots.simulation(encounter))
 
 
 def test_panels_share_their_time_and_the_force_of_the_contact_has_its_own(pushing: pt.SimulatedEncounter) -> None:
-    *shared, impact = simulation_figure(pushing).axes
+    *shared, impact = plots.simulation(pushing).axes
     assert [axes.get_ylabel() for axes in (*shared, impact)] == [
         "distance l [mm]",
         "relative velocity l\u2032 [m/s]",
@@ -129,12 +129,12 @@ def test_panels_share_their_time_and_the_force_of_the_contact_has_its_own(pushin
     assert {axes.get_xlabel() for axes in shared} == {"time [ms]"}
     assert impact.get_xlabel() == "time since the first touch [ms]"
     assert impact.get_xlim()[1] < 0.1 * shared[0].get_xlim()[1]
-    assert len(simulation_figure(CASES["ideal at 10 kHz"]()).axes) == 4
+    assert len(plots.simulation(CASES["ideal at 10 kHz"]()).axes) == 4
 
 
 def test_curves_end_at_the_numbers_of_the_contact(pushing: pt.SimulatedEncounter) -> None:
     """The lines of the loop pass through the first contact, those of the prediction end there."""
-    distance, velocity, *_, impact = simulation_figure(pushing).axes
+    distance, velocity, *_, impact = plots.simulation(pushing).axes
     free, loop, predicted = (line.get_data() for line in distance.lines[:3])
     assert [float(free[0][-1]), float(free[1][-1])] == pytest.approx([1e3 * pushing.unmitigated.time, 0.0], abs=1e-9)
     assert float(predicted[0][-1]) == pytest.approx(1e3 * pushing.prediction.end.time)
@@ -149,7 +149,7 @@ def test_curves_end_at_the_numbers_of_the_contact(pushing: pt.SimulatedEncounter
 
 
 def test_figures_show_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> None:
-    texts = " ".join(text for text, _ in visible_texts(simulation_figure(pushing)))
+    texts = " ".join(text for text, _ in visible_texts(plots.simulation(pushing)))
     assert pushing.detection is not None
     for shown in (
         f"first seen at {1e3 * pushing.detection.distance:.1f} mm",
@@ -219,7 +219,7 @@ def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8") == page
     assert is_own_unchanged(path)
     (tmp_path / "mine.html").write_text("mine", encoding="utf-8")
-    with pytest.raises(pt.OutputExistsError, match=r"mine\.html"):
+    with pytest.raises(pt.errors.OutputExistsError, match=r"mine\.html"):
         write_report(made, tmp_path / "mine.html")
 
 
@@ -242,7 +242,7 @@ def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
     assert shown(loop_rows(built))["goes on after the first contact"] == "100 ms"
     assert shown(ROBOT.rows())["bandwidth of the force servo"] == "60 Hz"
     assert shown(contact_rows(CONTACT))["dissipation a"] == "1 s/m"
-    assert shown(contact_rows(pt.SpringDamper(stiffness=1e4, obstacle_mass=1.5)))["obstacle"] == "of 1.5 kg"
+    assert shown(contact_rows(pt.simulation.SpringDamper(stiffness=1e4, obstacle_mass=1.5)))["obstacle"] == "of 1.5 kg"
     assert list(contact_rows(None)) == [("contact", "no contact force: a run ends at the touch")]
     rows = shown(controller_rows(law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0, limits=Limits(speed=0.5))))
     assert rows["running median"] == "over 10 readings"
@@ -313,4 +313,4 @@ def test_rows_of_what_a_user_wrote_name_its_class_and_its_numbers() -> None:
     rows = shown(contact_rows(OwnContact()))
     assert (rows["contact"], rows["damping"]) == ("OwnContact", "30, the same at any depth")
     assert rows["obstacle"] == "driven: it does not yield"
-    assert shown(pt.PositionPlant(mass=2.0, bandwidth=20.0).rows())["bandwidth"] == "20 Hz"
+    assert shown(pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0).rows())["bandwidth"] == "20 Hz"

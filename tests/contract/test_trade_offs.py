@@ -21,7 +21,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import QUANTITIES
-from pretouch.report import admittance_figure, pareto_figure, report_html
+from pretouch.report import plots, report_html
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "trade-offs.md").read_text(encoding="utf-8")
@@ -207,7 +207,7 @@ def front(request, problem):
 
 
 def test_figures_of_fronts_are_legible(front):
-    figure = pareto_figure(front)
+    figure = plots.pareto(front)
     assert_legible(figure)
     texts = " ".join(text for text, _ in visible_texts(figure))
     assert ("knee" in texts) == (front.knee is not None)
@@ -237,7 +237,7 @@ def test_reports_of_fronts_are_whole_pages(front):
 @pytest.mark.parametrize("free", [{"natural_frequency": (3.0, 10.0)}, {"damping_ratio": (0.7, 1.5)}, FREE])
 def test_a_designed_admittance_is_drawn_and_reported(problem, free):
     design = pt.design_admittance(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free)
-    figure = admittance_figure(design)
+    figure = plots.admittance(design)
     assert_legible(figure)
     assert {"chosen", "as it is"} <= {text for text, _ in visible_texts(figure)}
     text = report_html(design)
@@ -249,10 +249,10 @@ def test_a_designed_admittance_is_drawn_and_reported(problem, free):
 def test_what_cannot_be_drawn_is_refused(problem):
     limits = [pt.Constraint(name="excursion", limit=1e-6)]
     with pytest.raises(InvalidInputError, match="expected one with points to draw"):
-        pareto_figure(front_of(problem, constraints=limits))
+        plots.pareto(front_of(problem, constraints=limits))
     design = pt.design_admittance(
         problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE
     )
     with pytest.raises(InvalidInputError, match="no admittance that will do"):
-        admittance_figure(design)
+        plots.admittance(design)
     assert "as it is" in parse(report_html(design)).words

@@ -11,9 +11,7 @@ import pytest
 import pretouch as pt
 from figure_checks import assert_legible, visible_texts
 from page_checks import parse
-from pretouch.report import report_html
-from pretouch.report.verdict_figures import verdict_figure, verdict_run_figure
-from pretouch.report.verdict_gains import verdict_gain_figure, verdict_stability_figure
+from pretouch.report import plots, report_html
 from verdict_cases import CASES, DRAWERS, SPEED, case, drawn
 from verification_samples import NOISY, verdict
 
@@ -49,7 +47,7 @@ def test_the_cases_have_every_status() -> None:
 
 def test_curves_of_shares_are_the_distribution_of_the_runs(one: pt.Verdict) -> None:
     """Every point of a staircase says in how many runs the quantity is no larger, or just smaller."""
-    figure = verdict_figure(one)
+    figure = plots.verdict(one)
     assert [axes.get_xlabel() for axes in figure.axes] == [
         "relative velocity at contact |l\u2032| [m/s]",
         "peak impact force [N]",
@@ -75,17 +73,17 @@ def test_runs_that_end_without_contact_leave_a_curve_below_the_whole() -> None:
     some = verdict(replace(NOISY, horizon=0.5), runs=40, uncertainty=SPEED, changes=False)
     share = float(some.mitigated.touched.mean())
     assert 0 < share < 1
-    without, with_gain = verdict_figure(some).axes[0].lines[:2]
+    without, with_gain = plots.verdict(some).axes[0].lines[:2]
     assert with_gain.get_ydata()[-1] == pytest.approx(100 * share)
     assert without.get_ydata()[-1] == 100
     none = case("never in time")
     assert none.reached.simulated == 0
-    assert set(verdict_figure(none).axes[0].lines[1].get_ydata()) == {0.0}
+    assert set(plots.verdict(none).axes[0].lines[1].get_ydata()) == {0.0}
     assert "5 end without the one that is predicted" in parse(report_html(none)).words
 
 
 def test_the_two_runs_are_the_median_and_the_worst_by_speed_and_end_where_they_touch(one: pt.Verdict) -> None:
-    distance, velocity = verdict_run_figure(one).axes
+    distance, velocity = plots.verdict_run(one).axes
     speed = np.sort(np.abs(one.mitigated.relative_velocity))
     marked = [tuple(map(float, np.ravel(line.get_data()))) for line in velocity.lines if len(line.get_xdata()) == 1]
     ends = sorted(y for _, y in marked)
@@ -103,19 +101,19 @@ def test_the_two_runs_are_the_median_and_the_worst_by_speed_and_end_where_they_t
 
 
 def test_the_figure_of_stability_shows_the_limit_half_of_it_and_the_gain(one: pt.Verdict) -> None:
-    axes = verdict_stability_figure(one).axes[0]
+    axes = plots.verdict_stability(one).axes[0]
     limits, half, own = (line.get_data() for line in axes.lines[:3])
     assert limits[0] == pytest.approx(1e3 * one.stability.limit.distance)
     assert limits[1] == pytest.approx(np.abs(one.stability.limit.gain))
     assert half[1] == pytest.approx(limits[1] / 2)
     assert set(own[1]) == {abs(one.gain)}
-    texts = texts_of(verdict_stability_figure(one))
+    texts = texts_of(plots.verdict_stability(one))
     for text in ("unstable above", "margin of 2", "verified gain", f"{abs(one.stability.strongest):.4g} N s"):
         assert text in texts
 
 
 def test_the_figure_of_the_gain_shows_ideal_and_loop_with_their_optima(one: pt.Verdict) -> None:
-    figure = verdict_gain_figure(one)
+    figure = plots.verdict_gain(one)
     texts = texts_of(figure).replace("\u2212", "-")
     for text in ("ideal", "on the loop", f"verified {one.gain:.4g} N s", f"best on the loop {one.loss.loop_gain:.4g}"):
         assert text in texts
@@ -130,18 +128,18 @@ def test_the_figure_of_the_gain_shows_ideal_and_loop_with_their_optima(one: pt.V
 
 def test_the_figure_of_the_gain_shows_how_far_the_margin_of_2_reaches() -> None:
     wild = case("4x4 that oscillates")
-    axes = verdict_gain_figure(wild).axes[0]
+    axes = plots.verdict_gain(wild).axes[0]
     strongest = -wild.stability.strongest
     upright = {float(x[0]) for x in (line.get_xdata() for line in axes.lines) if len(x) == 2 and x[0] == x[1]}
     assert {strongest, strongest / 2} <= upright
     on_loop = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) > 10]
     assert min(float(np.max(x)) for x in on_loop) <= strongest / 2 * (1 + 1e-9)
-    assert "margin of 2 up to here" in texts_of(verdict_gain_figure(wild))
+    assert "margin of 2 up to here" in texts_of(plots.verdict_gain(wild))
 
 
 def test_gains_that_miss_a_limit_are_thin_and_grey() -> None:
     of = case("ideal robot")
-    axes = verdict_gain_figure(of).axes[0]
+    axes = plots.verdict_gain(of).axes[0]
     grey = [line for line in axes.lines if line.get_linewidth() < 1 and len(line.get_xdata()) > 10]
     loud = [line for line in axes.lines if line.get_linewidth() > 1.5 and len(line.get_xdata()) > 10]
     assert len(grey) == len(loud) == 2  # in the ideal world and on the loop

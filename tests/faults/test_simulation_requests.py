@@ -15,10 +15,10 @@ from loop_samples import BareLaw
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 SCENARIO = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-0.3))
-QUICK_PLANT = pt.ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0)
+QUICK_PLANT = pt.simulation.ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0)
 
 
-def simulate(**changed: Any) -> pt.SimulationResult:
+def simulate(**changed: Any) -> pt.simulation.SimulationResult:
     return pt.simulate(SCENARIO, SENSOR, BareLaw(-0.7, 1e-3), **changed)
 
 
@@ -35,16 +35,22 @@ def simulate(**changed: Any) -> pt.SimulationResult:
         (lambda: pt.SensorChain(rate=100.0, highest=math.nan), "highest: found nan"),
         (lambda: pt.SensorChain(rate=[100.0, 200.0]), "rate: found an array"),
         (lambda: pt.SensorChain(rate=100.0, distance_noise=0.001), "reports_distance"),
-        (lambda: pt.sensor_part("VCNL9999"), "expected one of RPR-220, VCNL4010"),
-        (lambda: pt.ImpedancePlant(mass=0.0, stiffness=1.0, damping=1.0), "mass: found 0 kg"),
-        (lambda: pt.ImpedancePlant(mass=1.0, stiffness=1.0, damping=1.0, bandwidth=-1.0), "bandwidth: found -1 Hz"),
-        (lambda: pt.PositionPlant(mass=1.0, bandwidth=math.inf), "bandwidth: found inf"),
-        (lambda: pt.HuntCrossley(stiffness=1e5, exponent=0.5), "exponent: found 0.5, which must be at least 1"),
-        (lambda: pt.HuntCrossley(stiffness=1e5, obstacle_mass=0.0), "obstacle_mass: found 0 kg"),
-        (lambda: pt.SpringDamper(stiffness=1e5, damping=-1.0), "damping: found -1"),
-        (lambda: pt.LoopTiming(rate=100.0, exposure=0.004, delay=0.001), "less than half of the exposure"),
-        (lambda: pt.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "longer than the period"),
-        (lambda: pt.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]), "sections: found the row"),
+        (lambda: pt.simulation.sensor_part("VCNL9999"), "expected one of RPR-220, VCNL4010"),
+        (lambda: pt.simulation.ImpedancePlant(mass=0.0, stiffness=1.0, damping=1.0), "mass: found 0 kg"),
+        (
+            lambda: pt.simulation.ImpedancePlant(mass=1.0, stiffness=1.0, damping=1.0, bandwidth=-1.0),
+            "bandwidth: found -1 Hz",
+        ),
+        (lambda: pt.simulation.PositionPlant(mass=1.0, bandwidth=math.inf), "bandwidth: found inf"),
+        (
+            lambda: pt.simulation.HuntCrossley(stiffness=1e5, exponent=0.5),
+            "exponent: found 0.5, which must be at least 1",
+        ),
+        (lambda: pt.simulation.HuntCrossley(stiffness=1e5, obstacle_mass=0.0), "obstacle_mass: found 0 kg"),
+        (lambda: pt.simulation.SpringDamper(stiffness=1e5, damping=-1.0), "damping: found -1"),
+        (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.004, delay=0.001), "less than half of the exposure"),
+        (lambda: pt.simulation.LoopTiming(rate=100.0, exposure=0.02, delay=0.1), "longer than the period"),
+        (lambda: pt.simulation.LoopTiming(rate=100.0, sections=[(1.0, 0.0)]), "sections: found the row"),
         (lambda: simulate(runs=0), "runs: found 0, expected a whole number from 1"),
         (
             lambda: simulate(runs=10**12),
@@ -61,11 +67,11 @@ def simulate(**changed: Any) -> pt.SimulationResult:
             "loop horizon: found 10 s, which is 1e+10 steps of a sensor with 1e+09 readings per second",
         ),
         (
-            lambda: simulate(horizon=10.0, plant=pt.PositionPlant(mass=1.0, bandwidth=1e9)),
+            lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e9)),
             "steps of a robot followed in steps of 1.59155e-11 s",
         ),
         (
-            lambda: simulate(plant=QUICK_PLANT, contact=pt.SpringDamper(stiffness=1e30)),
+            lambda: simulate(plant=QUICK_PLANT, contact=pt.simulation.SpringDamper(stiffness=1e30)),
             "steps of a contact followed in steps of",
         ),
         (
@@ -73,32 +79,41 @@ def simulate(**changed: Any) -> pt.SimulationResult:
             "chain delay: found up to 1e+08 readings on their way",
         ),
         (lambda: simulate(horizon=0.0), "horizon: found 0 s"),
-        (lambda: simulate(contact=pt.SpringDamper(stiffness=1e5)), "an ideal plant has no mass"),
+        (lambda: simulate(contact=pt.simulation.SpringDamper(stiffness=1e5)), "an ideal plant has no mass"),
         (lambda: simulate().trace(3), "index: found 3"),
         (lambda: simulate(runs=4).trace(), "more than one of the runs"),
-        (lambda: pt.lowest_rate(SENSOR, ADMITTANCE, 0.5, distance=0.0), "gain: found 0.5 N s, which must be negative"),
         (
-            lambda: pt.gain_limit(SENSOR, ADMITTANCE, pt.LoopTiming(rate=15.0), distance=-1.0),
+            lambda: pt.simulation.lowest_rate(SENSOR, ADMITTANCE, 0.5, distance=0.0),
+            "gain: found 0.5 N s, which must be negative",
+        ),
+        (
+            lambda: pt.simulation.gain_limit(SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=-1.0),
             "distance: found -1 m",
         ),
         (
-            lambda: pt.gain_limit(SENSOR, ADMITTANCE, pt.LoopTiming(rate=15.0), distance=0.0).bounds(margin=1.0),
+            lambda: pt.simulation.gain_limit(
+                SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=0.0
+            ).bounds(margin=1.0),
             "margin: found 1, which must exceed 1",
         ),
         (
-            lambda: pt.gain_limit(SENSOR, ADMITTANCE, pt.LoopTiming(rate=15.0), distance=0.0).bounds(weakest=-1.0),
+            lambda: pt.simulation.gain_limit(
+                SENSOR, ADMITTANCE, pt.simulation.LoopTiming(rate=15.0), distance=0.0
+            ).bounds(weakest=-1.0),
             "a faster sensor allows stronger gains",
         ),
         (
-            lambda: pt.largest_damping(
-                pt.Admittance(mass=[1.0, 2.0], damping=10.0, stiffness=25.0), pt.LoopTiming(rate=15.0)
+            lambda: pt.simulation.largest_damping(
+                pt.Admittance(mass=[1.0, 2.0], damping=10.0, stiffness=25.0), pt.simulation.LoopTiming(rate=15.0)
             ),
             "admittance: found an array",
         ),
     ],
 )
 def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(pt.InvalidInputError, match=message.replace(".", r"\.").replace("^", r"\^").replace("+", r"\+")):
+    with pytest.raises(
+        pt.errors.InvalidInputError, match=message.replace(".", r"\.").replace("^", r"\^").replace("+", r"\+")
+    ):
         make()
 
 

@@ -40,11 +40,11 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
             "impact_force: needs the physical properties",
         ),
         (
-            lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.Uniform(low=1.0, high=2.0)}),
+            lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.robust.Uniform(low=1.0, high=2.0)}),
             "a number in the law of the loop",
         ),
         (
-            lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.Uniform(low=1.0, high=2.0)}),
+            lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.robust.Uniform(low=1.0, high=2.0)}),
             "did you mean obstacle.velocity?",
         ),
         (
@@ -54,5 +54,5 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
     ],
 )
 def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(pt.InvalidInputError, match=re.escape(message)):
+    with pytest.raises(pt.errors.InvalidInputError, match=re.escape(message)):
         make()

@@ -210,7 +210,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
     text = str(design)
     assert text.startswith("Optimal admittance: natural frequency 2 rad/s")
     assert "% less than" in text
-    assert "At this admittance:\nOptimal gain" in text
+    assert "At this admittance: Optimal gain" in text
     assert "<table" in design._repr_html_()
     assert repr(design.map) == f"<AdmittanceMap: {design.map.objective.size} admittances>"
 

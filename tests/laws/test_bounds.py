@@ -56,7 +56,7 @@ def test_what_is_free_ends_at_its_bounds(ends: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize(("ends", "which"), [(WEAK, 0), (STRONG, 1)])
 def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: int) -> None:
-    uncertainty = {"obstacle.velocity": pt.Uniform(low=-0.31, high=-0.29)}
+    uncertainty = {"obstacle.velocity": pt.robust.Uniform(low=-0.31, high=-0.29)}
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.31, -0.3, -0.29])))
     found: dict[str, Any] = {
         "gain": pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=ends).gain,
@@ -65,7 +65,7 @@ def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: in
         ).gain,
         "loop": pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, evaluate=loop_of()).gain,
         "several": set(pt.design_gain(several, SENSOR, OBJECTIVE, bounds=ends).gain),
-        "robust": pt.design_robust_gain(
+        "robust": pt.robust.design_robust_gain(
             SCENARIO, SENSOR, OBJECTIVE, bounds=ends, uncertainty=uncertainty, samples=32, validation=32
         ).gain,
         "verdict": pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop_of(), bounds=ends, runs=2).loss.loop_gain,

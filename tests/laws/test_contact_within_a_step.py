@@ -15,8 +15,8 @@ from pretouch.control import Conditioning, Controller, VirtualAdmittance, Virtua
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
-CONTACT = pt.SpringDamper(stiffness=3e4, damping=60.0)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+CONTACT = pt.simulation.SpringDamper(stiffness=3e4, damping=60.0)
 ROBOTS: dict[str, dict[str, Any]] = {"ideal": {}, "with a mass": {"plant": ROBOT, "contact": CONTACT}}
 EPS = 2.2e-16
 COURSES = {name: kernel(name, *[DOUBLE] * 5, POINTER, result=DOUBLE) for name in ("cubic", "first_touch")}

@@ -116,27 +116,27 @@ def test_arrays_of_encounters_are_limited_each() -> None:
 
 def test_a_robust_gain_keeps_the_limit_in_every_sample() -> None:
     options: dict[str, Any] = {
-        "uncertainty": {"obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2)},
+        "uncertainty": {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
         "samples": 128,
         "validation": 128,
     }
-    for constraint in (limited(0.3), pt.Required(constraint=limited(0.3), probability=0.9)):
-        found = pt.design_robust_gain(
+    for constraint in (limited(0.3), pt.robust.Required(constraint=limited(0.3), probability=0.9)):
+        found = pt.robust.design_robust_gain(
             SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[constraint], **options
         )
         assert found.gain == pytest.approx(-0.3, rel=SAME)
         assert found.validation.limits[0].held == 1.0
-    infeasible = pt.design_robust_gain(
+    infeasible = pt.robust.design_robust_gain(
         SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[limited(0.005)], **options
     )
     assert "gain cannot be held at 0.005 N s" in str(infeasible)
-    worst = pt.design_robust_gain(
+    worst = pt.robust.design_robust_gain(
         SCENARIO,
         EXPONENTIAL,
         OBJECTIVE,
         bounds=BOUNDS,
         constraints=[limited(0.3)],
-        measure=pt.WorstCase(),
+        measure=pt.robust.WorstCase(),
         **options,
     )
     assert worst.gain == pytest.approx(-0.3, rel=SAME)
@@ -157,18 +157,18 @@ def test_fronts_and_admittances_keep_the_limit() -> None:
 
 
 def test_a_stability_limit_is_a_constraint() -> None:
-    timing = pt.LoopTiming(rate=60.0, delay=0.0128)
-    limit = pt.gain_limit(POWER, ADMITTANCE, timing, distance=np.linspace(0, 0.0422, 33))
+    timing = pt.simulation.LoopTiming(rate=60.0, delay=0.0128)
+    limit = pt.simulation.gain_limit(POWER, ADMITTANCE, timing, distance=np.linspace(0, 0.0422, 33))
     allowed = limit.allowed(margin=2.0)
     assert allowed == -limit.strongest / 2 == -limit.bounds(margin=2.0)[0]
     found = design([limited(allowed)], sensor=POWER)
     assert found.certificate.at == "gain"
     assert found.gain == pytest.approx(-allowed, rel=SAME)
-    with pytest.raises(pt.InvalidInputError, match="margin: found 1, which must exceed 1"):
+    with pytest.raises(pt.errors.InvalidInputError, match="margin: found 1, which must exceed 1"):
         limit.allowed(margin=1.0)
     free = replace(limit, gain=np.full(33, -math.inf))
     assert free.allowed() == math.inf
-    with pytest.raises(pt.InvalidInputError, match="constraint gain"):
+    with pytest.raises(pt.errors.InvalidInputError, match="constraint gain"):
         limited(free.allowed())
 
 

@@ -15,12 +15,12 @@ from pretouch._core.native import DOUBLE, POINTER, kernel
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-ROBOTS: dict[str, pt.PlantModel] = {
-    "impedance with a servo": pt.ImpedancePlant(
+ROBOTS: dict[str, pt.simulation.PlantModel] = {
+    "impedance with a servo": pt.simulation.ImpedancePlant(
         mass=4.0, stiffness=4000.0, damping=250.0, bandwidth=80.0, coulomb_friction=1.0
     ),
-    "impedance with feedforward": pt.ImpedancePlant(mass=2.0, stiffness=2e4, damping=400.0),
-    "position": pt.PositionPlant(mass=2.0, bandwidth=20.0),
+    "impedance with feedforward": pt.simulation.ImpedancePlant(mass=2.0, stiffness=2e4, damping=400.0),
+    "position": pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0),
 }
 STIFFNESS = np.geomspace(3e4, 3e8, 321)
 STEP = 0.02  # of the contact's time scale: what a step of the integration takes at once
@@ -29,28 +29,30 @@ SAMPLED = 1 + STEP
 LASTING = kernel("elastic_duration", POINTER, DOUBLE, DOUBLE, result=DOUBLE)
 
 
-def elastic_duration(contact: pt.ContactModel, inverse_mass: float, speed: float) -> float:
+def elastic_duration(contact: pt.simulation.ContactModel, inverse_mass: float, speed: float) -> float:
     """How long the bodies would touch [s], from a relative speed on, without loss and drive: m d'' = -k d^n."""
     return float(LASTING(pack("5d", *contact.numbers()), inverse_mass, speed))
 
 
-def sphere(stiffness: float, obstacle_mass: float) -> pt.ContactModel:
-    return pt.HuntCrossley(stiffness=stiffness, dissipation=0.5, obstacle_mass=obstacle_mass)
+def sphere(stiffness: float, obstacle_mass: float) -> pt.simulation.ContactModel:
+    return pt.simulation.HuntCrossley(stiffness=stiffness, dissipation=0.5, obstacle_mass=obstacle_mass)
 
 
-def pad(stiffness: float, obstacle_mass: float) -> pt.ContactModel:
+def pad(stiffness: float, obstacle_mass: float) -> pt.simulation.ContactModel:
     spring = stiffness / 30
-    return pt.SpringDamper(stiffness=spring, damping=0.2 * math.sqrt(spring), obstacle_mass=obstacle_mass)
+    return pt.simulation.SpringDamper(stiffness=spring, damping=0.2 * math.sqrt(spring), obstacle_mass=obstacle_mass)
 
 
-def meet(plant: pt.PlantModel, contact: pt.ContactModel, speed: Any = 0.3) -> pt.SimulationResult:
+def meet(
+    plant: pt.simulation.PlantModel, contact: pt.simulation.ContactModel, speed: Any = 0.3
+) -> pt.simulation.SimulationResult:
     scenario = pt.Scenario(
         admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-np.asarray(speed, dtype=float))
     )
     return pt.simulate(scenario, SENSOR, BareLaw(-0.7, 1e-3), plant=plant, contact=contact, follow=0.1)
 
 
-def until_they_stop(run: pt.SimulationResult) -> tuple[float, bool]:
+def until_they_stop(run: pt.simulation.SimulationResult) -> tuple[float, bool]:
     """Return the largest force until the bodies stop approaching, and whether they do before anything else ends."""
     course = run.trace().contact_course
     stops = np.flatnonzero(course[:, 2] >= 0)
@@ -101,9 +103,9 @@ def test_a_free_obstacle_is_hit_once_and_its_impact_force_is_the_peak(robot: str
 def test_the_time_of_an_impact_is_that_of_free_bodies_without_loss(
     exponent: float, obstacle_mass: float, speed: float
 ) -> None:
-    contact = pt.HuntCrossley(stiffness=2e5, exponent=exponent, obstacle_mass=obstacle_mass)
+    contact = pt.simulation.HuntCrossley(stiffness=2e5, exponent=exponent, obstacle_mass=obstacle_mass)
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
-    plant = pt.ImpedancePlant(mass=1.7, stiffness=1e-9, damping=0.0, feedforward=False)
+    plant = pt.simulation.ImpedancePlant(mass=1.7, stiffness=1e-9, damping=0.0, feedforward=False)
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0),
         obstacle=pt.Obstacle(position=0.01),
@@ -117,6 +119,6 @@ def test_the_time_of_an_impact_is_that_of_free_bodies_without_loss(
 
 
 def test_a_touch_without_speed_has_a_time_of_impact_too() -> None:
-    spring = elastic_duration(pt.SpringDamper(stiffness=4e4), 1 / 2.0, 0.0)
+    spring = elastic_duration(pt.simulation.SpringDamper(stiffness=4e4), 1 / 2.0, 0.0)
     assert spring == pytest.approx(math.pi * math.sqrt(2.0 / 4e4), rel=1e-12)
-    assert math.isfinite(elastic_duration(pt.HuntCrossley(stiffness=4e4), 1 / 2.0, 0.0))
+    assert math.isfinite(elastic_duration(pt.simulation.HuntCrossley(stiffness=4e4), 1 / 2.0, 0.0))

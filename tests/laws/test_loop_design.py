@@ -24,11 +24,11 @@ BOUNDS = (-10.0, -0.01)
 
 def loop(rate: float, *, period: float = 1e-3, **chain: Any) -> pt.ClosedLoop:
     return pt.ClosedLoop(
-        law=pt.Controller(
+        law=pt.control.Controller(
             period=period,
-            conditioning=pt.Conditioning(floor=1e-3, sensor_period=1 / rate),
-            law=pt.VirtualDamper(gain=0.0),
-            admittance=pt.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+            conditioning=pt.control.Conditioning(floor=1e-3, sensor_period=1 / rate),
+            law=pt.control.VirtualDamper(gain=0.0),
+            admittance=pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
         ),
         chain=pt.SensorChain(rate=rate, **chain),
     )
@@ -44,8 +44,8 @@ def many(count: int, scenario: pt.Scenario = SCENARIO) -> pt.Scenario:
 
 
 @lru_cache(maxsize=1)
-def slow_design() -> pt.RobustDesign:
-    return pt.design_robust_gain(
+def slow_design() -> pt.robust.RobustDesign:
+    return pt.robust.design_robust_gain(
         SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=SLOW, samples=128, validation=1024
     )
 
@@ -78,12 +78,12 @@ def test_a_loop_fills_the_state_at_contact_as_the_motion_does() -> None:
     that grow from the start, where the force has not yet begun, too.
     """
     fine = loop(20_000.0, period=5e-5)
-    fine = replace(fine, law=replace(fine.law, conditioning=pt.Conditioning(floor=1e-9)))  # type: ignore[type-var]
+    fine = replace(fine, law=replace(fine.law, conditioning=pt.control.Conditioning(floor=1e-9)))  # type: ignore[type-var]
     gains = np.array([-0.3, -0.7, -2.0])
     found, ideal = fine(SCENARIO, SENSOR, gains), pt.find_contact(SCENARIO, SENSOR, gains)
     assert found.reached.all()
     assert found.method == "loop"
-    for name in pt.ContactState.names():
+    for name in pt.motion.ContactState.names():
         got, want = np.asarray(getattr(found.end, name)), np.asarray(getattr(ideal.end, name))
         size = 1.0 if name in {"acceleration", "virtual_force"} else np.abs(want)
         assert np.all(np.abs(got - want) <= 0.01 * size + 1e-12), name
@@ -96,7 +96,7 @@ def test_a_run_without_contact_ends_in_a_finite_state() -> None:
     gone = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=0.1))
     found = replace(NOISY, horizon=0.5)(gone, SENSOR, np.array([0.0, -0.7]))
     assert np.all(np.asarray(found.status) == pt.ContactStatus.HORIZON)
-    assert all(np.isfinite(getattr(found.end, name)).all() for name in pt.ContactState.names())
+    assert all(np.isfinite(getattr(found.end, name)).all() for name in pt.motion.ContactState.names())
     assert np.allclose(found.end.time, 0.5)
     assert np.isnan(replace(NOISY, horizon=0.5).run(gone, SENSOR, -0.7).time)
 
@@ -157,23 +157,25 @@ def test_no_gain_of_a_dense_grid_is_better_than_the_robust_one() -> None:
 
 def test_the_samples_of_a_sensor_parameter_meet_the_same_runs() -> None:
     """Curves one by one, or all alike at once: where the curve is the same, so is every encounter."""
-    alike = pt.Empirical(samples=(3.32, 3.32))
+    alike = pt.robust.Empirical(samples=(3.32, 3.32))
     options: dict[str, Any] = {"bounds": (-1.0, -0.5), "evaluate": NOISY, "samples": 16, "validation": 16}
-    each = pt.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, uncertainty={"sensor.exponent": alike}, **options)
-    once = pt.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, uncertainty={}, **options)
+    each = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, uncertainty={"sensor.exponent": alike}, **options)
+    once = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, uncertainty={}, **options)
     assert np.array_equal(each.outcomes().objective, once.outcomes(each.gain).objective)
     assert each.gain == pytest.approx(once.gain, rel=1e-12)
 
 
 def test_noise_counts_beside_the_inputs_that_vary() -> None:
-    design = pt.design_robust_gain(
+    design = pt.robust.design_robust_gain(
         SCENARIO,
         SENSOR,
         OBJECTIVE,
         bounds=(-2.0, -0.2),
-        uncertainty={"obstacle.velocity": pt.Uniform(low=-0.35, high=-0.25)},
-        constraints=[pt.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.12), probability=0.9)],
-        measure=pt.ConditionalValueAtRisk(probability=0.8),
+        uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.35, high=-0.25)},
+        constraints=[
+            pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.12), probability=0.9)
+        ],
+        measure=pt.robust.ConditionalValueAtRisk(probability=0.8),
         evaluate=NOISY,
         samples=64,
     )
@@ -187,7 +189,7 @@ def test_noise_counts_beside_the_inputs_that_vary() -> None:
     assert "noise" in text
     assert "the sampled loop" in text
     assert "nan" not in text
-    with pytest.raises(pt.ResultUnavailableError, match="continuous time only"):
+    with pytest.raises(pt.errors.ResultUnavailableError, match="continuous time only"):
         design.price("obstacle.velocity")
 
 
@@ -261,10 +263,10 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
         return pt.find_contact(scenario, sensor, gain)
 
     assert not isinstance(ideal, NoisyEvaluator)
-    uncertainty = {"obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2)}
+    uncertainty = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
     options: dict[str, Any] = {"bounds": BOUNDS, "uncertainty": uncertainty, "samples": 64, "validation": 64}
-    theirs = pt.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, evaluate=ideal, **options)
-    ours = pt.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, **options)
+    theirs = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, evaluate=ideal, **options)
+    ours = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, **options)
     assert theirs.gain == pytest.approx(ours.gain, rel=1e-6)
     assert theirs.strongest == BOUNDS[0]  # what is proved of L(1) is not said of what others compute
     assert [one.name for one in theirs.importance] == ["obstacle.velocity"]
@@ -274,23 +276,23 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
     ("make", "message"),
     [
         (
-            lambda: pt.design_robust_gain(
+            lambda: pt.robust.design_robust_gain(
                 SCENARIO,
                 SENSOR,
                 OBJECTIVE,
                 bounds=BOUNDS,
-                uncertainty={"obstacle.velocity": pt.Interval(low=-0.4, high=-0.2)},
-                measure=pt.WorstCase(),
+                uncertainty={"obstacle.velocity": pt.robust.Interval(low=-0.4, high=-0.2)},
+                measure=pt.robust.WorstCase(),
                 evaluate=NOISY,
             ),
             "WorstCase beside evaluate",
         ),
         (
-            lambda: pt.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}),
+            lambda: pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}),
             "uncertainty: found none",
         ),
         (
-            lambda: pt.design_robust_gain(
+            lambda: pt.robust.design_robust_gain(
                 SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=NOISY, samples=0
             ),
             "samples: found 0",
@@ -310,7 +312,7 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
     ],
 )
 def test_what_a_loop_cannot_do_is_refused_in_one_sentence(make: Any, message: str) -> None:
-    with pytest.raises(pt.InvalidInputError, match=message):
+    with pytest.raises(pt.errors.InvalidInputError, match=message):
         make()
 
 
@@ -320,7 +322,7 @@ def test_the_evidence_of_a_smooth_loop_has_its_derivatives() -> None:
     The ripples of l' are 6e-6 of it: over 0.1 of u and 1 % of an input they change a derivative by a few percent.
     """
     quiet = loop(1000.0)
-    quiet = replace(quiet, law=replace(quiet.law, conditioning=pt.Conditioning(floor=1e-9)))  # type: ignore[type-var]
+    quiet = replace(quiet, law=replace(quiet.law, conditioning=pt.control.Conditioning(floor=1e-9)))  # type: ignore[type-var]
     found = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet)
     ideal = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
     assert isinstance(found.evidence, GainEvidence)

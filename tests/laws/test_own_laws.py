@@ -28,8 +28,8 @@ SCENARIO = pt.Scenario(
 )
 CHAIN = pt.SensorChain(rate=1000.0, exposure=2e-4, delay=1e-4, noise=1e-3, jitter=1e-5)
 ROBOT = {
-    "plant": pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
-    "contact": pt.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0),
+    "plant": pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
+    "contact": pt.simulation.SpringDamper(stiffness=3e4, damping=60.0, obstacle_mass=1.0),
 }
 QUANTITIES = ("time", "position", "velocity", "relative_velocity", "peak_force", "impulse", "flags", "end_time")
 
@@ -120,7 +120,9 @@ def test_what_a_step_in_python_raises_comes_out(raised: type[BaseException], cou
 
 
 @pytest.mark.parametrize("far", [1e160, 1e300, math.inf, math.nan])
-@pytest.mark.parametrize("contact", [pt.HuntCrossley(stiffness=2e6, dissipation=1.0), ROBOT["contact"], None])
+@pytest.mark.parametrize(
+    "contact", [pt.simulation.HuntCrossley(stiffness=2e6, dissipation=1.0), ROBOT["contact"], None]
+)
 def test_a_law_that_answers_beyond_all_bounds_ends_its_run(far: float, contact: Any) -> None:
     """Also where the robot strikes so hard that no step could follow the contact."""
 
@@ -140,11 +142,11 @@ def test_an_answer_without_all_numbers_is_said() -> None:
 
 
 def test_memory_that_a_compiled_step_cannot_read_is_refused() -> None:
-    with pytest.raises(pt.InvalidInputError, match=r"parameters: found tuple, .* expected a ctypes.Structure"):
+    with pytest.raises(pt.errors.InvalidInputError, match=r"parameters: found tuple, .* expected a ctypes.Structure"):
         results(replace(BareLawCompiled(-0.7, 1e-3)))
-    with pytest.raises(pt.InvalidInputError, match="expected a function"):
+    with pytest.raises(pt.errors.InvalidInputError, match="expected a function"):
         results(Own("step"))
-    with pytest.raises(pt.InvalidInputError, match="the address 0"):
+    with pytest.raises(pt.errors.InvalidInputError, match="the address 0"):
         results(Own(0))
 
 

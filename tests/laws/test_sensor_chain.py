@@ -181,14 +181,14 @@ def test_a_misfit_moves_the_contact_of_a_run_and_no_noise_does_that_for_it() -> 
 
 def test_a_misfit_asks_for_its_length() -> None:
     with pytest.raises(
-        pt.InvalidInputError, match=r"misfit_length: found 0 m beside a misfit of 0\.02 of xi, expected"
+        pt.errors.InvalidInputError, match=r"misfit_length: found 0 m beside a misfit of 0\.02 of xi, expected"
     ):
         pt.SensorChain(rate=20.0, misfit=0.02)
 
 
 @pytest.mark.parametrize("name", PARTS)
 def test_a_part_names_its_source_and_what_is_assumed(name: str) -> None:
-    part = pt.sensor_part(name)
+    part = pt.simulation.sensor_part(name)
     assert part.name == name
     assert part.source
     assert part.facts
@@ -201,7 +201,7 @@ def test_the_chain_of_a_calibration_has_its_noise_offset_and_steps() -> None:
     distance = np.repeat(np.linspace(0.002, 0.04, 20), 10)
     outputs = SENSOR.output(distance) + 0.05 + 1e-3 * rng.standard_normal(200)
     fit = pt.fit_sensor(pt.Calibration(distances=distance, outputs=outputs), "inverse-power")
-    chain = pt.chain_of_fit(fit, rate=100.0, delay=0.002)
+    chain = pt.simulation.chain_of_fit(fit, rate=100.0, delay=0.002)
     assert chain.noise == fit.noise.output
     assert chain.relative_noise == fit.noise.relative
     assert (chain.misfit, chain.misfit_length) == (fit.noise.misfit, fit.noise.misfit_length)
@@ -223,14 +223,14 @@ def test_a_random_phase_is_another_in_each_run_and_uniform() -> None:
 
 
 def test_a_phase_is_given_or_random() -> None:
-    with pytest.raises(pt.InvalidInputError, match=r"phase: found 0\.01 s beside a random phase"):
+    with pytest.raises(pt.errors.InvalidInputError, match=r"phase: found 0\.01 s beside a random phase"):
         pt.SensorChain(rate=20.0, phase=0.01, random_phase=True)
 
 
 def test_a_reading_within_the_step_that_ends_at_a_touch_is_that_of_its_instant() -> None:
     """A mass that nothing pulls touches at 33.3 ms, a third into a step, and is looked at 0.23 ms before: at 70 um."""
     curve = pt.ExponentialFirstOrder(scale=1.0, rate=-1.0)
-    free = pt.ImpedancePlant(mass=1.7, stiffness=1e-9, damping=0.0, feedforward=False)
+    free = pt.simulation.ImpedancePlant(mass=1.7, stiffness=1e-9, damping=0.0, feedforward=False)
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0),
         obstacle=pt.Obstacle(position=0.01),
@@ -238,7 +238,7 @@ def test_a_reading_within_the_step_that_ends_at_a_touch_is_that_of_its_instant()
     )
     law = BareLaw(-1e-12, 1e-3, damping=0.0, stiffness=0.0)
     chain = pt.SensorChain(rate=1000.0, phase=1e-4)
-    contact = pt.SpringDamper(stiffness=1e4)
+    contact = pt.simulation.SpringDamper(stiffness=1e4)
     run = pt.simulate(scenario, curve, law, chain=chain, plant=free, contact=contact, follow=0.01)
     trace = run.trace()
     assert run.time == pytest.approx(0.01 / 0.3, abs=1e-9)

@@ -17,16 +17,16 @@ from figure_checks import assert_legible
 from loop_samples import Answer, BareLaw, bare_step
 from pretouch._core.json_text import as_json
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
-from pretouch.report.simulation_figures import simulation_figure
+from pretouch.report import plots
 from pretouch.simulation import ClosedLoop
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SCENARIO = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-0.3))
 POWER = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 CONSTANT = pt.ExponentialFirstOrder(scale=1.0, rate=-60.0)
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
-SOFT_ROBOT = pt.ImpedancePlant(mass=1.5, stiffness=60.0, damping=2.0)
-CONTACT = pt.HuntCrossley(stiffness=2e6, dissipation=1.0)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+SOFT_ROBOT = pt.simulation.ImpedancePlant(mass=1.5, stiffness=60.0, damping=2.0)
+CONTACT = pt.simulation.HuntCrossley(stiffness=2e6, dissipation=1.0)
 IMPACT = pt.HertzImpact(robot_mass=2.0, effective_modulus=1e7, radius=0.0225)
 GAIN = -0.7
 
@@ -91,7 +91,7 @@ def test_both_runs_meet_the_same_noise() -> None:
     """A reading a period, without exposure and delay, is xi of the distance at that step and its own noise."""
     noisy = pt.SensorChain(rate=1000.0, noise=2e-3)
 
-    def noise(trace: pt.LoopTrace) -> Any:
+    def noise(trace: pt.simulation.LoopTrace) -> Any:
         return trace.reading - POWER.output(trace.distance)
 
     one = pt.simulate_encounter(SCENARIO, POWER, loop(chain=noisy), GAIN)
@@ -161,7 +161,7 @@ def test_a_law_that_sees_nothing_is_said_to_see_nothing() -> None:
 
 
 def test_repeated_contacts_are_told_one_by_one() -> None:
-    built = loop(plant=SOFT_ROBOT, contact=pt.HuntCrossley(stiffness=1e7, dissipation=0.3), follow=0.2)
+    built = loop(plant=SOFT_ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, dissipation=0.3), follow=0.2)
     encounter = pt.simulate_encounter(SCENARIO, POWER, built, -0.3)
     run, contacts = encounter.run, encounter.contacts
     assert len(contacts) == run.contacts > 2
@@ -241,7 +241,7 @@ def test_a_loop_that_runs_away_says_so() -> None:
     assert encounter.run.status is pt.ContactStatus.UNRESOLVED
     assert encounter.headline.startswith("The loop runs away: its numbers leave all bounds after ")
     assert json.loads(as_json(encounter.to_dict()))["status"] == "unresolved"
-    assert_legible(simulation_figure(encounter))
+    assert_legible(plots.simulation(encounter))
 
 
 def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
@@ -297,11 +297,11 @@ def test_an_encounter_is_one_json_object_one_line_and_a_report() -> None:
 
 def test_an_encounter_that_cannot_be_asked_for_is_refused() -> None:
     many = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=[-0.3, -0.4]))
-    with pytest.raises(pt.InvalidInputError, match=r"scenario: found an array of encounters of shape \(2,\)"):
+    with pytest.raises(pt.errors.InvalidInputError, match=r"scenario: found an array of encounters of shape \(2,\)"):
         pt.simulate_encounter(many, POWER, loop(), GAIN)
-    with pytest.raises(pt.InvalidInputError, match="gain: found an array"):
+    with pytest.raises(pt.errors.InvalidInputError, match="gain: found an array"):
         pt.simulate_encounter(SCENARIO, POWER, loop(), [-0.7, -0.8])  # type: ignore[arg-type]
-    with pytest.raises(pt.InvalidInputError, match="gain: found nan"):
+    with pytest.raises(pt.errors.InvalidInputError, match="gain: found nan"):
         pt.simulate_encounter(SCENARIO, POWER, loop(), math.nan)
-    with pytest.raises(pt.InvalidInputError, match="expected one of time, relative_velocity"):
+    with pytest.raises(pt.errors.InvalidInputError, match="expected one of time, relative_velocity"):
         pt.simulate_encounter(SCENARIO, POWER, loop(), GAIN).comparison("speed")

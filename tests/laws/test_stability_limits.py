@@ -17,10 +17,10 @@ from pretouch.simulation.plant import linear_plant
 MASS = pt.Admittance(mass=1.3, damping=0.0, stiffness=0.0)
 LETTER = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 PLANTS = (
-    pt.IdealPlant(),
-    pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
-    pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0, feedforward=False),
-    pt.PositionPlant(mass=2.0, bandwidth=20.0),
+    pt.simulation.IdealPlant(),
+    pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
+    pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0, feedforward=False),
+    pt.simulation.PositionPlant(mass=2.0, bandwidth=20.0),
 )
 GRID = [(rate, part) for rate in (15.0, 60.0, 250.0, 1000.0) for part in (0.0, 0.3, 1.0, 2.7)]
 
@@ -28,7 +28,7 @@ GRID = [(rate, part) for rate in (15.0, 60.0, 250.0, 1000.0) for part in (0.0, 0
 @pytest.mark.parametrize("rate", [1.0, 15.0, 250.0, 10_000.0])
 def test_a_mass_alone_is_stable_up_to_twice_mass_times_rate(rate: float) -> None:
     """By Jury's test of z^2 - (1 - b/2) z + b/2 with b = d T / M: stable for b < 2."""
-    limit = pt.largest_damping(MASS, pt.LoopTiming(rate=rate))
+    limit = pt.simulation.largest_damping(MASS, pt.simulation.LoopTiming(rate=rate))
     assert limit.damping == pytest.approx(2 * 1.3 * rate, rel=1e-9)
     assert limit.frequency == pytest.approx(rate / 4, rel=1e-6)  # z^2 + 1 = 0 there
     assert limit.is_certified
@@ -42,7 +42,9 @@ def test_a_mass_behind_whole_periods_of_delay_and_hold(delay: int, hold: int) ->
     On the unit circle its phase is -pi/2 - omega T (p + (q + 1)/2), which is -pi at omega T = pi / (2 p + q + 1).
     """
     rate = 100.0
-    limit = pt.largest_damping(MASS, pt.LoopTiming(rate=rate, delay=delay / rate, hold=hold / rate))
+    limit = pt.simulation.largest_damping(
+        MASS, pt.simulation.LoopTiming(rate=rate, delay=delay / rate, hold=hold / rate)
+    )
     w = math.pi / (2 * delay + hold + 1)
     expected = 2 * hold * 1.3 * rate * math.tan(w / 2) * math.sin(w / 2) / math.sin(hold * w / 2)
     assert limit.damping == pytest.approx(expected, rel=1e-9)  # rounding of the root, some 1e-14 / w
@@ -69,8 +71,8 @@ def test_the_loop_put_together_anew_is_stable_below_the_limit_and_not_above(
     """Damping and stiffness in units of M / T and M / T^2; eigenvalues of matrices of this size are good to 1e-10."""
     admittance = pt.Admittance(mass=1.3, damping=1.3 * rate * damping, stiffness=1.3 * rate**2 * stiffness)
     exposure = min(2 * delay, 1.0) / 2
-    timing = pt.LoopTiming(rate=rate, delay=delay / rate, hold=hold / rate, exposure=exposure / rate)
-    limit = pt.largest_damping(admittance, timing)
+    timing = pt.simulation.LoopTiming(rate=rate, delay=delay / rate, hold=hold / rate, exposure=exposure / rate)
+    limit = pt.simulation.largest_damping(admittance, timing)
     assert limit.is_certified
     if limit.damping == 0:
         assert lifted_radius(admittance, timing, 1e-6 * 1.3 * rate) > 1
@@ -89,7 +91,7 @@ def test_a_spring_without_damping_must_be_pushed_in_time(delay: float) -> None:
     """
     rate, turn = 100.0, 0.3  # omega T
     spring = pt.Admittance(mass=2.0, damping=0.0, stiffness=2.0 * (turn * rate) ** 2)
-    limit = pt.largest_damping(spring, pt.LoopTiming(rate=rate, delay=delay / rate))
+    limit = pt.simulation.largest_damping(spring, pt.simulation.LoopTiming(rate=rate, delay=delay / rate))
     assert (limit.damping > 0) == (math.cos(turn * (delay + 1)) > 0)
     assert limit.is_certified
     if limit.damping == 0:
@@ -98,25 +100,31 @@ def test_a_spring_without_damping_must_be_pushed_in_time(delay: float) -> None:
 
 def test_a_robot_that_is_unstable_by_itself_has_a_limit_of_zero(letter_power: pt.InversePower) -> None:
     """Routh: m s^2 + (D s + K) / (1 + s / b) is stable for D b > K; feedforward is outside of that loop."""
-    plant = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=3.0)
+    plant = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=3.0)
     assert 180.0 * 2 * math.pi * 3.0 < 4000.0
-    limit = pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=250.0), distance=[0.0, 0.02], plant=plant)
+    limit = pt.simulation.gain_limit(
+        letter_power, LETTER, pt.simulation.LoopTiming(rate=250.0), distance=[0.0, 0.02], plant=plant
+    )
     assert limit.damping.damping == 0
     assert limit.damping.is_certified
     assert limit.strongest == 0
-    with pytest.raises(pt.InvalidInputError, match="weakest"):
+    with pytest.raises(pt.errors.InvalidInputError, match="weakest"):
         limit.bounds()
-    assert pt.lowest_rate(letter_power, LETTER, -0.1, distance=0.0, plant=plant) == math.inf
+    assert pt.simulation.lowest_rate(letter_power, LETTER, -0.1, distance=0.0, plant=plant) == math.inf
 
 
 @pytest.mark.parametrize("rate", [1e5, 1e7, 1e9])
 def test_a_delay_of_thousands_of_periods_costs_no_more_than_a_short_one(rate: float) -> None:
     """What is left of the delay-differential limit is of the second order in T / tau = 1 / (0.02 rate)."""
-    limit = pt.largest_damping(MASS, pt.LoopTiming(rate=rate, delay=0.02))
+    limit = pt.simulation.largest_damping(MASS, pt.simulation.LoopTiming(rate=rate, delay=0.02))
     assert limit.damping == pytest.approx(math.pi / 2 * 1.3 / (0.02 + 1 / rate), rel=(50 / rate) ** 2 + 1e-9)
     assert limit.is_certified  # by the one eigenvalue that crosses: the matrix would have 400 million rows
     spring = pt.Admittance(mass=1.3, damping=0.0, stiffness=30.0)
-    assert 0 < pt.largest_damping(spring, pt.LoopTiming(rate=rate, delay=0.02)).damping < limit.damping
+    assert (
+        0
+        < pt.simulation.largest_damping(spring, pt.simulation.LoopTiming(rate=rate, delay=0.02)).damping
+        < limit.damping
+    )
 
 
 @pytest.mark.parametrize("delay", [0.002, 0.05])
@@ -124,17 +132,17 @@ def test_a_delay_alone_leaves_pi_half_of_mass_over_delay(delay: float) -> None:
     """M v' = -d v(t - tau) oscillates at d tau / M = pi/2; difference and hold delay by half a period each."""
     for parts, error in ((50, 2e-3), (200, 2e-4)):  # what is left is of the second order in T / tau
         rate = parts / delay
-        limit = pt.largest_damping(MASS, pt.LoopTiming(rate=rate, delay=delay))
+        limit = pt.simulation.largest_damping(MASS, pt.simulation.LoopTiming(rate=rate, delay=delay))
         assert limit.damping == pytest.approx(math.pi / 2 * 1.3 / (delay + 1 / rate), rel=error)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize(("rate", "part"), GRID)
 def test_eigenvalues_cross_the_unit_circle_at_the_limit_and_not_before(
-    rate: float, part: float, plant: pt.IdealPlant
+    rate: float, part: float, plant: pt.simulation.IdealPlant
 ) -> None:
-    timing = pt.LoopTiming(rate=rate, delay=part / rate)
-    limit = pt.largest_damping(LETTER, timing, plant=plant)
+    timing = pt.simulation.LoopTiming(rate=rate, delay=part / rate)
+    limit = pt.simulation.largest_damping(LETTER, timing, plant=plant)
     assert limit.is_certified
     loop = linear_loop(*linear_plant(LETTER, plant), timing)
     for share in (0.05, 0.3, 0.6, 0.9):
@@ -147,27 +155,38 @@ def test_eigenvalues_cross_the_unit_circle_at_the_limit_and_not_before(
 
 def test_a_filter_lowers_the_limit_an_average_and_a_short_push_raise_it() -> None:
     rate = 200.0
-    plain = pt.largest_damping(LETTER, pt.LoopTiming(rate=rate, delay=0.0025)).damping
-    averaged = pt.largest_damping(LETTER, pt.LoopTiming(rate=rate, delay=0.0025, exposure=0.005)).damping
+    plain = pt.simulation.largest_damping(LETTER, pt.simulation.LoopTiming(rate=rate, delay=0.0025)).damping
+    averaged = pt.simulation.largest_damping(
+        LETTER, pt.simulation.LoopTiming(rate=rate, delay=0.0025, exposure=0.005)
+    ).damping
     sections = butter(2, 60.0, fs=rate, output="sos")
-    filtered = pt.largest_damping(LETTER, pt.LoopTiming(rate=rate, delay=0.0025, sections=sections)).damping
-    short = pt.largest_damping(LETTER, pt.LoopTiming(rate=rate, delay=0.0025, hold=0.0005)).damping
+    filtered = pt.simulation.largest_damping(
+        LETTER, pt.simulation.LoopTiming(rate=rate, delay=0.0025, sections=sections)
+    ).damping
+    short = pt.simulation.largest_damping(
+        LETTER, pt.simulation.LoopTiming(rate=rate, delay=0.0025, hold=0.0005)
+    ).damping
     assert filtered < plain < short  # a short push comes earlier on average
     # an average has the phase of its middle and weakens the oscillation, by some sinc(f E) with f near 30 Hz
     assert plain < averaged < 1.1 * plain
 
 
 def test_the_limit_scales_with_the_masses_and_falls_with_the_delay() -> None:
-    timing = pt.LoopTiming(rate=120.0, delay=0.004)
+    timing = pt.simulation.LoopTiming(rate=120.0, delay=0.004)
     heavy = pt.Admittance(mass=7.0, damping=70.0, stiffness=175.0)
-    assert pt.largest_damping(heavy, timing).damping == pytest.approx(7 * pt.largest_damping(LETTER, timing).damping)
-    limits = [pt.largest_damping(LETTER, pt.LoopTiming(rate=120.0, delay=d)).damping for d in (0, 0.001, 0.01, 0.1)]
+    assert pt.simulation.largest_damping(heavy, timing).damping == pytest.approx(
+        7 * pt.simulation.largest_damping(LETTER, timing).damping
+    )
+    limits = [
+        pt.simulation.largest_damping(LETTER, pt.simulation.LoopTiming(rate=120.0, delay=d)).damping
+        for d in (0, 0.001, 0.01, 0.1)
+    ]
     assert limits == sorted(limits, reverse=True)
 
 
 def test_the_gain_limit_is_the_damping_over_the_slope(letter_power: pt.InversePower) -> None:
     distance = np.linspace(0, 0.0422, 9)
-    limit = pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=60.0), distance=distance)
+    limit = pt.simulation.gain_limit(letter_power, LETTER, pt.simulation.LoopTiming(rate=60.0), distance=distance)
     assert limit.gain * letter_power.log_slope(distance) == pytest.approx(np.full(9, limit.damping.damping))
     assert limit.critical_distance == 0.0  # where the curve is steepest
     assert limit.strongest == pytest.approx(limit.damping.damping / letter_power.log_slope(0.0))
@@ -176,10 +195,12 @@ def test_the_gain_limit_is_the_damping_over_the_slope(letter_power: pt.InversePo
 def test_the_lowest_rate_is_where_the_gain_limit_is_the_gain(letter_power: pt.InversePower) -> None:
     distance = np.linspace(0, 0.0422, 9)
     for delay in (0.0, 0.006):
-        timing_at = lambda rate, delay=delay: pt.LoopTiming(rate=rate, delay=delay)  # noqa: E731
+        timing_at = lambda rate, delay=delay: pt.simulation.LoopTiming(rate=rate, delay=delay)  # noqa: E731
         for margin in (1.0, 2.0):
-            rate = pt.lowest_rate(letter_power, LETTER, -0.75, distance=distance, timing_at=timing_at, margin=margin)
-            limit = pt.gain_limit(letter_power, LETTER, timing_at(rate), distance=distance)
+            rate = pt.simulation.lowest_rate(
+                letter_power, LETTER, -0.75, distance=distance, timing_at=timing_at, margin=margin
+            )
+            limit = pt.simulation.gain_limit(letter_power, LETTER, timing_at(rate), distance=distance)
             assert limit.strongest == pytest.approx(-0.75 * margin, rel=1e-6)
 
 
@@ -189,9 +210,11 @@ def test_above_the_lowest_rate_every_rate_is_stable(letter_power: pt.InversePowe
 
     So a gain a little stronger than the second is unstable from 5.8 to 6.1 Hz, and stable again below.
     """
-    strongest = lambda rate: pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=rate, delay=5e-4), distance=0.0)  # noqa: E731
-    timing_at = lambda rate: pt.LoopTiming(rate=rate, delay=5e-4)  # noqa: E731
-    lowest = pt.lowest_rate(letter_power, LETTER, gain, distance=0.0, timing_at=timing_at)
+    strongest = lambda rate: pt.simulation.gain_limit(  # noqa: E731
+        letter_power, LETTER, pt.simulation.LoopTiming(rate=rate, delay=5e-4), distance=0.0
+    )
+    timing_at = lambda rate: pt.simulation.LoopTiming(rate=rate, delay=5e-4)  # noqa: E731
+    lowest = pt.simulation.lowest_rate(letter_power, LETTER, gain, distance=0.0, timing_at=timing_at)
     assert strongest(lowest * (1 - 1e-6)).strongest > gain  # the limit changes by some of itself per octave
     rates = lowest * np.geomspace(1 + 1e-6, 30.0, 40)
     assert max(strongest(float(rate)).strongest for rate in rates) < gain
@@ -199,24 +222,28 @@ def test_above_the_lowest_rate_every_rate_is_stable(letter_power: pt.InversePowe
 
 def test_no_rate_makes_up_for_a_strong_gain_and_a_delay(letter_power: pt.InversePower) -> None:
     """At the fastest rate that is looked at, 4 MHz, the delay is 200,000 periods long."""
-    timing_at = lambda rate: pt.LoopTiming(rate=rate, delay=0.05)  # noqa: E731
-    assert pt.lowest_rate(letter_power, LETTER, -1e3, distance=0.0, timing_at=timing_at) == math.inf
+    timing_at = lambda rate: pt.simulation.LoopTiming(rate=rate, delay=0.05)  # noqa: E731
+    assert pt.simulation.lowest_rate(letter_power, LETTER, -1e3, distance=0.0, timing_at=timing_at) == math.inf
 
 
 def test_no_rate_makes_up_for_a_long_delay(letter_power: pt.InversePower) -> None:
     """d tau / M = 59 x 0.1 > pi/2, and the damping of 10 N s/m does not save it."""
-    timing_at = lambda rate: pt.LoopTiming(rate=rate, delay=0.1)  # noqa: E731
-    assert pt.lowest_rate(letter_power, LETTER, -0.75, distance=0.0, timing_at=timing_at) == math.inf
+    timing_at = lambda rate: pt.simulation.LoopTiming(rate=rate, delay=0.1)  # noqa: E731
+    assert pt.simulation.lowest_rate(letter_power, LETTER, -0.75, distance=0.0, timing_at=timing_at) == math.inf
 
 
 def test_the_limit_bounds_a_design(letter_power: pt.InversePower, letter_encounter: pt.Scenario) -> None:
     """At 15 Hz without any delay the ideal optimum of -0.746 N s is unstable; the design stays at the bound."""
     objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    limit = pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=15.0), distance=np.linspace(0, 0.0422, 33))
+    limit = pt.simulation.gain_limit(
+        letter_power, LETTER, pt.simulation.LoopTiming(rate=15.0), distance=np.linspace(0, 0.0422, 33)
+    )
     bounds = limit.bounds(margin=2.0)
     design = pt.design_gain(letter_encounter, letter_power, objective, bounds=bounds)
     assert design.gain == pytest.approx(limit.strongest / 2)
-    fast = pt.gain_limit(letter_power, LETTER, pt.LoopTiming(rate=1000.0), distance=np.linspace(0, 0.0422, 33))
+    fast = pt.simulation.gain_limit(
+        letter_power, LETTER, pt.simulation.LoopTiming(rate=1000.0), distance=np.linspace(0, 0.0422, 33)
+    )
     design = pt.design_gain(letter_encounter, letter_power, objective, bounds=fast.bounds())
     assert design.gain == pytest.approx(-0.7463, abs=1e-4)
 
@@ -228,11 +255,11 @@ def test_a_timing_follows_from_chain_and_controller() -> None:
         law=control.VirtualDamper(gain=-0.7),
         admittance=control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
     )
-    timing = pt.timing_of(pt.SensorChain(rate=100.0, exposure=0.002, delay=0.0004), controller)
+    timing = pt.simulation.timing_of(pt.SensorChain(rate=100.0, exposure=0.002, delay=0.0004), controller)
     assert timing.delay == pytest.approx(0.002)  # 1 ms after the middle, 0.4 ms, 0.6 ms until the step at 3 ms
     assert timing.holding == 0.01
     assert np.array(timing.sections) == pytest.approx(butter(2, 20.0, fs=100.0, output="sos"))
-    loose = pt.timing_of(pt.SensorChain(rate=97.3, delay=0.0004), controller)
+    loose = pt.simulation.timing_of(pt.SensorChain(rate=97.3, delay=0.0004), controller)
     assert loose.delay == pytest.approx(0.0009)  # half a step on average
 
 
@@ -241,8 +268,10 @@ def test_rates_are_sought_up_to_a_megahertz(gain: float, rate: float) -> None:
     """|D_p g| / (2 M) of a mass without delay; what is held for a millisecond has a thousand parts at a megahertz."""
     sensor = pt.ExponentialFirstOrder(scale=1.0, rate=-61.0)
     mass = pt.Admittance(mass=1.0, damping=0.0, stiffness=0.0)
-    assert pt.lowest_rate(sensor, mass, gain, distance=0.0) == pytest.approx(
+    assert pt.simulation.lowest_rate(sensor, mass, gain, distance=0.0) == pytest.approx(
         rate, rel=1e-6
     )  # the root is sought to 1e-9
-    held = pt.lowest_rate(sensor, mass, -1e6, distance=0.0, timing_at=lambda r: pt.LoopTiming(rate=r, hold=1e-3))
+    held = pt.simulation.lowest_rate(
+        sensor, mass, -1e6, distance=0.0, timing_at=lambda r: pt.simulation.LoopTiming(rate=r, hold=1e-3)
+    )
     assert held == math.inf

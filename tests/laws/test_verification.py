@@ -21,7 +21,7 @@ from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop
 
 HOLDS, NARROWLY = pt.VerdictStatus.HOLDS, pt.VerdictStatus.HOLDS_NARROWLY
 DOES_NOT, NO_GAIN = pt.VerdictStatus.DOES_NOT_HOLD, pt.VerdictStatus.NO_GAIN
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 
 
 def test_a_quick_loop_without_noise_holds_as_predicted() -> None:
@@ -122,7 +122,9 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
 def test_the_margin_is_that_of_the_gain_limit() -> None:
     found = verdict(NOISY, gain=-0.7463, changes=False)
     law: Any = NOISY.law
-    limit = pt.gain_limit(SENSOR, SCENARIO.admittance, pt.timing_of(NOISY.chain, law), distance=[0.0, 0.0422])
+    limit = pt.simulation.gain_limit(
+        SENSOR, SCENARIO.admittance, pt.simulation.timing_of(NOISY.chain, law), distance=[0.0, 0.0422]
+    )
     assert found.stability is not None
     assert found.stability.strongest == pytest.approx(limit.strongest)
     # at the rate that is said to be enough for it, the margin is 2
@@ -132,14 +134,16 @@ def test_the_margin_is_that_of_the_gain_limit() -> None:
     assert there.stability.margin == pytest.approx(2.0, rel=1e-6)
 
 
-@pytest.mark.parametrize("contact", [pt.SpringDamper(stiffness=2e5), pt.HuntCrossley(stiffness=1e7)])
+@pytest.mark.parametrize(
+    "contact", [pt.simulation.SpringDamper(stiffness=2e5), pt.simulation.HuntCrossley(stiffness=1e7)]
+)
 @pytest.mark.parametrize("obstacle_mass", [math.inf, 3.0])
 def test_the_force_of_an_elastic_contact_on_a_free_mass_is_the_predicted_one(
     contact: Any, obstacle_mass: float
 ) -> None:
     """Steps of 1/50 of the time scale come to within 0.01 of the peak's phase: 5e-5 of its height; a spring of
     1e-3 N/m moves the mass by nothing. The speed of contact is exact."""
-    free = pt.ImpedancePlant(mass=2.0, stiffness=1e-3, damping=0.0)
+    free = pt.simulation.ImpedancePlant(mass=2.0, stiffness=1e-3, damping=0.0)
     loop = replace(QUICK, plant=free, contact=replace(contact, obstacle_mass=obstacle_mass))
     found = verdict(loop, runs=1, changes=False)
     force = found.comparison("impact_force")
@@ -152,7 +156,7 @@ def test_the_force_of_an_elastic_contact_on_a_free_mass_is_the_predicted_one(
 
 
 def test_force_limits_are_those_of_the_simulated_contact() -> None:
-    loop = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=1e5, dissipation=0.5))
+    loop = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e5, dissipation=0.5))
     found = verdict(loop, gain=-0.7463, constraints=[pt.Constraint(name="impact_force", limit=50.0)], changes=False)
     (check,) = found.limits
     assert found.mitigated is not None
@@ -169,7 +173,7 @@ def test_force_limits_are_those_of_the_simulated_contact() -> None:
 
 def test_every_quantity_of_objectives_and_limits_is_simulated() -> None:
     """So none of them can be left without an answer; what needs a mass or a contact has been refused before."""
-    loop = replace(QUICK, plant=ROBOT, contact=pt.SpringDamper(stiffness=1e5))
+    loop = replace(QUICK, plant=ROBOT, contact=pt.simulation.SpringDamper(stiffness=1e5))
     limits = [pt.Constraint(name=name, limit=1e6) for name in CONSTRAINT_NAMES]
     for given in (loop, replace(loop, contact=None), QUICK):
         impact = pt.SpringImpact(robot_mass=3.0, stiffness=1e4)
@@ -209,7 +213,7 @@ def test_a_gain_is_verified_where_there_is_no_ideal_one() -> None:
 
 def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
     """The slower the object, the later it comes: some come after the loop has stopped waiting."""
-    known = {"obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2)}
+    known = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
     found = verdict(replace(NOISY, horizon=0.5), gain=-0.7463, uncertainty=known, runs=100, changes=False)
     assert found.mitigated is not None
     missing = int((~found.mitigated.touched).sum())
@@ -228,11 +232,11 @@ def test_runs_without_the_contact_that_is_predicted_are_counted() -> None:
 
 def test_uncertain_inputs_make_other_encounters_and_sensors() -> None:
     known = {
-        "obstacle.velocity": pt.Uniform(low=-0.4, high=-0.2),
-        "sensor.exponent": pt.Normal(mean=3.32, deviation=0.1),
+        "obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2),
+        "sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1),
     }
     found = verdict(NOISY, gain=-0.7463, uncertainty=known, runs=40, changes=False)
-    drawn = pt.sample_inputs(known, 40, seed=0, sampling="random")
+    drawn = pt.robust.sample_inputs(known, 40, seed=0, sampling="random")
     assert found.unmitigated is not None
     assert found.mitigated is not None
     assert np.abs(found.unmitigated.relative_velocity) == pytest.approx(-drawn["obstacle.velocity"])

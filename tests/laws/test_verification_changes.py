@@ -117,7 +117,7 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
     filtered = {"median_window": 5, "low_pass_order": 2, "cutoff": 50.0, "offset": 0.1}
     loop = replace(
         loop_of(offset=0.1, crosstalk=0.02, drift=0.01, delay=0.003, noise=1e-3, conditioning=filtered),
-        plant=pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0),
+        plant=pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0),
     )
     said = {c.name: c.sentence for c in candidates_of(loop, APPROACH)}
     assert said == {

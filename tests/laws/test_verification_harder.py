@@ -12,7 +12,7 @@ from pretouch.verification import Effect
 from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
 WILD = loop_of(rate=60.0, exposure=1 / 60, delay=0.004, distance_noise=0.008, reports_distance=True, random_phase=True)
-ROBOT = pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
+ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
 
 
 def test_contact_that_is_harder_than_without_mitigation_does_not_hold() -> None:
@@ -86,7 +86,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     2 kg behind 4,000 N/m on a soft contact; followed until the push is over, it is largest where the robot has gone
     farthest; with an obstacle of 1.5 kg on a stiff contact the impact is all there is.
     """
-    pushed = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=1e6, dissipation=0.5), follow=0.3)
+    pushed = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e6, dissipation=0.5), follow=0.3)
     found = verdict(pushed, gain=-0.7463, runs=20, changes=False)
     result, free = found.mitigated, found.unmitigated
     assert result is not None
@@ -99,14 +99,14 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     for values in (result.peak_force, free.peak_force, result.impact_force, free.impact_force):
         assert f"{values.mean():.4g} N" in said[0]
     assert "driven on, and the robot's drive push on" in said[0]
-    light = replace(NOISY, plant=ROBOT, contact=pt.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
+    light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
     assert not any(text.startswith("The largest force") for text in other.warnings)
 
 
 def test_a_run_with_a_sensor_curve_of_its_own_meets_the_noise_of_its_number() -> None:
     """So verdicts of neighboring seeds share no noise, and a run is the same whether its curve differs or not."""
-    known = {"sensor.exponent": pt.Uniform(low=3.3199999, high=3.3200001)}
+    known = {"sensor.exponent": pt.robust.Uniform(low=3.3199999, high=3.3200001)}
     own = verdict(NOISY, gain=-0.7463, runs=4, changes=False, uncertainty=known)
     same = NOISY.run(SCENARIO, SENSOR, -0.7463, runs=4)
     assert own.mitigated is not None

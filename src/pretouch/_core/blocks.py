@@ -114,7 +114,7 @@ class Picture(Value):
     """A figure, drawn by whoever shows it.
 
     Args:
-        figure: its name among the figures of `pretouch.report`, or any name of one that is drawn already.
+        figure: its name among the figures of `pretouch.report.plots`, or any name of one that is drawn already.
         of: what it is drawn from, or the figure of Matplotlib itself.
         name: what it shows, for who cannot see it.
         caption: how it is read.

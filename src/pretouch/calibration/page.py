@@ -31,12 +31,13 @@ def calibration_page(report: CalibrationReport) -> Page:
     if best is None:
         blocks: tuple[Any, ...] = (_ranking(report) if report.not_fitted else None,)
     else:
+        parameters = tuple(block for fit in report.fits for block in _parameters(fit, report))
         note = Paragraph(
             text=f"The {best.model} curve, with the contact surface where the usable window starts.", quiet=True
         )
         blocks = (
             _ranking(report),
-            Section(title="Parameters", titled=True, blocks=tuple(_parameters(fit, report) for fit in report.fits)),
+            Section(title="Parameters", titled=True, blocks=parameters),
             Section(title="For the scenario file", blocks=(Code(text=_scenario_text(best)), note)),
         )
     return Page(
@@ -54,7 +55,7 @@ def fit_page(fit: SensorFit) -> Page:
     """Describe one fit alone."""
     low, high = (format_quantity(d, "m") for d in fit.sensor.valid_range)
     headline = f"{fit.model}, {len(fit.distances)} distances, valid from {low} to {high}"
-    return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None).blocks)
+    return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None))
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
@@ -114,6 +115,7 @@ def _readings(report: CalibrationReport) -> Section:
 def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
     unit, window = report.calibration.unit, report.window
     between = " to ".join(format_quantity(d, "m") for d in (window.l_min, window.l_max)) if window.distances else "none"
+    yield "verdict", report.verdict, ""
     yield "window", between, ""
     yield "it starts there because", "", window.start_reason
     yield "it ends there because", "", window.end_reason
@@ -170,13 +172,13 @@ def _ranking_row(fit: SensorFit) -> Row:
     return fit.model, *(Measured(v, "", 3) for v in numbers), *told, f"{fit.r_squared:.5f}"
 
 
-def _parameters(fit: SensorFit, report: CalibrationReport | None) -> Section:
+def _parameters(fit: SensorFit, report: CalibrationReport | None) -> tuple[Any, ...]:
     unit, first = "" if report is None else report.calibration.unit, report is None or fit is report.best
     rows = [_parameter_row(name, estimate, unit) for name, estimate in fit.parameters.items()]
     rows.append(_parameter_row("slope g in the middle of the window", fit.middle_slope, ""))
     table = Table(head=(fit.model, "value", "standard error", "95 % interval"), rows=tuple(rows), brief=first)
     notes = (*fit.identifiable, *(w for w in fit.warnings if w not in fit.identifiable))
-    return Section(title=fit.model, blocks=(table, Listing(items=notes, brief=first) if notes else None))
+    return (table, Listing(items=notes, brief=first)) if notes else (table,)
 
 
 def _parameter_row(name: str, estimate: Estimate, output_unit: str) -> Row:

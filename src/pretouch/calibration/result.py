@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.json_text import plain
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
@@ -46,6 +46,11 @@ class Estimate(Value):
     low: float
     high: float
     unit: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the estimate as one JSON object, in SI."""
+        interval = (self.low, self.high)
+        return {"value": self.value, "standard_error": self.standard_error, "interval": interval, "unit": self.unit}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,26 +194,21 @@ class SensorFit(Described, Value):
     page: ClassVar[str] = "pretouch.calibration.page:fit_page"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything that JSON can hold, in SI: finite numbers, or None where there is none."""
-        return {
-            "name": self.model,
-            "parameters": {name: _plain(e.value) for name, e in self.parameters.items()},
-            "standard_errors": {name: _plain(e.standard_error) for name, e in self.parameters.items()},
-            "intervals": {name: [_plain(e.low), _plain(e.high)] for name, e in self.parameters.items()},
-            "units": {name: e.unit for name, e in self.parameters.items()},
-            "covariance": [[_plain(v) for v in row] for row in self.covariance.tolist()],
-            "middle_slope": _estimate(self.middle_slope),
-            "r_squared": _plain(self.r_squared),
-            "rmse_log_output": _plain(self.rmse_log_output),
-            "rmse_log_slope": _plain(self.rmse_log_slope),
-            "aicc": _plain(self.aicc),
-            "cross_validation": _plain(self.cross_validation),
-            "runs_p_value": _plain(self.runs_p_value),
-            "slope_shift": _plain(self.slope_shift),
-            "outliers": list(self.outliers),
-            "identifiable": list(self.identifiable),
-            "warnings": list(self.warnings),
-        }
+        """Return the fit as one JSON object: numbers in SI, None where there is none."""
+        estimates = self.parameters.items()
+        names = ("covariance", "middle_slope", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc")
+        more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "identifiable", "warnings")
+        told: dict[str, Any] = plain(
+            {
+                "name": self.model,
+                "parameters": {name: e.value for name, e in estimates},
+                "standard_errors": {name: e.standard_error for name, e in estimates},
+                "intervals": {name: (e.low, e.high) for name, e in estimates},
+                "units": {name: e.unit for name, e in estimates},
+                **{name: getattr(self, name) for name in (*names, *more)},
+            }
+        )
+        return told
 
     def __repr__(self) -> str:
         return (
@@ -254,61 +254,38 @@ class CalibrationReport(Described, Value):
         return self.fits[0] if self.fits else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything that JSON can hold, in SI: finite numbers, or None where there is none."""
-        source = self.calibration.source
-        return {
-            "verdict": self.verdict,
-            "reasons": list(self.reasons),
-            "best": self.best.model if self.best else None,
-            "window": [self.window.l_min, self.window.l_max] if self.fits else None,
-            "window_reasons": [self.window.start_reason, self.window.end_reason],
-            "saturation": _plain(self.window.saturation),
-            "offset": _fields(self.offset, ("value", "standard_error", "low", "high", "kind")),
-            "noise": _fields(
-                self.noise,
-                ("output", "relative", "resolution", "misfit", "misfit_length", "output_source", "relative_source"),
-            ),
-            "slope": None
-            if self.slope is None
-            else {
-                "distances": self.slope.distances.tolist(),
-                "values": self.slope.slope.tolist(),
-                "uncertainty": self.slope.uncertainty.tolist(),
-            },
-            "left_out": list(self.left_out),
-            "models": [fit.to_dict() for fit in self.fits],
-            "not_fitted": dict(self.not_fitted),
-            "calibration": {
-                "file": source.file if source else None,
-                "sha256": source.sha256 if source else None,
-                "label": self.calibration.label,
-                "output_unit": self.calibration.unit,
-                "readings": len(self.calibration.outputs),
-                "no_object_readings": len(self.calibration.no_object),
-                "dropped": source.dropped if source else 0,
-                "notes": list(source.notes) if source else [],
-            },
-        }
+        """Return the report as one JSON object: numbers in SI, None where there is none."""
+        calibration, slope = self.calibration, self.slope
+        source = calibration.source
+        told: dict[str, Any] = plain(
+            {
+                "verdict": self.verdict,
+                "reasons": self.reasons,
+                "best": self.best.model if self.best else None,
+                "window": (self.window.l_min, self.window.l_max) if self.fits else None,
+                "window_reasons": (self.window.start_reason, self.window.end_reason),
+                "saturation": self.window.saturation,
+                "offset": self.offset or dict.fromkeys(OffsetEstimate.__slots__),
+                "noise": self.noise or dict.fromkeys(NoiseEstimate.__slots__),
+                "slope": slope
+                and {"distances": slope.distances, "values": slope.slope, "uncertainty": slope.uncertainty},
+                "left_out": self.left_out,
+                "models": self.fits,
+                "not_fitted": self.not_fitted,
+                "calibration": {
+                    "file": source and source.file,
+                    "sha256": source and source.sha256,
+                    "label": calibration.label,
+                    "output_unit": calibration.unit,
+                    "readings": len(calibration.outputs),
+                    "no_object_readings": len(calibration.no_object),
+                    "dropped": source.dropped if source else 0,
+                    "notes": source.notes if source else (),
+                },
+            }
+        )
+        return told
 
     def __repr__(self) -> str:
         best = f", best {self.best.model}" if self.best else ""
         return f"<CalibrationReport {self.calibration.name}: {self.verdict}{best}>"
-
-
-def _plain(value: float | None) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
-def _estimate(estimate: Estimate) -> dict[str, Any]:
-    return {
-        "value": _plain(estimate.value),
-        "standard_error": _plain(estimate.standard_error),
-        "interval": [_plain(estimate.low), _plain(estimate.high)],
-        "unit": estimate.unit,
-    }
-
-
-def _fields(value: object, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return these fields, None each where the value itself is None."""
-    found = {name: getattr(value, name, None) for name in names}
-    return {name: v if isinstance(v, str) else _plain(v) for name, v in found.items()}

@@ -5,20 +5,15 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Final
 
 import typer
 
-from .design import design
-from .fit import fit
-from .pareto import pareto
-from .reproduce import reproduce
-from .robust import robust
-from .simulate import simulate
-from .sweep import sweep
-from .verify import verify
+__all__ = ["VERBS", "app", "main"]
 
-__all__ = ["app", "main"]
+VERBS: Final = ("fit", "design", "sweep", "pareto", "robust", "simulate", "verify", "reproduce")
+"""In the order of the help; each is the function of its name in the file of its name."""
 
 app = typer.Typer(
     name="pretouch",
@@ -28,14 +23,8 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-app.command()(fit)
-app.command()(design)
-app.command()(sweep)
-app.command()(pareto)
-app.command()(robust)
-app.command()(simulate)
-app.command()(verify)
-app.command()(reproduce)
+for _name in VERBS:
+    app.command(_name)(getattr(import_module(f".{_name}", __package__), _name))
 
 
 def _version(wanted: bool) -> None:

@@ -13,22 +13,7 @@ from pretouch._core.errors import InvalidInputError, UnitError
 from pretouch._core.json_text import as_json
 from pretouch._core.units import read_quantity
 
-from .options import (
-    Columns,
-    FloorSigmas,
-    Force,
-    Json,
-    Labels,
-    Model,
-    NearFieldPeak,
-    NoObject,
-    Offset,
-    Output,
-    Report,
-    Saturation,
-    Select,
-)
-from .terminal import NO_RESULT, OK, Presentation, conclude, print_progress, print_text
+from .terminal import Presentation, end, print_progress, print_text, verb
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
@@ -37,22 +22,45 @@ if TYPE_CHECKING:
 __all__ = ["fit"]
 
 
+@verb
 def fit(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration (CSV).", show_default=False)],
+    shown: Presentation,
     *,
-    offset: Offset = "auto",
-    no_object: NoObject = None,
-    select: Select = None,
-    columns: Columns = None,
-    labels: Labels = None,
-    saturation: Saturation = "auto",
-    near_field_peak: NearFieldPeak = "auto",
-    model: Model = None,
-    floor_sigmas: FloorSigmas = 3.0,
-    json: Json = False,
-    output: Output = None,
-    report: Report = True,
-    force: Force = False,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration (CSV).")],
+    offset: Annotated[
+        str, typer.Option(metavar="auto|fit|zero|VALUE", help="Where the level without an object comes from.")
+    ] = "auto",
+    no_object: Annotated[
+        str | None, typer.Option(metavar="FILE|VALUE", help="Readings without an object, beside those in FILE.")
+    ] = None,
+    select: Annotated[
+        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Only curves with this label; repeatable.")
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="distance=COLUMN,output=COLUMN",
+            help='Which columns are meant, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
+        ),
+    ] = None,
+    labels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMN,...|none", help="The columns that tell curves apart; all that are left where not given."
+        ),
+    ] = None,
+    saturation: Annotated[
+        str, typer.Option(metavar="auto|none|VALUE", help="Output from which the sensor is clipped.")
+    ] = "auto",
+    near_field_peak: Annotated[
+        str, typer.Option(metavar="auto|none|DISTANCE", help="Where the near-field peak lies.")
+    ] = "auto",
+    model: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Choose among these models only; repeatable.")
+    ] = None,
+    floor_sigmas: Annotated[
+        float, typer.Option(metavar="NUMBER", help="Sigmas above the offset from which a signal is usable.")
+    ] = 3.0,
 ) -> None:
     """Fit sensor models to a calibration (CSV).
 
@@ -62,32 +70,29 @@ def fit(
 
     Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
     """
+    from pretouch.config.fitting import FitRequest  # noqa: PLC0415 - `pretouch --help` stays quick
 
-    def run() -> int:
-        from pretouch.config.fitting import FitRequest  # noqa: PLC0415 - `pretouch --help` stays quick
-
-        request = FitRequest(
-            path=file,
-            select=_selected(select or []),
-            columns=_columns(columns),
-            labels=None if labels is None else _names(labels),
-            no_object=_no_object(no_object),
-            offset=_output_or(offset, ("auto", "fit", "zero"), "--offset"),
-            saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
-            near_field_peak=near_field_peak
-            if near_field_peak in {"auto", "none"}
-            else read_quantity(near_field_peak, "m", name="--near-field-peak"),
-            models=tuple(model or ()),
-            floor_sigmas=floor_sigmas,
-        )
-        curves = request.read()
-        if not json:
-            _print_notes(curves[0], ())
-        if len(curves) > 1:
-            return _several(request, curves, json, output)
-        return _one(request, curves[0], Presentation(json=json, output=output, report=report, force=force))
-
-    conclude(run, json_wanted=json)
+    request = FitRequest(
+        path=file,
+        select=_selected(select or []),
+        columns=_columns(columns),
+        labels=None if labels is None else _names(labels),
+        no_object=_no_object(no_object),
+        offset=_output_or(offset, ("auto", "fit", "zero"), "--offset"),
+        saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
+        near_field_peak=near_field_peak
+        if near_field_peak in {"auto", "none"}
+        else read_quantity(near_field_peak, "m", name="--near-field-peak"),
+        models=tuple(model or ()),
+        floor_sigmas=floor_sigmas,
+    )
+    curves = request.read()
+    if not shown.json:
+        _print_notes(curves[0], ())
+    if len(curves) > 1:
+        _several(request, curves, shown)
+    else:
+        _one(request, curves[0], shown)
 
 
 def _print_notes(curve: Calibration, known: tuple[str, ...]) -> None:
@@ -145,47 +150,39 @@ def _no_object(text: str | None) -> Any:
         raise
 
 
-def _one(request: FitRequest, curve: Calibration, presentation: Presentation) -> int:
+def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
     """Fit one curve: report on the terminal and as a file."""
     found = request.rank(curve)
-    if not presentation.json and curve.source is not None:
+    if not shown.json and curve.source is not None:
         _print_notes(found.calibration, curve.source.notes)
-
-    def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
-
-        return write_report(found, path, overwrite=overwrite)
-
     label = re.sub(r"[^\w.-]+", "-", f"-{curve.label}") if request.select else ""
-    presentation.show(found, f"{request.path.stem}{label}-fit.html", write)
-    return NO_RESULT if found.best is None else OK
+    shown.show(found, f"{request.path.stem}{label}-fit.html", good=found.best is not None)
 
 
-def _several(request: FitRequest, curves: tuple[Calibration, ...], json: bool, output: Path | None) -> int:
+def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presentation) -> None:
     """Fit several curves: a row or an object for each."""
-    if output is not None:
+    if shown.output is not None:
         raise InvalidInputError(
             f"--output: found {len(curves)} curves in {request.path.name}, expected one: choose it with --select, "
             f"for example {' '.join(f'--select {shlex.quote(part)}' for part in curves[0].label.split(', '))}"
         )
     width = max(len(curve.label) for curve in curves)
     usable, objects = 0, []
-    if not json:
-        print_text(f"{'curve':<{width}}  {'best model':<14}  {'RMSE ln xi':>10}  {'window [mm]':>13}  verdict")
+    if not shown.json:
+        print_text(f"{'curve':<{width}}  {'best model':<14}  {'RMSE ln ξ':>10}  {'window [mm]':>13}  verdict")
     for number, curve in enumerate(curves, start=1):
         found = request.rank(curve)
-        if json:
-            print_progress(f"{number} of {len(curves)} curves fitted")
         usable += found.best is not None
-        if json:
+        if shown.json:
+            print_progress(f"{number} of {len(curves)} curves fitted")
             objects.append({"label": curve.label, **found.to_dict()})
         else:
             print_text(_row(curve.label, width, found))
-    if json:
+    if shown.json:
         print_text(as_json({"file": request.path.name, "usable": usable, "curves": objects}))
     else:
         print_text(f"\n{usable} of {len(curves)} curves usable; choose one with --select for its report and figures")
-    return OK if usable else NO_RESULT
+    end(good=usable > 0)
 
 
 def _row(label: str, width: int, found: CalibrationReport) -> str:

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .options import Force, Json, Output, Report
-from .terminal import NO_RESULT, OK, Presentation, conclude, print_progress
+from .terminal import Presentation, print_progress, verb
 
 __all__ = ["reproduce"]
 
-REPORT = "letter-reproduction.html"
 
-
+@verb
 def reproduce(
-    ids: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="ID", help="What to reproduce; all of it where none is named.", show_default=False),
-    ] = None,
+    shown: Presentation,
     *,
-    json: Json = False,
-    output: Output = None,
-    report: Report = True,
-    force: Force = False,
+    ids: Annotated[
+        list[str] | None, typer.Argument(metavar="ID", help="What to reproduce; all of it where none is named.")
+    ] = None,
 ) -> None:
     """Compute the letter's tables and figures again.
 
@@ -39,19 +32,7 @@ def reproduce(
 
     Exit status: 0 every difference is explained, 1 not everything comes out, 2 a mistake in the request.
     """  # noqa: D301 - the escape keeps the lines of the list together
-    presentation = Presentation(json=json, output=output, report=report, force=force)
-    conclude(lambda: _run(tuple(ids or ()), presentation), json_wanted=json)
-
-
-def _run(ids: tuple[str, ...], presentation: Presentation) -> int:
     from pretouch.letter import reproduce as compute  # noqa: PLC0415 - `pretouch --help` stays quick
 
-    found = compute(ids, progress=lambda name: print_progress(f"computing {name}"))
-
-    def write(path: Path, overwrite: bool) -> object:
-        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
-
-        return write_report(found, path, overwrite=overwrite)
-
-    presentation.show(found, REPORT, write)
-    return OK if found.holds else NO_RESULT
+    found = compute(ids or (), progress=lambda name: print_progress(f"computing {name}"))
+    shown.show(found, "letter-reproduction.html", good=found.holds)

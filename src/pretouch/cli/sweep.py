@@ -11,10 +11,9 @@ import typer
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.json_text import as_json
-from pretouch._core.units import read_quantity
 
-from .options import AxisTexts, DaskAddress, DataOutput, FigurePath, FixedGain, Replace, ResultNames, SweepJson
-from .terminal import NO_RESULT, OK, conclude, print_message, print_progress, print_text
+from .options import ScenarioFile, read_gain
+from .terminal import conclude, end, print_message, print_progress, print_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,16 +29,45 @@ _SECONDS = 1.0  # between two lines of progress
 
 
 def sweep(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).", show_default=False)],
+    file: ScenarioFile,
     *,
-    axis: AxisTexts,
-    result: ResultNames = None,
-    gain: FixedGain = None,
-    output: DataOutput = None,
-    figure: FigurePath = None,
-    dask: DaskAddress = None,
-    json: SweepJson = False,
-    force: Replace = False,
+    axis: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME=START:STOP:COUNT",
+            help="An input and its values, such as obstacle.velocity=-1:-0.01:100; with :log for equal ratios, or a "
+            "list NAME=VALUE,VALUE,...; values with units or bare in SI; repeatable.",
+        ),
+    ],
+    result: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A quantity to be computed, such as relative_velocity; repeatable."),
+    ] = None,
+    gain: Annotated[
+        str | None, typer.Option(metavar="GAIN", help='The gain of all encounters, such as "-0.7 N*s".')
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="PATH", help="Where the dataset goes: NAME.zarr or NAME.nc."),
+    ] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Draw the results over one or two axes: PNG, SVG or PDF."),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Compute on the workers of this Dask scheduler, such as tcp://10.0.0.1:8786; they write the dataset.",
+        ),
+    ] = None,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object, all SI, and nothing else; with values, if not too many."),
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace another sweep at the output, or a figure; unasked, nothing is.")
+    ] = False,
 ) -> None:
     """Compute contacts or optimal gains over a grid of inputs.
 
@@ -50,11 +78,11 @@ def sweep(
     Exit status: 0 some encounter ends in contact, or has an optimal gain, 1 none does, 2 a mistake in the request.
     """
 
-    def run() -> int:
+    def run() -> None:
         from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
         problem = load_scenario(file)
-        fixed = None if gain is None else read_quantity(gain, "N*s", name="--gain")
+        fixed = read_gain(gain)
         axes = _axes(problem, axis, fixed)
         if figure is not None:
             _check_figure(figure, axes, force=force)
@@ -72,7 +100,7 @@ def sweep(
             if output is not None:
                 print_message("interrupted; the same command goes on from here")
             raise
-        return _present(found, problem.reservations(), output, figure, json=json, force=force)
+        _present(found, problem.reservations(), output, figure, json=json, force=force)
 
     conclude(run, json_wanted=json)
 
@@ -135,15 +163,15 @@ def _present(
     *,
     json: bool,
     force: bool,
-) -> int:
+) -> None:
     from pretouch.sweep.summary import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:
         from pretouch._core.files import write_bytes  # noqa: PLC0415
-        from pretouch.report import sweep_figure  # noqa: PLC0415 - Matplotlib, only when needed
+        from pretouch.report import plots  # noqa: PLC0415 - Matplotlib, only when needed
 
         content = BytesIO()
-        sweep_figure(found).savefig(content, format=figure.suffix[1:].lower())
+        plots.sweep(found).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=force)
     if json:
         told = {**sweep_as_dict(found), "output": output, "figure": figure}
@@ -156,4 +184,4 @@ def _present(
                 print_text(f"{what}: {path}")
     first = next(iter(counts(found).values()))  # contact, or optimal
     found.close()
-    return OK if first else NO_RESULT
+    end(good=first > 0)

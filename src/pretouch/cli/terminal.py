@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
@@ -15,10 +17,24 @@ from pretouch._core.errors import PretouchError
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.json_text import as_json
 
-if TYPE_CHECKING:
-    from pretouch.uncertainty import Reservations
+from .options import Force, Json, Output, Report
 
-__all__ = ["MISTAKE", "NO_RESULT", "OK", "Presentation", "Result", "conclude", "print_progress", "print_text"]
+if TYPE_CHECKING:
+    from pretouch.config import DesignProblem
+
+__all__ = [
+    "MISTAKE",
+    "NO_RESULT",
+    "OK",
+    "Presentation",
+    "conclude",
+    "end",
+    "load",
+    "print_message",
+    "print_progress",
+    "print_text",
+    "verb",
+]
 
 OK = 0
 """The run came to what was asked for."""
@@ -29,31 +45,26 @@ NO_RESULT = 1
 MISTAKE = 2
 """The request makes no sense: a mistake in a file or on the command line, or an output that would be overwritten."""
 
-
-class Result(Protocol):
-    """What every verb comes to: text for a person, an object for a program."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result as one JSON object, all SI."""
-
-
 _INTERRUPTED = 130
 _BROKEN_PIPE = 141
 
 
-def conclude(run: Callable[[], int], *, json_wanted: bool) -> NoReturn:
+def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
     """Run a verb and end with its exit code; mistakes become one message, everything unexpected keeps its traceback.
 
     Args:
-        run: the verb; it returns its exit code.
+        run: the verb; one whose answer is no ends by `end`.
         json_wanted: whether a mistake is printed as an object on stdout, too.
 
     Raises:
         Exit: always, with the exit code.
     """
     try:
+        code = OK
         try:
-            code = run()
+            run()
+        except typer.Exit as ended:
+            code = ended.exit_code
         except PretouchError as error:
             print_message(str(error))
             code = MISTAKE
@@ -67,6 +78,19 @@ def conclude(run: Callable[[], int], *, json_wanted: bool) -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = _BROKEN_PIPE
     raise typer.Exit(code)
+
+
+def end(*, good: bool) -> None:
+    """End a verb with the exit code of its answer.
+
+    Args:
+        good: whether the run came to what was asked for.
+
+    Raises:
+        Exit: where it did not.
+    """
+    if not good:
+        raise typer.Exit(NO_RESULT)
 
 
 def print_text(text: str) -> None:
@@ -91,6 +115,48 @@ def _write(stream: Any, text: str) -> None:
     stream.flush()
 
 
+def load(file: Path, doing: str) -> DesignProblem:
+    """Load a scenario file, and tell what will be done with it.
+
+    Args:
+        file: the file.
+        doing: what a person waits for, such as `searching gains`.
+
+    Returns:
+        What the file asks for.
+    """
+    from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
+
+    problem = load_scenario(file)
+    print_progress(f"{file}: {doing}")
+    return problem
+
+
+def verb(run: Callable[..., None]) -> Callable[..., None]:
+    """Make a verb of the command line of a function that shows one result.
+
+    Args:
+        run: takes a `Presentation` and its own options, by name. Its docstring is the help.
+
+    Returns:
+        The command: it has the options of `run`, and those of how a result is shown.
+    """
+
+    @wraps(run)
+    def command(*, json: bool, output: Path | None, report: bool, force: bool, **own: Any) -> None:
+        shown = Presentation(json=json, output=output, report=report, force=force)
+        conclude(lambda: run(shown, **own), json_wanted=json)
+
+    own = list(inspect.signature(run, eval_str=True).parameters.values())[1:]
+    ways = {"json": (Json, False), "output": (Output, None), "report": (Report, True), "force": (Force, False)}
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    common = [inspect.Parameter(name, keyword, annotation=a, default=default) for name, (a, default) in ways.items()]
+    parameters = [*own, *common]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in parameters}
+    return command
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presentation:
     """How a result is shown.
@@ -107,33 +173,35 @@ class Presentation:
     report: bool
     force: bool
 
-    def show(
-        self,
-        result: Result,
-        default: str,
-        write: Callable[[Path, bool], object],
-        reservations: Reservations | None = None,
-    ) -> None:
-        """Print a result and write its report.
+    def show(self, result: Any, default: str, problem: DesignProblem | None = None, *, good: bool) -> None:
+        """Print a result, write its report, and end with the exit code of its answer.
 
         Args:
-            result: what is printed.
+            result: what one of the verbs returned: text for a person, an object (`to_dict`) for a program, and a page.
             default: name of the report where none is given.
-            write: writes the report, given its path and whether a file there may be replaced.
-            reservations: what the calibration of the sensor leaves open of the result, where there is one.
+            problem: the file that it was computed from, with the calibration of its sensor.
+            good: whether the result is what was asked for.
         """
         target = self.output or Path(default)
+        reservations = None if problem is None else problem.reservations(result)
         if self.json:
             found = result.to_dict()
             text = as_json(found if reservations is None else reservations.around_dict(found))
             if self.output is not None:
-                self._write(target, write)
+                self._write(result, target, problem)
             print_text(text)
-            return
-        print_text(str(result) if reservations is None else reservations.around_text(str(result)))
-        if self.report:
-            self._write(target, write)
-            print_text(f"\nReport with figures: {target}")
+        else:
+            print_text(str(result) if reservations is None else reservations.around_text(str(result)))
+            if self.report:
+                self._write(result, target, problem)
+                print_text(f"\nReport with figures: {target}")
+        end(good=good)
 
-    def _write(self, target: Path, write: Callable[[Path, bool], object]) -> None:
-        write(target, self.force or is_own_unchanged(target))
+    def _write(self, result: Any, target: Path, problem: DesignProblem | None) -> None:
+        from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
+
+        known: dict[str, Any] = {}
+        if problem is not None:
+            known = {"calibration": problem.calibration, "source": problem.source}
+        print_progress(f"{target}: drawing the report")
+        write_report(result, target, overwrite=self.force or is_own_unchanged(target), **known)

@@ -58,6 +58,7 @@ _NO_WAY_OUT: Final = {
     ),
 }
 _NOT_AT_CONTACT: Final = ("closest_distance", "settling_distance", "impulse_residual", "distance", "gain", "objective")
+_NOT_OURS: Final = "An objective of the user's own, with the items that it declares."
 _WHOSE_MOTION: Final = {
     "loop": " One run of the sampled loop, with the noise that all gains met.",
     "other": " These motions are those of L(1) in continuous time: the function that the design was handed gives none.",
@@ -188,15 +189,20 @@ def _trade_off(design: GainDesign) -> Section:
     )
     if shows_equals(design):
         caption += (
-            " No gain reaches inside the dotted line of equal objective; the chosen one touches it unless a limit "
+            " No gain reaches inside the thin line of equal objective; the chosen one touches it unless a limit "
             "holds it back."
         )
+    if not design.trade_off.reached.any():
+        caption = "How near to contact each gain comes."
     name = "Objective over the gain, and relative velocity at contact against its price"
     own = isinstance(design.definition, OwnObjective)
-    note = "" if own else "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in L(20) and L(22)."
+    note = _NOT_OURS if own else "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in L(20) and L(22)."
     terms = Table(
         head=("term of the objective", "typical value", "weight", "value"),
-        rows=(*_valued_terms(design), ("sum f", "", "", Measured(design.objective, "", 5))),
+        rows=(
+            *_valued_terms(design),
+            (f"objective f ({design.definition.name})", "", "", Measured(design.objective, "", 5)),
+        ),
         note=note,
         brief=design.objective is not None,
     )
@@ -207,7 +213,6 @@ def _trade_off(design: GainDesign) -> Section:
 def _valued_terms(design: GainDesign) -> Iterator[Row]:
     definition, result = design.definition, design.result
     if isinstance(definition, OwnObjective):
-        yield f"{definition.name}, an objective of the user's own", "", "", ""
         for name, part in design.objective_parts.items():
             yield words_for(name), "", "", Measured(part)
         return
@@ -348,9 +353,9 @@ def _sensitivities(design: GainDesign) -> Section:
     note = "Inputs without influence are left out; the scale of the sensor is one: it cancels in \u03be\u2032/\u03be."
     caption = "How far the optimal gain moves when the magnitude of an input grows by 1 %; striped: less negative."
     picture = Picture(figure="sensitivity", of=design, name="What moves the optimal gain", caption=caption)
-    head = ("how the optimum follows its inputs", "value", "gain change per +1 %", "dD_p / d input")
+    head = ("input", "value", "gain change per +1 %", "dD_p / d input")
     table = Table(head=head, rows=tuple(rows), note=note, brief=True)
-    return Section(title="What moves the optimum", blocks=(picture, table))
+    return Section(title="What moves the optimum", titled=True, blocks=(picture, table))
 
 
 def impact_rows(impact: ImpactModel | None) -> Iterator[Row]:

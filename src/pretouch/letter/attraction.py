@@ -26,14 +26,14 @@ starts, speeds = (grid.ravel() for grid in np.meshgrid(np.linspace(0.02, 0.075, 
 plants = pt.Plant(position=obstacle.position - starts, velocity=obstacle.velocity - speeds)
 around = pt.solve_motion(pt.Scenario(admittance=admittance, obstacle=obstacle, plant=plants), sensor, gain, samples=80)
 letter = pt.solve_motion(own, sensor, gain)
-curves = [pt.Curve(x=1e3 * l, y=v, quiet=True) for l, v in zip(around.distance, around.relative_velocity)]
+curves = [pt.report.Curve(x=1e3 * l, y=v, quiet=True) for l, v in zip(around.distance, around.relative_velocity)]
 named = {"from the letter's start": letter, "uniform motion": uniform}
-curves += [pt.Curve(x=1e3 * m.distance, y=m.relative_velocity, label=n, end="contact") for n, m in named.items()]
-apart = [pt.Curve(x=t, y=1e3 * (l - a * t - b), quiet=True) for t, l in zip(around.time, around.distance)]
-apart += [pt.Curve(x=m.time, y=1e3 * (m.distance - a * m.time - b), label=n) for n, m in named.items()]
-figure = pt.panel_figure(
-    pt.Panel(x_label="distance l [mm]", y_label="relative velocity l′ [m/s]", curves=curves),
-    pt.Panel(x_label="time t [s]", y_label="distance from the uniform motion [mm]", curves=apart),
+curves += [pt.report.Curve(x=1e3 * m.distance, y=m.relative_velocity, label=n, end="contact") for n, m in named.items()]
+apart = [pt.report.Curve(x=t, y=1e3 * (l - a * t - b), quiet=True) for t, l in zip(around.time, around.distance)]
+apart += [pt.report.Curve(x=m.time, y=1e3 * (m.distance - a * m.time - b), label=n) for n, m in named.items()]
+figure = pt.report.panel_figure(
+    pt.report.Panel(x_label="distance l [mm]", y_label="relative velocity l′ [m/s]", curves=curves),
+    pt.report.Panel(x_label="time t [s]", y_label="distance from the uniform motion [mm]", curves=apart),
 )
 """,
 )

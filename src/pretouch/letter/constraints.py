@@ -27,10 +27,10 @@ for name, more in cases.items():
     gains[name] = [d.gain or np.nan for d in designs]
     speeds[name] = [-d.result.contact.relative_velocity if d.result else np.nan for d in designs]
 panels = {"optimal gain D_p [N s]": (gains, {}), "speed at contact [m/s]": (speeds, {"limit of the velocity": 0.09})}
-curves = [[pt.Curve(x=1e3 * limits, y=y, label=n) for n, y in values.items()] for values, _ in panels.values()]
+curves = [[pt.report.Curve(x=1e3 * limits, y=y, label=n) for n, y in values.items()] for values, _ in panels.values()]
 labels = {"x_label": "largest excursion allowed [mm]"}
-drawn = [pt.Panel(y_label=y, curves=c, levels=p[1], **labels) for c, (y, p) in zip(curves, panels.items())]
-figure = pt.panel_figure(*drawn)
+drawn = [pt.report.Panel(y_label=y, curves=c, levels=p[1], **labels) for c, (y, p) in zip(curves, panels.items())]
+figure = pt.report.panel_figure(*drawn)
 """,
 )
 CASES: Final[tuple[dict[str, float], ...]] = (

@@ -19,11 +19,11 @@ PROGRAM: Final = Program(
 sensors = {"inverse power L(3)": power, "first order L(5)": first, "second order L(6)": second}
 distance = np.linspace(0.0, 0.0422, 200)
 x, x_label = 1e3 * distance, "distance l [mm]"
-outputs = [pt.Curve(x=x, y=sensor.output(distance), label=name) for name, sensor in sensors.items()]
-slopes = [pt.Curve(x=x, y=sensor.log_slope(distance), label=name) for name, sensor in sensors.items()]
-figure = pt.panel_figure(
-    pt.Panel(x_label=x_label, y_label="sensor output ξ [V]", curves=outputs),
-    pt.Panel(x_label=x_label, y_label="slope g = d ln ξ / dl [1/m]", curves=slopes),
+outputs = [pt.report.Curve(x=x, y=sensor.output(distance), label=name) for name, sensor in sensors.items()]
+slopes = [pt.report.Curve(x=x, y=sensor.log_slope(distance), label=name) for name, sensor in sensors.items()]
+figure = pt.report.panel_figure(
+    pt.report.Panel(x_label=x_label, y_label="sensor output ξ [V]", curves=outputs),
+    pt.report.Panel(x_label=x_label, y_label="slope g = d ln ξ / dl [1/m]", curves=slopes),
 )
 """,
 )

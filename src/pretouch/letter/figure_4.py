@@ -38,11 +38,11 @@ PROGRAM: Final = Program(
     "Figure 4: the plant's position until contact, D_p = -1 N s, by three ways to solve the motion.",
     GIVEN,
     f"""{MOTIONS}\
-curves = [pt.Curve(x=m.time, y=1e3 * m.position, label=name, end="contact") for name, m in motions.items()]
+curves = [pt.report.Curve(x=m.time, y=1e3 * m.position, label=name, end="contact") for name, m in motions.items()]
 labels = {{"x_label": "time t [s]", "y_label": "plant position x [mm]", "curves": curves}}
-figure = pt.panel_figure(
-    pt.Panel(title="From detection on", **labels),
-    pt.Panel(title="Around contact", x_limits=(0.5, 0.62), y_limits=(-145.0, -105.0), **labels),
+figure = pt.report.panel_figure(
+    pt.report.Panel(title="From detection on", **labels),
+    pt.report.Panel(title="Around contact", x_limits=(0.5, 0.62), y_limits=(-145.0, -105.0), **labels),
 )
 """,
 )

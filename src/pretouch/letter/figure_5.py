@@ -20,9 +20,9 @@ PROGRAM: Final = Program(
     GIVEN,
     f"""{MOTIONS}\
 reduction = {{name: 1 - m.relative_velocity[-1] / scenario.obstacle.velocity for name, m in motions.items()}}
-curves = [pt.Curve(x=m.time, y=m.relative_velocity, label=name, end="contact") for name, m in motions.items()]
+curves = [pt.report.Curve(x=m.time, y=m.relative_velocity, label=name, end="contact") for name, m in motions.items()]
 labels = {{"x_label": "time t [s]", "y_label": "relative velocity l′ [m/s]"}}
-figure = pt.panel_figure(pt.Panel(curves=curves, levels={{"without mitigation": -0.3}}, **labels))
+figure = pt.report.panel_figure(pt.report.Panel(curves=curves, levels={{"without mitigation": -0.3}}, **labels))
 """,
 )
 PLACE: Final = "Section IV-D, Fig. 5"

@@ -33,8 +33,9 @@ for scale in ("obstacle speed", 0.3):
         gains[scale, name] = designs.gain
 labels = {"x_label": "obstacle speed [m/s]", "y_label": "optimal gain −D_p [N s]", "y_log": True}
 titles = {"obstacle speed": "l′_typ follows the obstacle", 0.3: "l′_typ fixed at 0.3 m/s"}
-curves = {scale: [pt.Curve(x=speeds, y=-gains[scale, name], label=name) for name in models] for scale in titles}
-figure = pt.panel_figure(*[pt.Panel(curves=curves[scale], title=title, **labels) for scale, title in titles.items()])
+curves = {scale: [pt.report.Curve(x=speeds, y=-gains[scale, name], label=name) for name in models] for scale in titles}
+panels = [pt.report.Panel(curves=curves[scale], title=title, **labels) for scale, title in titles.items()]
+figure = pt.report.panel_figure(*panels)
 """,
 )
 MODELS: Final = ("inverse power", "first order", "second order")

@@ -26,11 +26,11 @@ for name, impact in impacts.items():
     force = pt.Term(quantity="impact_force", scale=impact.peak_force(0.3))
     goal = pt.Objective(terms=(excursion, force))
     found = designs[name] = pt.design_gain(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact)
-    curves.append(pt.Curve(x=-gains, y=impact.peak_force(speeds), label=name))
+    curves.append(pt.report.Curve(x=-gains, y=impact.peak_force(speeds), label=name))
     least = impact.peak_force(found.result.contact.relative_velocity)
-    marks.append(pt.Mark(x=-found.gain, y=least, label=f"optimum {found.gain:.3f} N s", shape="ring"))
+    marks.append(pt.report.Mark(x=-found.gain, y=least, label=f"optimum {found.gain:.3f} N s", shape="ring"))
 labels = {"x_label": "gain −D_p [N s]", "y_label": "peak force [N]", "x_log": True}
-figure = pt.panel_figure(pt.Panel(curves=curves, marks=marks, **labels))
+figure = pt.report.panel_figure(pt.report.Panel(curves=curves, marks=marks, **labels))
 """,
 )
 LIMIT: Final = 4.5  # N

@@ -25,11 +25,11 @@ ranges = {"one gain for all speeds": speeds > 0, "one gain from 0.2 m/s on": spe
 best = {name: losses[:, part].max(axis=1).argmin() for name, part in ranges.items()}
 left = {name: -contact.relative_velocity[i] for name, i in best.items()}
 left["best gain for each speed"] = -pt.find_contact(encounters, sensor, designs.gain).contact.relative_velocity
-curves = [pt.Curve(x=speeds, y=100 * losses[i], label=name) for name, i in best.items()]
-contacts = [pt.Curve(x=speeds, y=y, label=name) for name, y in left.items()]
+curves = [pt.report.Curve(x=speeds, y=100 * losses[i], label=name) for name, i in best.items()]
+contacts = [pt.report.Curve(x=speeds, y=y, label=name) for name, y in left.items()]
 panels = {"loss in f₁ [%]": curves, "speed at contact [m/s]": contacts}
 x_label = "obstacle speed [m/s]"
-figure = pt.panel_figure(*[pt.Panel(x_label=x_label, y_label=y, curves=c) for y, c in panels.items()])
+figure = pt.report.panel_figure(*[pt.report.Panel(x_label=x_label, y_label=y, curves=c) for y, c in panels.items()])
 """,
 )
 ALL, FAST, BEST = "one gain for all speeds", "one gain from 0.2 m/s on", "best gain for each speed"

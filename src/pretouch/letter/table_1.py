@@ -29,9 +29,12 @@ fitted = {
 }
 errors = {name: sensor.output(distance) - output for name, sensor in fitted.items()}
 r_squared = {name: 1 - np.sum(e**2) / np.sum((output - output.mean()) ** 2) for name, e in errors.items()}
-curves = [pt.Curve(x=1e3 * distance, y=1e3 * e, label=n, style=i) for i, (n, e) in enumerate(errors.items(), start=1)]
+curves = [
+    pt.report.Curve(x=1e3 * distance, y=1e3 * error, label=name, style=i)
+    for i, (name, error) in enumerate(errors.items(), start=1)
+]
 labels = {"x_label": "distance l [mm]", "y_label": "fitted output less inverse power [mV]"}
-figure = pt.panel_figure(pt.Panel(curves=curves, levels={"exact": 0.0}, **labels))
+figure = pt.report.panel_figure(pt.report.Panel(curves=curves, levels={"exact": 0.0}, **labels))
 """,
     imports=("from scipy.optimize import curve_fit",),
 )

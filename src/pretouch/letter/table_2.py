@@ -28,13 +28,13 @@ gains, tabulated = -np.geomspace(0.01, 10.0, 400), np.array([-0.1, -0.6, -0.7, -
 terms = objective.parts(pt.find_contact(scenario, sensor, gains).contact, 0.3)
 values = objective.value(pt.find_contact(scenario, sensor, tabulated).contact, 0.3)
 names = {"position term (x / 0.5 m)²": "displacement", "velocity term (l′ / 0.3 m/s)²": "relative_velocity"}
-curves = [pt.Curve(x=-gains, y=sum(terms.values()))]
-curves += [pt.Curve(x=-gains, y=terms[quantity], label=name) for name, quantity in names.items()]
-curves += [pt.Curve(x=-tabulated, y=values, label="f₁, gains of Table II", kind="points", style=0)]
-best = pt.Mark(x=-design.gain, y=design.objective, label=f"optimum {design.gain:.4f} N s", shape="ring")
+curves = [pt.report.Curve(x=-gains, y=sum(terms.values()))]
+curves += [pt.report.Curve(x=-gains, y=terms[quantity], label=name) for name, quantity in names.items()]
+curves += [pt.report.Curve(x=-tabulated, y=values, label="f₁, gains of Table II", kind="points", style=0)]
+best = pt.report.Mark(x=-design.gain, y=design.objective, label=f"optimum {design.gain:.4f} N s", shape="ring")
 labels = {"x_label": "virtual force gain −D_p [N s]", "y_label": "objective f₁ and its terms [1]"}
-panel = pt.Panel(curves=curves, marks=[best], x_log=True, y_log=True, y_limits=(1e-3, 3.0), **labels)
-figure = pt.panel_figure(panel)
+panel = pt.report.Panel(curves=curves, marks=[best], x_log=True, y_log=True, y_limits=(1e-3, 3.0), **labels)
+figure = pt.report.panel_figure(panel)
 """,
 )
 PRINTED: Final[dict[str, tuple[str, str, str]]] = {

@@ -26,12 +26,13 @@ slope = speed @ force / (speed @ speed)
 error = np.sqrt(np.sum((force - slope * speed) ** 2) / 4 / (speed @ speed))
 interval = slope + np.array([-1, 1]) * t.ppf(0.975, df=4) * error
 x = np.linspace(0.0, 0.065, 60)
-line = pt.Curve(x=x, y=slope * x, low=interval[0] * x, high=interval[1] * x, label=f"{slope:.1f} N s/m × speed")
-points = pt.Curve(x=speed, y=force, label="measured", kind="points")
-times = [pt.Curve(x=-gains, y=y, label=n, kind="both") for n, y in {"model": contact.time, "measured": time}.items()]
-force_panel = pt.Panel(x_label="model speed at contact [m/s]", y_label="impact force [N]", curves=[line, points])
+line = pt.report.Curve(x=x, y=slope * x, low=interval[0] * x, high=interval[1] * x, label=f"{slope:.1f} N s/m × speed")
+points = pt.report.Curve(x=speed, y=force, label="measured", kind="points")
+known = {"model": contact.time, "measured": time}
+times = [pt.report.Curve(x=-gains, y=y, label=n, kind="both") for n, y in known.items()]
+force_panel = pt.report.Panel(x_label="model speed at contact [m/s]", y_label="impact force [N]", curves=[line, points])
 labels = {"x_label": "gain −D_p [N s]", "y_label": "time of contact [s]"}
-figure = pt.panel_figure(force_panel, pt.Panel(curves=times, x_log=True, y_log=True, **labels))
+figure = pt.report.panel_figure(force_panel, pt.report.Panel(curves=times, x_log=True, y_log=True, **labels))
 """,
     imports=("from scipy.stats import t",),
 )

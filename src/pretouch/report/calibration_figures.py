@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
     from pretouch.calibration.result import CalibrationReport
 
-__all__ = ["calibration_figure"]
+__all__ = ["calibration"]
 
 
-def calibration_figure(report: CalibrationReport) -> Figure:
+def calibration(report: CalibrationReport) -> Figure:
     """Draw a calibration with its fitted models.
 
     Args:

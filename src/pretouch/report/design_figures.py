@@ -14,51 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["motion_figure", "sensitivity_figure", "trade_off_figure"]
+__all__ = ["sensitivity"]
 
 
-def trade_off_figure(design: GainDesign) -> Figure:
-    """Draw the objective over all gains, and the trade-off between the speed at contact and its price.
-
-    Args:
-        design: a design of any status.
-
-    Returns:
-        Two panels: the objective with its terms over the gain [N s], where gains without contact and gains that
-        break a constraint are hatched; and the relative speed at contact against what it costs.
-    """
-    from .trade_off_panels import draw_objective, draw_plane  # noqa: PLC0415 - drawing is loaded when it is asked for
-
-    with drawing():
-        figure = new_figure(7.4, 3.5)
-        left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
-        figure.subplots_adjust(left=0.1, right=0.972, bottom=0.14, top=0.91, wspace=0.26)
-        draw_objective(left, design)
-        draw_plane(right, design)
-    return figure
-
-
-def motion_figure(design: GainDesign) -> Figure:
-    """Draw the motion until contact with the chosen gain and without mitigation.
-
-    Args:
-        design: a design of any status; where no gain was chosen, the nearest gain or a bound is drawn.
-
-    Returns:
-        Four panels over time: distance, plant position, relative velocity and virtual force, with the limits of
-        the constraints.
-    """
-    from .motion_panels import draw_panels  # noqa: PLC0415 - drawing is loaded when it is asked for
-
-    with drawing():
-        figure = new_figure(7.4, 4.7)
-        panels = [figure.add_subplot(2, 2, i + 1) for i in range(4)]
-        figure.subplots_adjust(left=0.1, right=0.972, bottom=0.1, top=0.985, wspace=0.27, hspace=0.28)
-        draw_panels(panels, design)
-    return figure
-
-
-def sensitivity_figure(design: GainDesign) -> Figure:
+def sensitivity(design: GainDesign) -> Figure:
     """Draw how far the optimal gain moves when each input grows by 1 %.
 
     Args:

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from html import escape
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from string import Template
@@ -22,7 +21,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import sign, write_text
 from pretouch.calibration.page import fitted_blocks
 
-from .figures import FIGURES
+from . import plots
 from .style import draw_svg
 
 if TYPE_CHECKING:
@@ -92,11 +91,8 @@ def page_html(page: Page) -> str:
 
 def _draw(picture: Picture) -> str:
     """Draw a picture as an SVG element, in which text is drawn as shapes."""
-    figure = picture.of
-    if not hasattr(figure, "savefig"):
-        module, _, name = FIGURES[picture.figure].partition(":")
-        figure = getattr(import_module(f".{module}", __package__), name)(picture.of)
-    return draw_svg(figure, picture.figure.replace("_", "-"))
+    drawn = picture.of if hasattr(picture.of, "savefig") else getattr(plots, picture.figure)(picture.of)
+    return draw_svg(drawn, picture.figure.replace("_", "-"))
 
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:

@@ -1,8 +1,8 @@
-"""The panels of the motion: distance, position, relative velocity and virtual force until contact."""
+"""The picture of the motion: distance, position, relative velocity and virtual force until contact."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -11,14 +11,14 @@ from pretouch.design.result import GainDesign
 from pretouch.motion import ContactResult, Motion, solve_motion
 from pretouch.simulation import ClosedLoop
 
-from .labels import label_near
 from .loop_motion import LoopMotion, loop_motion
-from .style import BASELINE, CHOSEN, LIMIT, QUIET, Scale, minus, scale_for, span
+from .panels import Curve, Panel, panel_figure
+from .style import Scale, minus, scale_for
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-__all__ = ["Run", "draw_panels", "runs_of"]
+__all__ = ["Run", "motion", "runs_of"]
 
 _PANELS: Final = (
     ("distance", "distance l", "m"),
@@ -28,33 +28,30 @@ _PANELS: Final = (
 )
 _SAMPLES: Final = 160
 _FAR: Final = 4.0  # limits farther off than this many times the largest magnitude are not drawn
-
-
-class _Panel(NamedTuple):
-    """One panel: its axes, the quantity that it shows, and in which units it shows time and that."""
-
-    axes: Axes
-    name: str
-    clock: Scale
-    scale: Scale
-
-    def curve(self, run: Run) -> tuple[FloatArray, FloatArray]:
-        """Return time and quantity of a run, in the units of the panel."""
-        return run.motion.time / self.clock.factor, self.values(run) / self.scale.factor
-
-    def values(self, run: Run) -> FloatArray:
-        """Return the quantity of a run, in SI."""
-        return np.asarray(getattr(run.motion, self.name))
+_DOT: Final = " "  # a dot at the end of a curve, without a text
 
 
 class Run(NamedTuple):
-    """One motion to be drawn."""
+    """One motion to be drawn, with its name and its place in the palette."""
 
     label: str
     motion: Motion | LoopMotion
-    color: str
-    style: Any
-    width: float
+    style: int
+
+
+def motion(design: GainDesign) -> Figure:
+    """Draw the motion until contact with the chosen gain and without mitigation.
+
+    Args:
+        design: a design of any status; where no gain was chosen, the nearest gain or a bound is drawn.
+
+    Returns:
+        Four panels over time: distance, plant position, relative velocity and virtual force, with the limits of
+        the constraints.
+    """
+    runs = runs_of(design)
+    clock = scale_for("s", max(float(run.motion.time[-1]) for run in runs))
+    return panel_figure(*(_panel(design, runs, clock, what) for what in _PANELS), height=2.4)
 
 
 def runs_of(design: GainDesign) -> list[Run]:
@@ -78,28 +75,47 @@ def runs_of(design: GainDesign) -> list[Run]:
     chosen = _solve(design, gain, design.method, horizon)
     still = _solve(design, 0.0, design.no_mitigation.method, horizon)
     return [
-        Run("no mitigation", still, BASELINE, (0, (5, 1.6)), 1.5),
-        Run(minus(label.format(gain)), chosen, CHOSEN, "-", 2.0),
+        Run("no mitigation", still, 1),
+        Run(minus(label.format(gain)), chosen, 0),
     ]
 
 
-def draw_panels(panels: list[Axes], design: GainDesign) -> None:
-    """Draw the four panels."""
-    runs = runs_of(design)
-    clock = scale_for("s", max(float(run.motion.time[-1]) for run in runs))
-    for axes, (name, label, unit) in zip(panels, _PANELS, strict=True):
-        values = np.concatenate([getattr(run.motion, name) for run in runs])
-        limits = _worth_drawing(_limits(design, name), values)
-        scale = scale_for(unit, float(np.nanmax(np.abs([*values, *(v for v, _ in limits)]))))
-        panel = _Panel(axes, name, clock, scale)
-        axes.locator_params(nbins=5)
-        axes.set_xlabel(f"time [{clock.unit}]")
-        axes.set_ylabel(f"{label} [{scale.unit}]")
-        _draw_runs(panel, runs, limits)
-        _draw_limits(panel, limits)
-        _draw_clock(panel, design)
-        _draw_reference(panel, design, runs)
-        _label_runs(panel, runs)
+def _panel(design: GainDesign, runs: list[Run], clock: Scale, what: tuple[str, str, str]) -> Panel:
+    name, label, unit = what
+    values = np.concatenate([getattr(run.motion, name) for run in runs])
+    levels = _worth_drawing(_limits(design, name), values)
+    scale = scale_for(unit, float(np.nanmax(np.abs([*values, *levels.values()]))))
+    curves = [_curve(run, name, clock, scale, float(np.nanmax(np.abs(values)))) for run in runs]
+    last = max(float(run.motion.time[-1]) for run in runs)
+    held = [o.limit for o in design.constraints if o.name == "time" and o.limit < 1.5 * last]
+    return Panel(
+        x_label=f"time [{clock.unit}]",
+        y_label=f"{label} [{scale.unit}]",
+        curves=[*curves, *(_reference(design, last, values, clock, scale) if name == "position" else ())],
+        levels={text: at / scale.factor for text, at in levels.items()},
+        positions=dict.fromkeys(["time limit"] if held else [], min(held, default=0.0) / clock.factor),
+    )
+
+
+def _curve(run: Run, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
+    """Return a motion, named in the first panel, with the value at its end beside it in the others."""
+    time, values, ended = run.motion.time, np.asarray(getattr(run.motion, name)), _reached(run.motion.result)
+    label, end = "", scale.text(float(values[-1]), largest=largest)
+    if name == "distance":
+        label = f"{run.label}\n{f'contact after {clock.text(float(time[-1]))}' if ended else 'no contact'}"
+        end = _DOT if ended else ""
+    return Curve(x=time / clock.factor, y=values / scale.factor, label=label, style=run.style, end=end)
+
+
+def _reference(design: GainDesign, last: float, values: FloatArray, clock: Scale, scale: Scale) -> list[Curve]:
+    """Return where the task wants the plant, as far as that is in sight."""
+    reference, time = design.scenario.reference, np.linspace(0.0, last, 50)
+    path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
+    air = 0.1 * np.ptp(values)
+    seen = np.where((path >= values.min() - air) & (path <= values.max() + air), path, np.nan)
+    if np.isnan(seen).all():
+        return []
+    return [Curve(x=time / clock.factor, y=seen / scale.factor, label="reference", quiet=True)]
 
 
 def _horizon(design: GainDesign) -> float:
@@ -124,90 +140,27 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
     return solve_motion(design.scenario, design.sensor, gain, method=known, horizon=horizon, samples=_SAMPLES)
 
 
-def _limits(design: GainDesign, name: str) -> list[tuple[float, str]]:
-    """Return the limits [SI] that belong into a panel, with their names."""
-    found = []
-    start, reference = float(design.scenario.plant.position), design.scenario.reference
+def _limits(design: GainDesign, name: str) -> dict[str, float]:
+    """Return the limits [SI] that belong into a panel, by their names."""
+    found: dict[str, float] = {}
+    reference = design.scenario.reference
+    centers = {"travel": float(design.scenario.plant.position)}
+    if not (reference.velocity or reference.acceleration):
+        centers["excursion"] = float(reference.position)
     for outcome in design.constraints:
-        if name == "position" and outcome.name == "travel":
-            found += [(start - outcome.limit, "travel limit"), (start + outcome.limit, "travel limit")]
-        elif name == "position" and outcome.name == "excursion" and not (reference.velocity or reference.acceleration):
-            center = float(reference.position)
-            found += [(center - outcome.limit, "excursion limit"), (center + outcome.limit, "excursion limit")]
+        if name == "position" and outcome.name in centers:
+            text, center = f"{outcome.name} limit", centers[outcome.name]
         elif name in {"relative_velocity", "virtual_force"} and outcome.name == name:
-            text = "limit at contact" if name == "relative_velocity" else "virtual force limit"
-            found += [(-outcome.limit, text), (outcome.limit, text)]
+            text, center = "limit at contact" if name == "relative_velocity" else "virtual force limit", 0.0
+        else:
+            continue
+        found |= {text: center - outcome.limit, f"upper {text}": center + outcome.limit}
     return found
 
 
-def _worth_drawing(limits: list[tuple[float, str]], values: FloatArray) -> list[tuple[float, str]]:
+def _worth_drawing(limits: dict[str, float], values: FloatArray) -> dict[str, float]:
     """Keep the limits on the side on which the motion takes place, where they do not dwarf it."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     reach = _FAR * max(high - low, 1e-12)
     below = abs(low) >= abs(high)
-    return [(v, text) for v, text in limits if (v < 0) == below and low - reach < v < high + reach]
-
-
-def _draw_runs(panel: _Panel, runs: list[Run], limits: list[tuple[float, str]]) -> None:
-    axes = panel.axes
-    for run in runs:
-        time, value = panel.curve(run)
-        axes.plot(time, value, color=run.color, linestyle=run.style, linewidth=run.width, zorder=3)
-        if _reached(run.motion.result):
-            axes.plot(time[-1:], value[-1:], "o", color=run.color, markersize=5.5, zorder=5, clip_on=False)
-    values = np.concatenate([*(panel.values(run) for run in runs), np.array([v for v, _ in limits])])
-    axes.set_xlim(0, 1.04 * max(float(panel.curve(run)[0][-1]) for run in runs))
-    low, high = span(values / panel.scale.factor, 0.1)
-    axes.set_ylim(0 if panel.name == "distance" and low < 0 else low, high)
-
-
-def _draw_limits(panel: _Panel, limits: list[tuple[float, str]]) -> None:
-    left, right = panel.axes.get_xlim()
-    for value, text in limits:
-        at = value / panel.scale.factor
-        panel.axes.axhline(at, color=LIMIT, linestyle=":", linewidth=1.2, zorder=2)
-        across = left + (right - left) * np.array([0.06, 0.3, 0.5, 0.7])
-        label_near(panel.axes, across, np.full(4, at), text, color=LIMIT, size=7.5)
-
-
-def _draw_clock(panel: _Panel, design: GainDesign) -> None:
-    """Draw the limit of the time of contact, where there is one in sight."""
-    axes = panel.axes
-    for outcome in design.constraints:
-        at = outcome.limit / panel.clock.factor
-        if outcome.name == "time" and at < axes.get_xlim()[1] * 1.5:
-            axes.set_xlim(0, max(axes.get_xlim()[1], 1.04 * at))
-            axes.axvline(at, color=LIMIT, linestyle=":", linewidth=1.2, zorder=2)
-            low, high = axes.get_ylim()
-            up = low + (high - low) * np.array([0.5, 0.3, 0.7, 0.15])
-            label_near(axes, np.full(4, at), up, "time limit", color=LIMIT, size=7.5)
-
-
-def _draw_reference(panel: _Panel, design: GainDesign, runs: list[Run]) -> None:
-    """Draw where the task wants the plant, where that is in sight."""
-    if panel.name != "position":
-        return
-    reference = design.scenario.reference
-    time = np.linspace(0.0, max(float(run.motion.time[-1]) for run in runs), 50)
-    path = reference.position + (reference.velocity + reference.acceleration * time / 2) * time
-    x, y = time / panel.clock.factor, path / panel.scale.factor
-    low, high = panel.axes.get_ylim()
-    if np.any((y >= low) & (y <= high)):
-        panel.axes.plot(x, y, color=QUIET, linewidth=0.8, zorder=1.5)
-        late = [45, 40, 35, 30, 20, 10]
-        label_near(panel.axes, x[late], y[late], "reference", color=QUIET, size=7.5)
-
-
-def _label_runs(panel: _Panel, runs: list[Run]) -> None:
-    """Name the curves in the first panel, and write the value that each has at its end in the others."""
-    largest = max(float(np.abs(panel.values(run)).max()) for run in runs)
-    for run in runs:
-        x, y = panel.curve(run)
-        if panel.name == "distance":
-            end = panel.clock.text(float(run.motion.time[-1]))
-            text = f"{run.label}\n" + (f"contact after {end}" if _reached(run.motion.result) else "no contact")
-            places = (np.linspace(0.35, 0.85, 11) * (len(x) - 1)).astype(int)
-            label_near(panel.axes, x[places], y[places], text, color=run.color, weight="bold")
-        else:
-            text = panel.scale.text(float(panel.values(run)[-1]), largest=largest)
-            label_near(panel.axes, x[-1], y[-1], text, color=run.color)
+    return {text: v for text, v in limits.items() if (v < 0) == below and low - reach < v < high + reach}

@@ -134,6 +134,9 @@ def _numbers(panel: Panel, axis: str) -> Iterator[tuple[str, FloatArray]]:
                 yield f"{called('curve', curve.label)}: {name}", column
     for mark in panel.marks:
         yield f"{called('mark', mark.label)}: {axis}", np.array([getattr(mark, axis)])
+    if axis == "x":
+        for span in panel.spans:
+            yield called("span", span.label), np.array([span.start, span.end])
     kind = "positions" if axis == "x" else "levels"
     for text, at in getattr(panel, kind).items():
         yield f"{kind}: {text}", np.array([at])

@@ -12,14 +12,14 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from pretouch._core.numbers import FloatArray
 
 from .labels import dense_points
-from .style import CURVES, INK, LIMIT, MARKERS, QUIET, log_axis, minus, minus_signs
+from .style import BLOCKED, CURVES, INK, LIMIT, MARKERS, QUIET, log_axis, minus, minus_signs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from .panels import Curve, Panel
 
-__all__ = ["Name", "draw_panel", "names_of"]
+__all__ = ["SPANS", "Name", "draw_panel", "names_of"]
 
 _FAINT: Final = "#b4b4b4"
 _SHAPES: Final = {"dot": ("o", True), "ring": ("o", False), "square": ("s", True)}
@@ -31,6 +31,14 @@ _CLEAR: Final = 30.0  # pixels of distance to the nearest other curve beyond whi
 _LETTER: Final = 6.6  # pixels, of a text in 8 pt
 _MOST_ROOM: Final = 0.25  # of the width, for texts at the ends of curves
 _DIGITS: Final = 1e-3, 1e5  # a largest number outside these is written with a power of ten
+
+
+SPANS: Final[dict[str, dict[str, Any]]] = {
+    "blocked": {"facecolor": BLOCKED, "edgecolor": "#bdbdbd", "hatch": "/////"},
+    "missing": {"facecolor": BLOCKED, "edgecolor": "#bdbdbd", "hatch": "\\\\\\\\"},
+    "used": {"facecolor": "#eef4f9"},
+}
+"""How a stretch of the horizontal axis is filled, by its kind."""
 
 
 class Name(NamedTuple):
@@ -57,6 +65,8 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
     zoomed = panel.x_limits is not None or panel.y_limits is not None
     for curve, look in _looks(panel):
         _draw_curve(axes, curve, look, clipped=zoomed)
+    for span in panel.spans:
+        axes.axvspan(span.start, span.end, **SPANS[span.kind], linewidth=0, zorder=0.5)
     for at in panel.levels.values():
         axes.axhline(at, **_LINE)
     for at in panel.positions.values():
@@ -273,7 +283,8 @@ def _seen(curve: Curve, panel: Panel, which: str) -> Any:
 def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
     """Return limits that hold all that is drawn, with air where a point or a label needs it."""
     lines = panel.positions if which == "x" else panel.levels
-    parts = [np.array([*lines.values(), *(getattr(mark, which) for mark in panel.marks)], float)]
+    ends = [end for span in panel.spans for end in (span.start, span.end)] if which == "x" else []
+    parts = [np.array([*lines.values(), *ends, *(getattr(mark, which) for mark in panel.marks)], float)]
     for curve in panel.curves:
         seen = _seen(curve, panel, "y" if which == "x" else "x")
         parts += [column[seen] for name, column in curve.columns() if (name == "x") == (which == "x")]

@@ -30,11 +30,12 @@ from .style import CURVES, drawing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Curve", "Mark", "Panel", "panel_figure"]
+__all__ = ["Curve", "Mark", "Panel", "Span", "panel_figure"]
 
 _UNIT: Final = re.compile(r"\[[^\]]+\]")
 _KINDS: Final = ("line", "points", "both")
 _SHAPES: Final = ("dot", "ring", "square")
+_STRETCHES: Final = ("blocked", "missing", "used")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -135,6 +136,34 @@ class Mark(Value):
         check_style(self.style, who)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span(Value):
+    """A stretch of the horizontal axis over the whole height of a panel, with its name inside.
+
+    Args:
+        start: where it starts, in the unit of the panel's x label.
+        end: where it ends, larger than `start`.
+        label: its name; empty for none.
+        kind: `blocked` (hatched: out of the question), `missing` (hatched the other way: nothing is there) or `used`
+            (shaded).
+
+    Raises:
+        InvalidInputError: it ends before it starts, or the kind is unknown.
+    """
+
+    start: float
+    end: float
+    label: str = ""
+    kind: Literal["blocked", "missing", "used"] = "blocked"
+
+    def __post_init__(self) -> None:
+        who = called("span", self.label)
+        start, end = as_limits((self.start, self.end), who) or (0.0, 0.0)
+        object.__setattr__(self, "start", start)
+        object.__setattr__(self, "end", end)
+        check_choice(self.kind, _STRETCHES, f"{who}: kind")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Panel(Value):
     """One pair of axes with its curves.
@@ -145,6 +174,7 @@ class Panel(Value):
         curves: one curve or more; of those that are not quiet, only five look different.
         title: written above the panel; empty for none.
         marks: points that stand out.
+        spans: stretches across, behind the curves.
         levels: horizontal reference lines: name to y.
         positions: vertical reference lines: name to x.
         x_log: True for a logarithmic axis, on which every number must be positive; NaN leaves a point out.
@@ -162,6 +192,7 @@ class Panel(Value):
     curves: Sequence[Curve]
     title: str = ""
     marks: Sequence[Mark] = ()
+    spans: Sequence[Span] = ()
     levels: Mapping[str, float] = field(default_factory=dict)
     positions: Mapping[str, float] = field(default_factory=dict)
     x_log: bool = False
@@ -176,7 +207,7 @@ class Panel(Value):
                     f"{name}: found {getattr(self, name)!r}, expected a unit in brackets, such as 'distance l [mm]', "
                     "or '[1]' for pure numbers"
                 )
-        for name, kind in (("curves", Curve), ("marks", Mark)):
+        for name, kind in (("curves", Curve), ("marks", Mark), ("spans", Span)):
             object.__setattr__(self, name, as_values(getattr(self, name), kind, name))
         if not self.curves:
             raise InvalidInputError("curves: found none, expected at least one Curve")

@@ -21,7 +21,7 @@ from .style import Scale, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["admittance_figure", "pareto_figure"]
+__all__ = ["admittance", "pareto"]
 
 _WIDE: Final = 30.0  # ratio from which an axis is logarithmic
 _WORSE: Final = 2e-3  # of the extent of the front, in every quantity at once
@@ -32,7 +32,7 @@ _CHOSEN: Final = {
 }
 
 
-def pareto_figure(front: ParetoFront) -> Figure:
+def pareto(front: ParetoFront) -> Figure:
     """Draw a Pareto front, what is chosen along it, and how far it is from the physical bound.
 
     Args:
@@ -56,7 +56,7 @@ def pareto_figure(front: ParetoFront) -> Figure:
     return panel_figure(*panels, columns=2)
 
 
-def admittance_figure(design: AdmittanceDesign) -> Figure:
+def admittance(design: AdmittanceDesign) -> Figure:
     """Draw the best objective over the admittance, as `design_admittance` found it on its grid.
 
     Args:

@@ -21,14 +21,14 @@ from .style import Scale, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["outcome_figure", "price_figure", "robust_figure"]
+__all__ = ["outcome", "price", "robust"]
 
 _HEADROOM: Final = 6.0  # times the smallest measure, up to where the measure is shown
 _MOST_PRICES: Final = 4
 _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # places in the palette: the same gain looks the same in every picture
 
 
-def robust_figure(design: RobustDesign) -> Figure:
+def robust(design: RobustDesign) -> Figure:
     """Draw the measure over the gain, and how the objective is distributed at the gains that matter.
 
     Args:
@@ -44,7 +44,7 @@ def robust_figure(design: RobustDesign) -> Figure:
     return panel_figure(_measure_panel(design), _objective_panel(design))
 
 
-def outcome_figure(design: RobustDesign) -> Figure:
+def outcome(design: RobustDesign) -> Figure:
     """Draw how the quantities of the contact are distributed over fresh encounters.
 
     Args:
@@ -64,7 +64,7 @@ def outcome_figure(design: RobustDesign) -> Figure:
     return panel_figure(*(_outcome_panel(design, name, runs) for name in _quantities(design)))
 
 
-def price_figure(design: RobustDesign) -> Figure:
+def price(design: RobustDesign) -> Figure:
     """Draw what knowing one input exactly would have gained.
 
     Args:

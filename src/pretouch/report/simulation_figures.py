@@ -18,7 +18,7 @@ from .style import Scale, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["simulation_figure"]
+__all__ = ["simulation"]
 
 _LOOP, _NONE, _PREDICTED = 0, 1, 4  # places in the palette: the same run looks the same in every panel
 _MOST: Final = 900  # points of a curve: about two per pixel
@@ -38,7 +38,7 @@ class _Course(NamedTuple):
     columns: dict[str, tuple[FloatArray, FloatArray]]
 
 
-def simulation_figure(encounter: SimulatedEncounter) -> Figure:
+def simulation(encounter: SimulatedEncounter) -> Figure:
     """Draw one run of the loop beside the prediction and beside the run without mitigation.
 
     Args:

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["sweep_figure"]
+__all__ = ["sweep"]
 
 _MOST_POINTS: Final = 1000  # along a curve
 _MOST_CELLS: Final = 300  # along an axis of a map
 
 
-def sweep_figure(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
+def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     """Draw the results of a sweep over its axes.
 
     One axis gives curves. Two give a family of curves where one of them has up to five values, else a map of labeled

@@ -1,4 +1,4 @@
-"""The two panels of the trade-off: the objective over the gain, and the plane of what is traded."""
+"""The picture of the trade-off: the objective over the gain, and the plane of what is traded."""
 
 from __future__ import annotations
 
@@ -9,78 +9,116 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch._core.vocabulary import in_short, unit_of, words_for
+from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.certificate import ConstraintOutcome
 from pretouch.design.page import shows_equals, traded_quantity
 from pretouch.design.quantities import quantity_of
 from pretouch.design.result import GainDesign
 
-from .labels import label_inside, label_near
-from .style import BASELINE, BLOCKED, CHOSEN, CURVES, INK, LIMIT, QUIET, Scale, log_axis, minus, scale_for, span
+from .panels import Curve, Mark, Panel, Span, panel_figure
+from .style import Scale, minus, scale_for
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-__all__ = ["draw_objective", "draw_plane"]
+__all__ = ["trade_off"]
 
-_TERMS: Final = (CURVES[2], CURVES[3], CURVES[4])
+_TERMS: Final = (2, 3, 4)  # places in the palette
 _WIDE: Final = 30.0  # ratio from which an objective is shown on a logarithmic axis
+_WIDE_COST: Final = 100.0  # and a price
+_ROUND: Final = (-0.1, -1.0, -10.0, -100.0, -0.01, 0.1, 1.0, 10.0)  # gains that are marked along the curve [N s]
+_CLOSE: Final = 0.06  # of the panel, between marks that would hide each other
 
 
-def draw_objective(axes: Axes, design: GainDesign) -> None:
-    """Draw f(D_p) and its terms, the optimum, and the gains that are out of the question."""
-    gain, label = _gain_axis(design)
-    total = design.trade_off.objective
-    terms = _terms(design)
-    axes.locator_params(nbins=6)
-    axes.set_title("Objective over the gain", y=1.0)
-    axes.set_xlabel(label)
-    axes.set_ylabel("objective f [1]")
-    _set_limits(axes, gain, total, logarithmic=_one_signed(design))
-    axes.plot(gain, total, color=INK, linewidth=2.0, zorder=4)
-    for i, values in enumerate(terms.values()):
-        axes.plot(gain, values, color=_TERMS[i % 3][0], linestyle=_TERMS[i % 3][1], linewidth=1.3, zorder=3)
+def trade_off(design: GainDesign) -> Figure:
+    """Draw the objective over all gains, and the trade-off between the speed at contact and its price.
+
+    Args:
+        design: a design of any status.
+
+    Returns:
+        Two panels: the objective with its terms over the gain [N s], where gains without contact and gains that
+        break a constraint are hatched; and the relative speed at contact against what it costs. Where no gain ends in
+        contact, how near each comes.
+    """
+    if not design.trade_off.reached.any():
+        return panel_figure(_misses(design))
+    return panel_figure(_objective(design), _plane(design), height=3.5)
+
+
+def _misses(design: GainDesign) -> Panel:
+    """Return how near each gain comes where none ends in contact."""
+    scanned = design.evidence.scan_result
+    gain = _shown_gain(design, np.asarray(scanned.gain, float))
+    nearest = np.asarray(scanned.closest_distance, float)
+    scale = scale_for("m", float(nearest.max()))
+    return Panel(
+        **_gain_axis(design),
+        y_label=f"{words_for('closest_distance')} [{scale.unit}]",
+        title="No gain within the bounds ends in contact",
+        curves=[Curve(x=gain, y=nearest / scale.factor)],
+        spans=[Span(start=float(gain.min()), end=float(gain.max()), label="no contact", kind="missing")],
+    )
+
+
+def _objective(design: GainDesign) -> Panel:
+    """Return f(D_p) and its terms, the optimum, and the gains that are out of the question."""
+    gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
+    known = total[np.isfinite(total)]
+    low, high = float(known.min()), float(known.max())
+    wide = low > 0 and high > _WIDE * low
+    limits = (low / 8, 2.5 * high) if wide else (0.0, 1.12 * high or 1.0)
+    terms = {f"{name.replace('_', ' ')} term": values for name, values in _terms(design).items()}
+    curves = []
+    styles = [*_TERMS, *_TERMS, *_TERMS][: len(terms)]
+    for (name, values), style in zip([*terms.items(), ("f", total)], [*styles, 0], strict=True):
+        known = np.isfinite(values) & (values > 0 if wide else True)
+        if np.any(known & (values >= limits[0]) & (values <= limits[1])):
+            curves.append(Curve(x=gain, y=np.where(known, values, np.nan), label=name, style=style))
+    marks = []
     if design.gain is not None and design.objective is not None:
-        here = _shown_gain(design, design.gain)
-        axes.plot([here], [design.objective], "o", color=CHOSEN, markersize=7, zorder=5)
-        text = minus(f"optimum D\u209a = {design.gain:#.4g} N s\nf = {design.objective:#.4g}")
-        label_near(axes, here, design.objective, text, color=CHOSEN, weight="bold")
-    for start, end, reason, hatch in _blocked(design, gain):
-        axes.axvspan(start, end, facecolor=BLOCKED, edgecolor="#bdbdbd", hatch=hatch, linewidth=0, zorder=0.5)
-        _label_span(axes, start, end, reason)
-    _label_terms(axes, gain, total, terms)
+        text = f"optimum D\u209a = {minus(f'{design.gain:#.4g}')} N s\nf = {design.objective:#.4g}"
+        marks = [Mark(x=float(_shown_gain(design, design.gain)), y=design.objective, label=text, style=0)]
+    return Panel(
+        **_gain_axis(design),
+        y_label="objective f [1]",
+        title="Objective over the gain",
+        curves=curves,
+        marks=marks,
+        spans=list(_blocked(design, gain)),
+        y_log=wide,
+        y_limits=limits,
+    )
 
 
-def draw_plane(axes: Axes, design: GainDesign) -> None:
-    """Draw the relative speed that is left at contact against what it costs, one point per gain."""
+def _plane(design: GainDesign) -> Panel:
+    """Return the relative speed that is left at contact against what it costs, along the gains."""
     name = traded_quantity(design)
     state, reached = design.trade_off.state, design.trade_off.reached
     cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
     speed = np.where(reached, np.abs(state.relative_velocity), np.nan)
-    points = _points(design, name)
-    every = (
-        np.concatenate([[p[0] for p in points.values()], cost]),
-        np.concatenate([[p[1] for p in points.values()], speed]),
-    )
-    across, up = _scale(unit_of(name), every[0]), _scale("m/s", every[1])
-    axes.locator_params(nbins=6)
-    axes.set_title("What the gain trades", y=1.0)
-    axes.set_xlabel(f"{words_for(name)} [{across.unit}]")
-    axes.set_ylabel(f"{words_for('relative_velocity')} [{up.unit}]")
+    points = list(_points(design, name))
+    across = _scale(unit_of(name), np.array([*cost, *(p[0] for p in points)]))
+    up = _scale("m/s", np.array([*speed, *(p[1] for p in points)]))
     x, y = cost / across.factor, speed / up.factor
-    _plane_limits(axes, every[0] / across.factor, every[1] / up.factor)
-    broken = reached & ~design.trade_off.feasible
-    axes.plot(x, y, color=QUIET, linewidth=1.2, zorder=3)
-    axes.plot(np.where(broken, np.nan, x), np.where(broken, np.nan, y), color=INK, linewidth=2.2, zorder=3)
-    _draw_limits(axes, design, name, across, up)
-    _draw_equals(axes, design, name, across, up)
-    for kind, (px, py, color, marker, text) in points.items():
-        sx, sy = px / across.factor, py / up.factor
-        axes.plot([sx], [sy], marker, color=color, markersize=7, zorder=5, clip_on=False)
-        label_near(axes, sx, sy, text, color=color, weight="bold" if kind == "chosen" else "normal")
-    _gain_ticks(axes, design, x, y)
-    if not reached.any():
-        _empty(axes, "no gain within the bounds ends in contact")
+    marks = [Mark(x=c / across.factor, y=v / up.factor, **how) for c, v, how in points]
+    marks += _round_gains(design, x, y, marks)
+    kept = np.where(design.trade_off.feasible, y, np.nan)
+    path = Curve(x=x, y=y, quiet=True)
+    known = np.array([*x[np.isfinite(x)], *(mark.x for mark in marks)])
+    wide = bool(known.min() > 1e-6 * known.max() and known.max() > _WIDE_COST * known.min())
+    equal = [] if wide else _equals(design, name, across, up, (float(known.max()), float(np.nanmax(y))))
+    levels, positions = _limits(design, name, across, up)
+    return Panel(
+        x_label=f"{words_for(name)} [{across.unit}]",
+        y_label=f"relative speed at contact [{up.unit}]",
+        title="What the gain trades",
+        curves=[path, *([Curve(x=x, y=kept, style=0)] if np.isfinite(kept).any() else []), *equal],
+        marks=marks,
+        levels={text: at for text, at in levels.items() if at < 1.1 * np.nanmax(y)},
+        positions={text: at for text, at in positions.items() if at < 1.1 * known.max()},
+        x_log=wide,
+    )
 
 
 def _one_signed(design: GainDesign) -> bool:
@@ -92,9 +130,11 @@ def _shown_gain(design: GainDesign, gain: Any) -> Any:
     return -gain if design.bounds[1] < 0 else gain
 
 
-def _gain_axis(design: GainDesign) -> tuple[FloatArray, str]:
+def _gain_axis(design: GainDesign) -> dict[str, Any]:
     sign = "\u2212" if design.bounds[1] < 0 else ""
-    return np.asarray(_shown_gain(design, design.trade_off.gain)), f"virtual force gain {sign}D\u209a [N s]"
+    ends = sorted(_shown_gain(design, np.array(design.bounds)))
+    label = f"virtual force gain {sign}D\u209a [N s]"
+    return {"x_label": label, "x_log": _one_signed(design), "x_limits": tuple(ends)}
 
 
 def _terms(design: GainDesign) -> dict[str, FloatArray]:
@@ -103,47 +143,23 @@ def _terms(design: GainDesign) -> dict[str, FloatArray]:
     return {name: np.where(design.trade_off.reached, value, np.nan) for name, value in parts.items() if name in weighed}
 
 
-def _set_limits(axes: Axes, gain: FloatArray, total: FloatArray, *, logarithmic: bool) -> None:
-    known = total[np.isfinite(total)]
-    if logarithmic:
-        log_axis(axes, "x", float(gain.min()), float(gain.max()))
-    else:
-        axes.set_xlim(float(gain.min()), float(gain.max()))
-    if not len(known):
-        axes.set(ylim=(0, 1), yticks=[])
-    elif known.min() > 0 and known.max() > _WIDE * known.min():
-        log_axis(axes, "y", float(known.min()) / 8, float(known.max()) * 2.5)
-    else:
-        axes.set_ylim(0, 1.12 * float(known.max()) or 1.0)
-
-
-def _label_terms(axes: Axes, gain: FloatArray, total: FloatArray, terms: dict[str, FloatArray]) -> None:
-    order = np.argsort(gain)
-    places = order[(np.linspace(0.03, 0.97, 31) * (len(order) - 1)).astype(int)]
-    label_near(axes, gain[places], np.where(np.isfinite(total), total, np.nan)[places], "f", color=INK, weight="bold")
-    for i, (name, values) in enumerate(terms.items()):
-        text = f"{in_short(name)} term"
-        label_near(axes, gain[places], values[places], text, color=_TERMS[i % 3][0])
-
-
-def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[tuple[float, float, str, str]]:
-    """Yield each stretch of gains that is out of the question, with the reason and a hatch."""
+def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
+    """Yield each stretch of gains that is out of the question, with the reason."""
     trade = design.trade_off
     reasons = np.full(len(gain), "", dtype=object)
     for outcome in design.constraints:
         for i in np.flatnonzero(trade.reached & _breaks(design, outcome)):
             name = outcome.name.replace("_", " ")
-            reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else name
+            reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else f"broken: {name}"
     reasons[~trade.reached] = "no contact"
     order = np.argsort(gain)
     edges = _edges(gain[order], logarithmic=_one_signed(design))
-    sorted_reasons = reasons[order]
-    changes = [0, *(np.flatnonzero(sorted_reasons[1:] != sorted_reasons[:-1]) + 1), len(gain)]
+    ordered = reasons[order]
+    changes = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1), len(gain)]
     for first, last in pairwise(changes):
-        reason = sorted_reasons[first]
-        if reason:
-            text = reason if reason == "no contact" else f"broken: {reason}"
-            yield float(edges[first]), float(edges[last]), text, "\\\\\\\\" if reason == "no contact" else "/////"
+        if ordered[first]:
+            kind: Any = "missing" if ordered[first] == "no contact" else "blocked"
+            yield Span(start=float(edges[first]), end=float(edges[last]), label=ordered[first], kind=kind)
 
 
 def _breaks(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
@@ -157,70 +173,39 @@ def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
     return np.concatenate([gain[:1], middles, gain[-1:]])
 
 
-def _label_span(axes: Axes, start: float, end: float, text: str) -> None:
-    """Write the reason into a hatched stretch of gains."""
-    places = np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9, 0.0, 1.0])
-    logarithmic = axes.get_xscale() == "log"
-    across = start * (end / start) ** places if logarithmic else start + (end - start) * places
-    heights = np.linspace(0.93, 0.07, 15)
-    low, high = axes.get_ylim()
-    up = low * (high / low) ** heights if axes.get_yscale() == "log" else low + (high - low) * heights
-    x, y = np.meshgrid(across, up)
-    label_inside(axes, x.ravel(), y.ravel(), text, color=LIMIT, size=7.5, fill=BLOCKED)
-
-
-def _points(design: GainDesign, name: str) -> dict[str, tuple[float, float, str, str, str]]:
-    """Return the points that are marked in the plane: cost and speed in SI, color, marker, label."""
-    found: dict[str, tuple[float, float, str, str, str]] = {}
-    runs = (
-        ("none", design.no_mitigation, BASELINE, "s", "no mitigation"),
-        ("chosen", design.result, CHOSEN, "o", "chosen"),
-        ("nearest", design.nearest, CHOSEN, "D", "nearest to the limits"),
-    )
-    for kind, run, color, marker, text in runs:
-        if run is None or not run.reached.all() or (kind == "nearest" and design.result is not None):
-            continue
-        cost = abs(float(quantity_of(name, run.end, design.impact)))
-        found[kind] = (cost, abs(float(run.end.relative_velocity)), color, marker, text)
-    return found
+def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
+    """Yield the points that are marked in the plane: cost and speed in SI, and how they are shown."""
+    nearest = design.nearest if design.result is None else None
+    for run, how in (
+        (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
+        (design.result, {"label": "chosen", "style": 0}),
+        (nearest, {"label": "nearest to the limits", "style": 0}),
+    ):
+        if run is not None and run.reached.all():
+            cost = abs(float(quantity_of(name, run.end, design.impact)))
+            yield cost, abs(float(run.end.relative_velocity)), how
 
 
 def _scale(unit: str, values: FloatArray) -> Scale:
-    known = np.abs(values[np.isfinite(values)])
-    return scale_for(unit, float(known.max()) if len(known) else 1.0)
+    return scale_for(unit, float(np.nanmax(np.abs(values))))
 
 
-def _plane_limits(axes: Axes, x: FloatArray, y: FloatArray) -> None:
-    known = x[np.isfinite(x)]
-    wide = len(known) > 0 and known.min() > 1e-6 * known.max() and known.max() > 100 * known.min()
-    if wide:
-        log_axis(axes, "x", float(known.min()) / 1.4, float(known.max()) * 1.4)
-    else:
-        axes.set_xlim(min(0.0, span(x)[0]) if len(known) and known.min() < 0 else -0.02 * span(x)[1], span(x)[1])
-    axes.set_ylim(0, span(np.append(y, 0.0))[1])
-
-
-def _draw_limits(axes: Axes, design: GainDesign, name: str, across: Scale, up: Scale) -> None:
-    """Draw the limits of the two quantities that the plane shows."""
+def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the limits of the two quantities that the plane shows: upward, and across."""
+    levels, positions = {}, {}
     for outcome in design.constraints:
+        text = f"{outcome.name.replace('_', ' ')} limit"
         if outcome.quantity == name or (name == "displacement" and outcome.quantity == "largest_excursion"):
-            at = outcome.limit / across.factor
-            if axes.get_xlim()[0] < at < axes.get_xlim()[1]:
-                axes.axvline(at, color=LIMIT, linestyle=":", linewidth=1.2)
-                label_near(
-                    axes, [at] * 5, _rungs(axes, "y"), f"{outcome.name.replace('_', ' ')} limit", color=LIMIT, size=7.5
-                )
-        if outcome.quantity == "relative_velocity":
-            at = outcome.limit / up.factor
-            if axes.get_ylim()[0] < at < axes.get_ylim()[1]:
-                axes.axhline(at, color=LIMIT, linestyle=":", linewidth=1.2)
-                label_near(axes, _rungs(axes, "x"), [at] * 5, "relative velocity limit", color=LIMIT, size=7.5)
+            positions[text] = outcome.limit / across.factor
+        elif outcome.quantity == "relative_velocity":
+            levels[text] = outcome.limit / up.factor
+    return levels, positions
 
 
-def _draw_equals(axes: Axes, design: GainDesign, name: str, across: Scale, up: Scale) -> None:
-    """Draw where the objective equals its optimum: the curve of what is possible touches it and stays outside."""
+def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
+    """Return where the objective equals its optimum: the curve of what is possible touches it and stays outside."""
     if not shows_equals(design):
-        return
+        return []
     terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
     speed = abs(design.scenario.obstacle.velocity)
     a, b = (
@@ -229,48 +214,21 @@ def _draw_equals(axes: Axes, design: GainDesign, name: str, across: Scale, up: S
     )
     turn = np.linspace(0.0, np.pi / 2, 90)
     x, y = a * np.cos(turn), b * np.sin(turn)
-    axes.plot(x, y, color=CHOSEN, linestyle=(0, (1, 1.6)), linewidth=1.1, zorder=2)
-    places = [75, 65, 55, 45, 35, 25, 15]
-    label_near(axes, x[places], y[places], f"f = {design.objective:#.4g}", color=CHOSEN, size=7.5)
+    seen = (x <= most[0]) & (y <= most[1])
+    text = f"f = {design.objective:#.4g}"
+    return [Curve(x=x, y=np.where(seen, y, np.nan), label=text, quiet=True)] if seen.any() else []
 
 
-def _rungs(axes: Axes, which: str) -> FloatArray:
-    low, high = axes.get_xlim() if which == "x" else axes.get_ylim()
-    return low + (high - low) * np.array([0.9, 0.75, 0.6, 0.45, 0.3])
-
-
-def _gain_ticks(axes: Axes, design: GainDesign, x: FloatArray, y: FloatArray) -> None:
-    """Mark round gains along the curve, so that one can read which gain leads where."""
-    gain = design.trade_off.gain
-    lines = [np.asarray(line.get_xydata()) for line in axes.lines]
-    marked = [axes.transData.transform(points)[0] for points in lines if len(points) == 1]
-    for wanted in (-0.1, -1.0, -10.0, -100.0, -0.01, 0.1, 1.0, 10.0):
-        if not design.bounds[0] <= wanted <= design.bounds[1] or not np.isfinite(x).any():
+def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[Mark]) -> list[Mark]:
+    """Return round gains along the curve, so that one can read which gain leads where."""
+    order = np.argsort(design.trade_off.gain)
+    size = np.array([np.nanmax(x), np.nanmax(y)])
+    found: list[Mark] = []
+    for wanted in _ROUND:
+        if not design.bounds[0] <= wanted <= design.bounds[1]:
             continue
-        order = np.argsort(gain)
-        px, py = (float(np.interp(wanted, gain[order], values[order])) for values in (x, y))
-        if not (np.isfinite(px) and np.isfinite(py)):
-            continue
-        here = axes.transData.transform([(px, py)])
-        if np.min(np.abs(np.reshape(marked, (-1, 2)) - here).max(axis=1), initial=np.inf) < 15:
-            continue
-        marked.append(here[0])
-        axes.plot([px], [py], "o", color="white", markeredgecolor=INK, markersize=3.6, markeredgewidth=0.9, zorder=4)
-        text = minus(f"{wanted:g} N s")
-        label_near(axes, px, py, text, color=QUIET, size=7.5, reach=20.0)
-
-
-def _empty(axes: Axes, text: str) -> None:
-    axes.set(xticks=[], yticks=[])
-    axes.text(
-        0.5,
-        0.5,
-        text,
-        transform=axes.transAxes,
-        ha="center",
-        va="center",
-        color=LIMIT,
-        wrap=False,
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 2},
-        zorder=6,
-    )
+        here = np.array([np.interp(wanted, design.trade_off.gain[order], values[order]) for values in (x, y)])
+        apart = [np.abs((here - [mark.x, mark.y]) / size).max() for mark in (*marks, *found)]
+        if np.isfinite(here).all() and min(apart, default=1.0) > _CLOSE:
+            found.append(Mark(x=float(here[0]), y=float(here[1]), label=minus(f"{wanted:g} N s"), shape="ring"))
+    return found

@@ -22,7 +22,7 @@ from .style import Scale, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["verdict_figure", "verdict_run_figure"]
+__all__ = ["verdict", "verdict_run"]
 
 _WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # places in the palette: the same looks the same in every picture
 _NOTHING: Final = 1e-6  # of the largest value shown: a curve of such values says nothing
@@ -35,7 +35,7 @@ _SYMBOLS: Final = {
 }
 
 
-def verdict_figure(verdict: Verdict) -> Figure:
+def verdict(verdict: Verdict) -> Figure:
     """Draw what the runs of a verdict come to, beside what was predicted and what is allowed.
 
     Args:
@@ -135,7 +135,7 @@ class _Shown(NamedTuple):
     touched: bool
 
 
-def verdict_run_figure(verdict: Verdict) -> Figure:
+def verdict_run(verdict: Verdict) -> Figure:
     """Draw the median and the worst run, by their speed at contact, beside the prediction.
 
     Args:

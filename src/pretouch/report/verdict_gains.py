@@ -18,7 +18,7 @@ from .style import Scale, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["verdict_gain_figure", "verdict_stability_figure"]
+__all__ = ["verdict_gain", "verdict_stability"]
 
 _LOOP, _STRONGEST, _MARGIN, _IDEAL = 0, 1, 2, 4  # places in the palette
 _DECADES: Final = 1e3  # times the least stable gain, beyond which a limit is none
@@ -26,7 +26,7 @@ _AROUND: Final = 1.4  # times, beyond what is shown on a logarithmic axis
 _HEADROOM: Final = 6.0  # times the smallest objective, up to where it is shown
 
 
-def verdict_stability_figure(verdict: Verdict) -> Figure:
+def verdict_stability(verdict: Verdict) -> Figure:
     """Draw the strongest stable gain at each distance, and the verified gain.
 
     Args:
@@ -70,7 +70,7 @@ def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
     return Mark(x=check.critical_distance / scale.factor, y=abs(check.strongest), label=text, style=_STRONGEST)
 
 
-def verdict_gain_figure(verdict: Verdict) -> Figure:
+def verdict_gain(verdict: Verdict) -> Figure:
     """Draw the objective over the gain, in the ideal world and on the loop.
 
     Args:

@@ -1,4 +1,15 @@
-"""Gains that hold when inputs are not known exactly."""
+"""Gains that hold when inputs are not known exactly: what is not known, what of it counts, and the design."""
+
+from pretouch.uncertainty import (
+    CorrelatedNormal,
+    Empirical,
+    Interval,
+    Normal,
+    TruncatedNormal,
+    Uniform,
+    parameter_distribution,
+    sample_inputs,
+)
 
 from .design import design_robust_gain
 from .measures import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
@@ -6,11 +17,19 @@ from .result import RobustDesign
 
 __all__ = [
     "ConditionalValueAtRisk",
+    "CorrelatedNormal",
+    "Empirical",
     "Expected",
+    "Interval",
     "Measure",
+    "Normal",
     "Quantile",
     "Required",
     "RobustDesign",
+    "TruncatedNormal",
+    "Uniform",
     "WorstCase",
     "design_robust_gain",
+    "parameter_distribution",
+    "sample_inputs",
 ]

@@ -69,6 +69,16 @@ def test_a_program_is_ten_to_twenty_lines_of_public_names(name: str) -> None:
     assert ast.get_docstring(tree)
 
 
+def test_a_program_holds_its_inputs_as_the_calls_that_make_them() -> None:
+    lines = program("attraction").text.splitlines()
+    assert "admittance = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)" in lines
+    assert "obstacle = pt.Obstacle(position=0.0422, velocity=-0.3)" in lines
+    assert "own = pt.Scenario(admittance=admittance, obstacle=obstacle)" in lines  # what is known goes by its name
+    assert "gain = -1.0" in lines
+    assert "import numpy as np" in lines
+    assert "import numpy as np" not in program("figure-4").text  # which needs none
+
+
 def _values(thing: Any, depth: int = 0) -> Iterator[Any]:
     yield thing
     if isinstance(thing, Mapping) and depth < 3:

@@ -1,4 +1,7 @@
-"""The letter reproduced number by number: its tables and figures beside ours, and where its text cannot be right."""
+"""The letter reproduced number by number: its tables and figures beside ours, and where its text cannot be right.
+
+`reproduce` computes, its `LetterReport` prints itself, and `pretouch.report.write_report` makes its page.
+"""
 
 from .experiment import IDS, Finding, LetterReport, Reproduction, Step, reproduce
 from .printed import Agreement, Parameter, Printed

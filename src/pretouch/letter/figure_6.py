@@ -77,11 +77,12 @@ def _trend(speeds: FloatArray, gains: Mapping[str, Mapping[str, FloatArray]]) ->
     steps, fast, shown = [], speeds >= 0.2, speeds >= 0.05
     for name in MODELS:
         following, fixed = -gains["following"][name], -gains["fixed"][name]
-        slow, spread = _at(speeds, following, 0.05) / _at(speeds, following, 0.3), np.ptp(np.log(following[fast]))
+        slow = _at(speeds, following, 0.05) / _at(speeds, following, 0.3)
+        spread = following[fast].max() / following[fast].min()
         rise, always = fixed[-1] / _at(speeds, fixed, 0.05), bool((np.diff(fixed[shown]) > 0).all())
         steps.append((f"{name}, following: |D_p| at 0.05 m/s over that at 0.3 m/s", slow))
-        steps.append((f"{name}, following: largest over smallest |D_p| from 0.2 m/s on", np.exp(spread)))
-        steps.append(("the first is above 2, the second below", bool(slow > 2 and spread < np.log(2))))
+        steps.append((f"{name}, following: largest over smallest |D_p| from 0.2 m/s on", spread))
+        steps.append(("the first is above 2, the second below", bool(slow > 2 and spread < 2)))
         steps.append((f"{name}, fixed: |D_p| at 1 m/s over that at 0.05 m/s", rise))
         steps.append((f"{name}, fixed: |D_p| grows with every step from 0.05 m/s on", always))
     power = {scale: found["inverse power"] for scale, found in gains.items()}

@@ -53,8 +53,7 @@ SENSORS: Final[Mapping[str, tuple[Parameter, ...]]] = {
 """The sensor curves by name: names of parameters are those of our own models."""
 
 ADMITTANCE: Final = _given(
-    "Section IV-B",
-    "virtual mass: M_a = 1 kg; virtual damping: D_a = 10 N s/m; virtual stiffness: K_a = 25 N/m",
+    "Section IV-B", "virtual mass: M_a = 1 kg; virtual damping: D_a = 10 N s/m; virtual stiffness: K_a = 25 N/m"
 )
 APPROACH: Final = ADMITTANCE + _given(
     "Section IV-B",
@@ -166,9 +165,5 @@ def over_rounding(name: str, evaluate: Callable[[SensorModel], Any]) -> Any:
     return (float(ends[0]), float(ends[1])) if ends.ndim == 1 else ends
 
 
-ONE_APPROACH: Final = {
-    "admittance": approach().admittance,
-    "scenario": approach(),
-    "sensor": sensor("inverse-power"),
-}
+ONE_APPROACH: Final = {"admittance": approach().admittance, "scenario": approach(), "sensor": sensor("inverse-power")}
 """What most programs begin with, by the names that they have for it."""

@@ -34,7 +34,6 @@ from .running import FOLLOW, HORIZON
 __all__ = ["WitnessResult", "WitnessTrace", "witness_encounter"]
 
 _TIME_STEP: Final = 2e-5
-_OF_CONTACT: Final = ("time", "position", "velocity", "relative_velocity", "rebound_velocity")
 _COARSEST: Final = 0.2  # of the shortest time scale: what a method of the first order may take at once
 _DRIVEN: Final = 1e9  # times the mass of the robot: an obstacle that does not yield
 _IMPEDANCE: Final = 1e-4  # mjMINIMP
@@ -154,26 +153,21 @@ def witness_encounter(
         InvalidInputError: no single encounter, a plant without mass, another contact, or a step that is too long.
 
     Examples:
-        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import InversePower
-        >>> from pretouch.simulation import ImpedancePlant
-        >>> law = Controller(
+        >>> import pretouch as pt
+        >>> virtual = {"mass": 1.0, "damping": 10.0, "stiffness": 25.0}
+        >>> approaching = pt.Obstacle(position=0.0422, velocity=-0.3)
+        >>> law = pt.Controller(
         ...     period=1e-3,
-        ...     conditioning=Conditioning(floor=1e-3),
-        ...     law=VirtualDamper(gain=-0.7),
-        ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ... )
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ...     conditioning=pt.Conditioning(floor=1e-3),
+        ...     law=pt.VirtualDamper(gain=-0.7),
+        ...     admittance=pt.VirtualAdmittance(**virtual),
         ... )
         >>> found = witness_encounter(
-        ...     scenario,
-        ...     InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
+        ...     pt.Scenario(admittance=pt.Admittance(**virtual), obstacle=approaching),
+        ...     pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
         ...     law,
-        ...     plant=ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
-        ...     contact=SpringDamper(stiffness=3e4, damping=30.0, obstacle_mass=1.0),
+        ...     plant=pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
+        ...     contact=pt.SpringDamper(stiffness=3e4, damping=30.0, obstacle_mass=1.0),
         ... )
         >>> round(found.relative_velocity, 3)
         -0.082
@@ -228,6 +222,13 @@ class _Slides:
         """The reduced mass of both bodies [kg]."""
         return 1 / (1 / self.drive[0] + 1 / self.obstacle_mass)
 
+    @property
+    def text(self) -> str:
+        """The model as MuJoCo reads it."""
+        spring, damper = self.contact.stiffness / self.reduced_mass, self.contact.damping / self.reduced_mass
+        masses = {"mass": self.drive[0], "obstacle_mass": self.obstacle_mass}
+        return _MODEL.format(step=self.step, stiffness=spring, damping=damper, impedance=_IMPEDANCE, **masses)
+
 
 def _parts(period: float, step: float) -> int:
     parts = round(period / step)
@@ -263,7 +264,7 @@ def _result(rows: FloatArray, slides: _Slides, *, warned: bool) -> WitnessResult
     touched = bool(distance.min() <= 0)
     status = ContactStatus.UNRESOLVED if warned else ContactStatus.CONTACT if touched else ContactStatus.HORIZON
     if not touched:
-        none = dict.fromkeys(_OF_CONTACT, math.nan)
+        none = dict.fromkeys(("time", "position", "velocity", "relative_velocity", "rebound_velocity"), math.nan)
         return WitnessResult(status=status, peak_force=0.0, impact_force=0.0, impulse=0.0, trace=trace, **none)
     after = int(np.argmax(distance <= 0))  # not the first: an encounter starts before contact
     part = distance[after - 1] / (distance[after - 1] - distance[after])
@@ -290,7 +291,7 @@ def _result(rows: FloatArray, slides: _Slides, *, warned: bool) -> WitnessResult
 def _run(slides: _Slides) -> tuple[FloatArray, bool]:
     """Return a row per step of MuJoCo, with the columns of `WitnessTrace`, and whether MuJoCo warned."""
     mujoco = require("mujoco", extra="mujoco")
-    e, law, model = slides, slides.law, mujoco.MjModel.from_xml_string(_text(slides))
+    e, law, model = slides, slides.law, mujoco.MjModel.from_xml_string(slides.text)
     data = mujoco.MjData(model)
     plant, obstacle, reference = e.scenario.plant, e.scenario.obstacle, e.scenario.reference
     data.qpos[:] = plant.position, obstacle.position
@@ -328,18 +329,6 @@ def _run(slides: _Slides) -> tuple[FloatArray, bool]:
         if t + law.period - first >= e.follow:
             break
     return np.array(rows), any(warning.number for warning in data.warning)
-
-
-def _text(slides: _Slides) -> str:
-    """Return the model as MuJoCo reads it."""
-    return _MODEL.format(
-        step=slides.step,
-        mass=slides.drive[0],
-        obstacle_mass=slides.obstacle_mass,
-        stiffness=slides.contact.stiffness / slides.reduced_mass,
-        damping=slides.contact.damping / slides.reduced_mass,
-        impedance=_IMPEDANCE,
-    )
 
 
 def _drive(

@@ -17,7 +17,7 @@ from pretouch._core.vocabulary import QUANTITIES
 from pretouch.design import QUANTITY_UNITS
 from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.verification.appraisal import simulated_quantity
-from pretouch.verification.request import ElasticImpact
+from pretouch.verification.elastic import ElasticImpact
 from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 HOLDS, NARROWLY = pt.VerdictStatus.HOLDS, pt.VerdictStatus.HOLDS_NARROWLY

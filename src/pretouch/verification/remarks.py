@@ -17,7 +17,7 @@ from pretouch.simulation.describing import loop_sentences
 
 from .appraisal import mean_and_error
 from .checks import Comparison
-from .request import Draws, ElasticImpact, VerdictRequest
+from .request import Draws, VerdictRequest
 
 __all__ = ["assumptions_of", "cautions_of"]
 
@@ -71,7 +71,7 @@ def _force(asked: VerdictRequest) -> Iterator[str]:
         if asked.impact is not None:
             yield "An impact model makes an impact force of the speed of contact."
         return
-    if isinstance(asked.foreseen_impact, ElasticImpact):
+    if asked.impact is None:
         text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
     else:
         text = "The predicted impact force is that of the impact model that was given"

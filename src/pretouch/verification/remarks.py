@@ -39,15 +39,7 @@ _FLAGS: Final = {
 
 
 def assumptions_of(asked: VerdictRequest, compared: int) -> tuple[str, ...]:
-    """Say what a verdict rests on.
-
-    Args:
-        asked: what was asked.
-        compared: how many of the runs changes and gains are compared by.
-
-    Returns:
-        Sentences.
-    """
+    """Return sentences on what a verdict rests on; changes and gains are compared by so many of its runs."""
     loop, runs = asked.loop, asked.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(asked.uncertainty, asked.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
@@ -84,17 +76,7 @@ def cautions_of(
     comparisons: tuple[Comparison, ...],
     design: GainDesign,
 ) -> tuple[str, ...]:
-    """Collect what to look at.
-
-    Args:
-        draws: the encounters, with what was asked.
-        runs: with mitigation, and without.
-        comparisons: predicted and simulated quantities.
-        design: the ideal design.
-
-    Returns:
-        Sentences.
-    """
+    """Return sentences on what to look at, from the runs with mitigation and without."""
     loop, (result, unmitigated) = draws.asked.loop, runs
     said = [
         "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",

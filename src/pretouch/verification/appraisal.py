@@ -103,6 +103,7 @@ class LoopOutcomes:
         ratios: |quantity| / limit of each limit and run; infinite without contact.
         requirements: contact where it is predicted, and every limit.
         effect: on the speed at contact, beside no mitigation; None where it cannot be compared.
+        margin: to instability, which must be 1 at least; None where it is not known.
     """
 
     result: SimulationResult
@@ -110,11 +111,22 @@ class LoopOutcomes:
     ratios: tuple[FloatArray, ...]
     requirements: tuple[Requirement, ...]
     effect: Effect | None
+    margin: float | None = None
 
     @property
     def standing(self) -> float:
-        """The least share held beside the one required, or of the speed without mitigation where it is less; <= 1."""
-        return min(self.softness, *(r.standing for r in self.requirements))
+        """How well it stands, at most 1: what is missed most of requirements, stability and softness."""
+        return min(self.softness, self.stable, *(r.standing for r in self.requirements))
+
+    @property
+    def stable(self) -> float:
+        """The margin to instability, at most 1; 1 where it is not known."""
+        return 1.0 if self.margin is None else min(self.margin, 1.0)
+
+    @property
+    def worst(self) -> Requirement:
+        """The requirement that is missed most, or the first where none is."""
+        return min(self.requirements, key=lambda r: r.standing)
 
     @property
     def softness(self) -> float:
@@ -169,16 +181,7 @@ class LoopProblem:
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
-        """Appraise runs of the first encounters.
-
-        Args:
-            result: the runs.
-            loop: what they ran on.
-            gain: D_p [N s].
-
-        Returns:
-            What they come to.
-        """
+        """Return what runs of the first encounters come to, on the loop and with the gain [N s] that they ran with."""
         limits = self.draws.asked.limits
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         expected = self.predicted[: result.shape[0]]
@@ -212,14 +215,9 @@ class LoopProblem:
 
 
 def effect_of(result: SimulationResult, unmitigated: SimulationResult) -> Effect | None:
-    """Hold the speed at contact of the first encounters against that of the same runs with D_p = 0.
+    """Return what mitigation does to the speed at contact of the first encounters, beside the same with D_p = 0.
 
-    Args:
-        result: the runs.
-        unmitigated: the encounters with D_p = 0.
-
-    Returns:
-        What mitigation does to it; None where no run comes to a contact both with and without.
+    None where no run comes to a contact both with and without.
     """
     n = result.shape[0]
     both = result.touched & unmitigated.touched[:n]

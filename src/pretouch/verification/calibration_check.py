@@ -137,15 +137,10 @@ class _Outcome:
 
 
 def check_calibration(r: VerdictRequest, gain: float) -> CalibrationCheck | None:
-    """Run the nominal encounter on sensors that the readings of the calibration allow.
+    """Return how the nominal encounter does with a gain [N s] on sensors that the readings of the calibration allow.
 
-    Args:
-        r: what was asked.
-        gain: D_p [N s].
-
-    Returns:
-        What was found; None without a calibration, where its readings are too few to tell what they allow, and where
-        the fitted curve itself comes to no contact.
+    None without a calibration, where its readings are too few to tell what they allow, and where the fitted curve
+    itself comes to no contact.
     """
     report = r.calibration
     if report is None or report.curves is None or report.offset is None:
@@ -177,14 +172,7 @@ def check_calibration(r: VerdictRequest, gain: float) -> CalibrationCheck | None
 
 
 def unknown_calibration(report: CalibrationReport | None) -> tuple[str, ...]:
-    """Say where a calibration has too few readings to tell what else they allow.
-
-    Args:
-        report: the report of the fit, where there is one.
-
-    Returns:
-        A sentence, or nothing.
-    """
+    """Return a sentence where a calibration has too few readings to tell what else they allow; else nothing."""
     if report is None or report.best is None or report.curves is not None:
         return ()
     count = len(report.window.distances)
@@ -235,13 +223,10 @@ def _run(r: VerdictRequest, gain: float, chain: SensorChain, sensors: tuple[Draw
 
 
 def _decisive(r: VerdictRequest, gain: float, drawn: tuple[DrawnCurve | None, ...], promised: _Outcome) -> str:
-    """Find what matters most, by leaving out the misfit, what is open of the offset, and all but the misfit.
+    """Return what matters most, found by leaving out the misfit, what is open of the offset, and all but the misfit.
 
     Offset and curve are open together: a pedestal that is moved bends the curve through the same readings. So what is
     left where the offset is known is told by those of many draws whose offset is nearest to the fitted one.
-
-    Returns:
-        `offset`, `curve` or `misfit`.
     """
     report, chain = r.calibration, _quiet(r.loop.chain)
     if report is None or report.curves is None or report.offset is None:  # nothing was drawn

@@ -185,16 +185,7 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Put predicted and simulated magnitudes side by side, with and without mitigation.
-
-    Args:
-        asked: what was asked.
-        runs: with the gain, and with D_p = 0.
-        foreseen: the nominal encounter in continuous time, likewise.
-
-    Returns:
-        The comparisons.
-    """
+    """Return magnitudes of the runs beside those predicted for the nominal encounter, with the gain and D_p = 0."""
     contact = asked.loop.contact
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in runs):
@@ -239,17 +230,7 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
 def check_limits(
     asked: VerdictRequest, outcomes: LoopOutcomes, predicted: ContactResult, gain: float
 ) -> tuple[LimitCheck, ...]:
-    """Tell of each limit how often it holds.
-
-    Args:
-        asked: what was asked, with the limits.
-        outcomes: the runs.
-        predicted: the nominal encounter in continuous time.
-        gain: D_p [N s].
-
-    Returns:
-        The checks.
-    """
+    """Return how often each limit holds in the runs with a gain [N s], beside the nominal encounter as predicted."""
     found = []
     for required, ratio in zip(asked.limits, outcomes.ratios, strict=True):
         constraint = required.constraint
@@ -279,16 +260,7 @@ def _source_of(name: str, loop: ClosedLoop) -> str:
 
 
 def check_reached(result: SimulationResult, predicted: BoolArray, confidence: float) -> Reached:
-    """Tell which runs came to a contact.
-
-    Args:
-        result: the runs.
-        predicted: which do in continuous time.
-        confidence: of the lower bound.
-
-    Returns:
-        Shares and counts.
-    """
+    """Return which runs came to a contact beside those that do in continuous time, with a bound of some confidence."""
     expected, came = int(predicted.sum()), int(result.touched[predicted].sum())
     return Reached(
         predicted=float(predicted.mean()),

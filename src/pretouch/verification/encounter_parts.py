@@ -203,17 +203,10 @@ def compare_contacts(
     impact: ImpactModel | None,
     has_contact_force: bool,
 ) -> tuple[QuantityComparison, ...]:
-    """Put the numbers of runs and predictions side by side.
+    """Return the numbers of runs and predictions side by side, each with the gain and without.
 
-    Args:
-        runs: on the loop, with the gain and without.
-        predictions: by the continuous solution, with the gain and without.
-        impact: the physical properties from which an elastic impact force is predicted, where they are known.
-        has_contact_force: whether the loop has a contact model.
-
-    Returns:
-        Time, relative velocity and position of the contact; the smallest distance where a run has none; the largest
-        excursion and virtual force; and what the contact force comes to.
+    Those are time, relative velocity and position of the contact; the smallest distance where a run has none; the
+    largest excursion and virtual force; and what the contact force comes to, an elastic impact as it is predicted.
     """
     ends = [p.end if p.reached.all() else None for p in predictions]
 
@@ -266,15 +259,9 @@ def contacts_of(run: SimulationResult, *, has_contact_force: bool) -> tuple[Loop
 
 
 def flags_of(trace: LoopTrace, *, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Tell which flags a law reported in a run, and since when.
+    """Return the flags that a law of a period [s] reported in a run, before and after its first contact [s] or NaN.
 
-    Args:
-        trace: the course of the run.
-        period: of the law [s].
-        contact_time: of the first contact [s]; NaN without one.
-
-    Returns:
-        The flags in the order in which they came; one that `Status` does not know by its number.
+    They are in the order in which they came; one that `Status` does not know goes by its number.
     """
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)

@@ -6,7 +6,7 @@ Every candidate is run with the noise that the verdict has met.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -151,14 +151,16 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
         # over all runs: over those alone that it was chosen by, it would look better than it is
         best, margin = problem.appraise(asked.loop, better), stability_margin(known.limit, better)
         candidate = Candidate(name="gain", sentence=_redesign(gain, better, margin), loop=asked.loop)
-        found.append(_compared(candidate, better, _Side(known.outcomes, known.margin), _Side(best, margin)))
-    part = problem.appraised(_first(known.outcomes.result, runs), asked.loop, gain)
+        found.append(
+            _compared(candidate, better, replace(known.outcomes, margin=known.margin), replace(best, margin=margin))
+        )
+    part = replace(problem.appraised(_first(known.outcomes.result, runs), asked.loop, gain), margin=known.margin)
     for candidate in candidates_of(asked.loop, _approach(asked, known)):
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
         if known.limit is not None:
             after = stability_margin(limit_of(candidate.loop, asked.sensor, known.distance), gain)
-        found.append(_compared(candidate, gain, _Side(part, known.margin), _Side(outcomes, after)))
+        found.append(_compared(candidate, gain, part, replace(outcomes, margin=after)))
     return _loss(asked, known, optimum, None if optimum.gain is None else best), tuple(sorted(found, key=_rank))
 
 
@@ -211,29 +213,10 @@ def _redesign(gain: float, loop_gain: float, margin: float | None) -> str:
     return f"Take D_p = {format_quantity(loop_gain, 'N*s')} instead of {format_quantity(gain, 'N*s')}{beside}."
 
 
-class _Side:
-    """Outcomes with the margin to instability as one more requirement."""
-
-    def __init__(self, outcomes: LoopOutcomes, margin: float | None) -> None:
-        self.outcomes, self.margin = outcomes, margin
-
-    @property
-    def stable(self) -> float:
-        return 1.0 if self.margin is None else min(self.margin, 1.0)
-
-    @property
-    def standing(self) -> float:
-        return min(self.outcomes.standing, self.stable)
-
-    def requirement(self, name: str) -> Requirement:
-        return next(r for r in self.outcomes.requirements if r.name == name)
-
-
-def _compared(candidate: Candidate, gain: float, before: _Side, after: _Side) -> LoopChange:
-    worst = min(before.outcomes.requirements, key=lambda r: r.standing)
-    same = after.requirement(worst.name)
-    improvement, error = _improvement(before.outcomes.objective, after.outcomes.objective)
-    mean = after.outcomes.mean
+def _compared(candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:
+    worst, same = _worst_of_both(before, after)
+    improvement, error = _improvement(before.objective, after.objective)
+    mean = after.mean
     return LoopChange(
         name=candidate.name,
         sentence=_with_margin(candidate, before.margin, after.margin),
@@ -257,6 +240,12 @@ def _compared(candidate: Candidate, gain: float, before: _Side, after: _Side) ->
     )
 
 
+def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requirement, Requirement]:
+    """Return what was missed most, before and after."""
+    worst = before.worst
+    return worst, next(r for r in after.requirements if r.name == worst.name)
+
+
 def _with_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
     """Return the sentence of a change; where it costs margin to instability, with what is left of it."""
     if candidate.name == "gain" or before is None or after is None:  # another gain has it in its sentence
@@ -267,16 +256,15 @@ def _with_margin(candidate: Candidate, before: float | None, after: float | None
     return f"{candidate.sentence.removesuffix('.')}; the margin to instability falls{was} to {after:.3g}."
 
 
-def _stands_better(before: _Side, after: _Side) -> bool:
+def _stands_better(before: LoopOutcomes, after: LoopOutcomes) -> bool:
     """Tell whether what was missed most is missed less, by more than chance."""
     if after.standing <= before.standing:
         return False
     if before.stable <= before.standing:  # it was the margin, which no chance moves
         return True
-    if before.outcomes.softness <= before.standing:
-        return _falls(before.outcomes, after.outcomes)
-    worst = min(before.outcomes.requirements, key=lambda r: r.standing)
-    same = after.requirement(worst.name)
+    if before.softness <= before.standing:
+        return _falls(before, after)
+    worst, same = _worst_of_both(before, after)
     rise = same.held.astype(np.float64) - worst.held
     return float(rise.mean()) > _ERRORS * float(rise.std()) / math.sqrt(len(rise))
 

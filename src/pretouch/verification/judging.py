@@ -29,18 +29,10 @@ def judge(
     stability: StabilityCheck | None,
     calibration: CalibrationCheck | None,
 ) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Find the status and the reasons why it is not `holds`.
+    """Return the status and the reasons why it is not `holds`, those for the graver status first.
 
-    Args:
-        asked: what was asked.
-        reached: which runs came to a contact.
-        effect: on the speed at contact, beside no mitigation; None where it cannot be compared.
-        limits: the limits.
-        stability: the margin to instability; None where it is not known.
-        calibration: what becomes of the gain on other sensors that its readings allow; None where that is not known.
-
-    Returns:
-        The status, and the reasons, those for the graver status first.
+    None stands for what is not known: an effect that cannot be compared, a margin to instability, what becomes of the
+    gain on other sensors that the readings allow.
     """
     missed = [
         *_missed(asked.runs, reached, effect, stability),

@@ -17,7 +17,7 @@ from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
 from .appraisal import mean_and_error
 from .checks import Comparison
-from .request import Draws, VerdictRequest, elastic_impact
+from .request import Draws, VerdictRequest
 
 __all__ = ["assumptions_of", "cautions_of"]
 
@@ -39,15 +39,7 @@ _FLAGS: Final = {
 
 
 def assumptions_of(asked: VerdictRequest, compared: int) -> tuple[str, ...]:
-    """Say what a verdict rests on.
-
-    Args:
-        asked: what was asked.
-        compared: how many of the runs changes and gains are compared by.
-
-    Returns:
-        Sentences.
-    """
+    """Return sentences on what a verdict rests on; changes and gains are compared by so many of its runs."""
     loop, runs = asked.loop, asked.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(asked.uncertainty, asked.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
@@ -71,7 +63,7 @@ def _force(asked: VerdictRequest) -> Iterator[str]:
         if asked.impact is not None:
             yield "An impact model makes an impact force of the speed of contact."
         return
-    if asked.foreseen_impact == elastic_impact(asked.loop.contact, asked.loop.plant):
+    if asked.impact is None:
         text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
     else:
         text = "The predicted impact force is that of the impact model that was given"
@@ -84,17 +76,7 @@ def cautions_of(
     comparisons: tuple[Comparison, ...],
     design: GainDesign,
 ) -> tuple[str, ...]:
-    """Collect what to look at.
-
-    Args:
-        draws: the encounters, with what was asked.
-        runs: with mitigation, and without.
-        comparisons: predicted and simulated quantities.
-        design: the ideal design.
-
-    Returns:
-        Sentences.
-    """
+    """Return sentences on what to look at, from the runs with mitigation and without."""
     loop, (result, unmitigated) = draws.asked.loop, runs
     said = [
         "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",

@@ -163,17 +163,9 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 def check_stability(
     loop: ClosedLoop, sensor: SensorModel, distance: FloatArray, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
-    """Tell how far a loop is from oscillating.
+    """Return how far a loop is from oscillating with a gain [N s] at the distances [m] that the encounter passes.
 
-    Args:
-        loop: the loop.
-        sensor: the sensor curve.
-        distance: those that the encounter passes [m].
-        gain: D_p [N s].
-        limit: the strongest stable gains; None where they are not known.
-
-    Returns:
-        The check; None where no limit is known, or the gain does not mitigate.
+    None where no limit of the gain is known, or the gain does not mitigate.
     """
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
@@ -230,15 +222,9 @@ def told_period(controller: Controller) -> float:
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Tell a controller that its sensor has another period.
+    """Return a controller that is told of another time between two readings [s], never less than its own period [s].
 
-    Args:
-        controller: the controller.
-        sensor_period: time between two readings [s]; never less than the controller's own period.
-        period: of the controller [s]; as it is by default.
-
-    Returns:
-        The controller; a cutoff that such a sensor is too slow for is lowered to 0.45 of its rate.
+    Its own period may be another, too. A cutoff that such a sensor is too slow for is lowered to 0.45 of its rate.
     """
     own = controller.period if period is None else period
     told, c = max(sensor_period, own), controller.conditioning

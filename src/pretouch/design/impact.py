@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.numbers import positive
+from pretouch._core.numbers import float_or_array, positive
 
 __all__ = ["HertzImpact", "ImpactModel", "SpringImpact"]
 
@@ -58,7 +58,7 @@ class ImpactModel(ABC):
         v = np.asarray(relative_velocity, dtype=np.float64)
         step = _STEP * v
         rise = sum(w * (self.peak_force(v + k * step) - self.peak_force(v - k * step)) for k, w in _STENCIL)
-        return _plain(np.asarray(rise) / step)
+        return float_or_array(np.asarray(rise) / step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,11 +83,11 @@ class SpringImpact(ImpactModel):
 
     def peak_force(self, relative_velocity: ArrayLike) -> Any:
         """Return |v| sqrt(mu k) [N]."""
-        return _plain(np.abs(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness))
+        return float_or_array(np.abs(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness))
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
         """Return the derivative of the peak force [N s/m], sqrt(mu k) with the sign of v."""
-        return _plain(np.sign(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness))
+        return float_or_array(np.sign(relative_velocity) * math.sqrt(self.reduced_mass * self.stiffness))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,12 +119,8 @@ class HertzImpact(ImpactModel):
         """Return k_h^(2/5) (5/4 mu v^2)^(3/5) [N]."""
         stiffness = 4 / 3 * self.effective_modulus * math.sqrt(self.radius)
         energy = 1.25 * self.reduced_mass * np.square(relative_velocity)
-        return _plain(stiffness**0.4 * energy**0.6)
+        return float_or_array(stiffness**0.4 * energy**0.6)
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
         """Return the derivative of the peak force [N s/m], 6/5 F / v."""
-        return _plain(1.2 * np.asarray(self.peak_force(relative_velocity)) / np.asarray(relative_velocity))
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value
+        return float_or_array(1.2 * np.asarray(self.peak_force(relative_velocity)) / np.asarray(relative_velocity))

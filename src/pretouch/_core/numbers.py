@@ -10,7 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InvalidInputError
 
-__all__ = ["BoolArray", "FloatArray", "IntArray", "finite", "finite_or_none", "nonnegative", "positive"]
+__all__ = [
+    "BoolArray",
+    "FloatArray",
+    "IntArray",
+    "finite",
+    "finite_or_none",
+    "float_or_array",
+    "nonnegative",
+    "positive",
+]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -62,6 +71,11 @@ def nonnegative(value: ArrayLike, name: str, unit: str = "") -> Any:
         return checked
     _require(np.asarray(checked) >= 0, np.asarray(checked), name, unit, "must not be negative")
     return checked
+
+
+def float_or_array(value: Any) -> Any:
+    """Return a float for what has no dimension, an array as it is."""
+    return float(value) if np.ndim(value) == 0 else value
 
 
 def finite_or_none(value: Any) -> float | None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
-
-import numpy as np
 
 from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
+from pretouch._core.json_text import plain
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
@@ -60,6 +59,12 @@ class AdmittanceCertificate(Value):
     local_minima: tuple[AdmittanceMinimum, ...]
     residual: float
     active: tuple[tuple[str, float], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the certificate as one JSON object."""
+        active = [{"name": name, "multiplier": multiplier} for name, multiplier in self.active]
+        names = ("grid", "tests", "residual", "local_minima")
+        return {**{name: getattr(self, name) for name in names}, "active": active}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -153,8 +158,17 @@ class AdmittanceDesign(Described, Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object: that of the gain, with `admittance` beside it."""
+        names = ("free", "natural_frequency", "damping_ratio", "natural_frequency_bounds", "damping_ratio_bounds")
+        chosen = None if self.gain_design is None else self.admittance
+        told = {
+            **{name: getattr(self, name) for name in (*names, "best_ratio")},
+            **{name: getattr(chosen, name, None) for name in ("mass", "damping", "stiffness")},
+            "as_it_is": {"gain": self.as_it_is.gain, "objective": self.as_it_is.objective},
+            "certificate": self.certificate,
+            "map": {f.name: getattr(self.map, f.name).reshape(-1) for f in fields(self.map)},
+        }
         found = (self.gain_design or self.as_it_is).to_dict()
-        return {**found, "status": self.status.value, "admittance": _as_dict(self)}
+        return {**found, "status": self.status.value, "admittance": plain(told)}
 
     @property
     def headline(self) -> str:
@@ -181,42 +195,3 @@ class AdmittanceDesign(Described, Value):
 
     def __repr__(self) -> str:
         return f"<AdmittanceDesign: {self.headline}>"
-
-
-def _as_dict(design: AdmittanceDesign) -> dict[str, Any]:
-    c, m = design.certificate, design.map
-    chosen = None if design.gain_design is None else design.admittance
-    return {
-        "free": list(design.free),
-        "natural_frequency": design.natural_frequency,
-        "damping_ratio": design.damping_ratio,
-        "mass": None if chosen is None else chosen.mass,
-        "damping": None if chosen is None else chosen.damping,
-        "stiffness": None if chosen is None else chosen.stiffness,
-        "natural_frequency_bounds": design.natural_frequency_bounds,
-        "damping_ratio_bounds": design.damping_ratio_bounds,
-        "as_it_is": {"gain": design.as_it_is.gain, "objective": design.as_it_is.objective},
-        "best_ratio": design.best_ratio,
-        "certificate": None
-        if c is None
-        else {
-            "grid": c.grid,
-            "tests": c.tests,
-            "residual": c.residual,
-            "active": [{"name": name, "multiplier": value} for name, value in c.active],
-            "local_minima": [
-                {
-                    "gain": p.gain,
-                    "natural_frequency": p.natural_frequency,
-                    "damping_ratio": p.damping_ratio,
-                    "objective": p.objective,
-                }
-                for p in c.local_minima
-            ],
-        },
-        "map": {
-            "natural_frequency": m.natural_frequency.reshape(-1).tolist(),
-            "damping_ratio": m.damping_ratio.reshape(-1).tolist(),
-            "objective": [v if np.isfinite(v) else None for v in m.objective.reshape(-1).tolist()],
-        },
-    }

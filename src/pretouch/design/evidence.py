@@ -85,7 +85,7 @@ class GainEvidence(Value):
             return None
         return float(self.problem.axis.gain(self._least_excess.coordinate))
 
-    @cached_property
+    @property
     def gain(self) -> float | None:
         """The optimal gain [N s]."""
         if self.settled is not None:
@@ -102,7 +102,7 @@ class GainEvidence(Value):
     @property
     def status(self) -> DesignStatus:
         """How the design ended."""
-        if self.gain is not None:
+        if self.settled is not None or self.best is not None:
             return DesignStatus.OPTIMAL
         return DesignStatus.NO_CONTACT if self.nearest_gain is None else DesignStatus.INFEASIBLE
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import positive
+from pretouch._core.numbers import float_or_array, positive
 
 __all__ = ["ElasticImpact", "HertzImpact", "ImpactModel", "SpringImpact"]
 
@@ -59,7 +59,7 @@ class ImpactModel(ABC):
         v = np.asarray(relative_velocity, dtype=np.float64)
         step = _STEP * v
         rise = sum(w * (self.peak_force(v + k * step) - self.peak_force(v - k * step)) for k, w in _STENCIL)
-        return _plain(np.asarray(rise) / step)
+        return float_or_array(np.asarray(rise) / step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,12 +97,12 @@ class ElasticImpact(ImpactModel):
         """Return k^(1/(n+1)) ((n+1)/2 mu v^2)^(n/(n+1)) [N]."""
         n, power = self.exponent, self.speed_exponent
         factor = self.stiffness ** (1 / (n + 1)) * ((n + 1) / 2 * self.reduced_mass) ** (power / 2)
-        return _plain(factor * np.abs(relative_velocity) ** power)
+        return float_or_array(factor * np.abs(relative_velocity) ** power)
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
         """Return the derivative of the peak force [N s/m], 2 n / (n+1) F / v."""
         force = np.asarray(self.peak_force(relative_velocity))
-        return _plain(self.speed_exponent * force / np.asarray(relative_velocity))
+        return float_or_array(self.speed_exponent * force / np.asarray(relative_velocity))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +151,3 @@ class HertzImpact(ElasticImpact):
         modulus = positive(self.effective_modulus, "effective_modulus", "Pa")
         object.__setattr__(self, "stiffness", 4 / 3 * modulus * math.sqrt(positive(self.radius, "radius", "m")))
         ElasticImpact.__post_init__(self)
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value

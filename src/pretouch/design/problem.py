@@ -18,6 +18,7 @@ from .constraints import Constraint, each_once
 from .criteria import Criterion, merit
 from .impact import ImpactModel
 from .objectives import Objective
+from .own_objective import appraise
 from .search import HELD, GainAxis, Landscape
 
 __all__ = ["Encounters", "Evaluator", "GainProblem"]
@@ -137,9 +138,9 @@ class GainProblem(Encounters):
     def landscape(self, coordinate: FloatArray) -> Landscape:
         """Appraise gains by their coordinates."""
         result = self.run(self.axis.gain(coordinate))
-        reached = result.reached
+        reached, speed = result.reached, abs(self.scenario.obstacle.velocity)
         ratios = [c.magnitude(result.end, self.impact) / c.limit for c in self.constraints]
         return Landscape(
-            objective=self.merit.value(result),
+            objective=appraise(self.objective, result.end, reached, speed, self.impact),
             ratios=np.where(reached, np.reshape(ratios, (len(ratios), *np.shape(reached))), np.inf),
         )

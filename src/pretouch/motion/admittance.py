@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import nonnegative, positive
+from pretouch._core.numbers import float_or_array, nonnegative, positive
 from pretouch._core.values import Value
 
 __all__ = ["Admittance"]
@@ -63,7 +63,7 @@ class Admittance(Value):
     @property
     def natural_frequency(self) -> Any:
         """The undamped natural frequency sqrt(K_a / M_a) [rad/s]."""
-        return _plain(np.sqrt(np.asarray(self.stiffness) / self.mass))
+        return float_or_array(np.sqrt(np.asarray(self.stiffness) / self.mass))
 
     @property
     def damping_ratio(self) -> Any:
@@ -74,8 +74,4 @@ class Admittance(Value):
         """
         if np.any(np.asarray(self.stiffness) == 0):
             raise InvalidInputError("damping_ratio: not defined for a stiffness of 0 N/m")
-        return _plain(np.asarray(self.damping) / (2 * np.sqrt(np.asarray(self.stiffness) * self.mass)))
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value
+        return float_or_array(np.asarray(self.damping) / (2 * np.sqrt(np.asarray(self.stiffness) * self.mass)))

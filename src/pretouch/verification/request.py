@@ -15,7 +15,7 @@ from pretouch.design.robust import Required
 from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
-from pretouch.simulation import ClosedLoop, SimulationResult
+from pretouch.simulation import ClosedLoop, ContactModel, PlantModel, SimulationResult
 from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.size import refuse_too_many_runs
 from pretouch.uncertainty import Ensemble, Uncertainty, make_ensemble, sample_inputs

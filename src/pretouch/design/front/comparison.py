@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray, float_or_array
 from pretouch._core.values import Value
 from pretouch.motion import ContactResult, Scenario, solve_motion
 
@@ -87,10 +87,10 @@ def compare_with_bound(
     least = np.where(still, 0.0, bound.excursion(speed))
     least = np.where(_gives_way(trials, scenario, gain, result), least, np.nan)
     return BoundComparison(
-        acceleration=_plain(acceleration),
-        excursion=_plain(np.abs(end.displacement)),
-        least_excursion=_plain(least),
-        least_acceleration=_plain(np.asarray(bound.least_acceleration(speed))),
+        acceleration=float_or_array(acceleration),
+        excursion=float_or_array(np.abs(end.displacement)),
+        least_excursion=float_or_array(least),
+        least_acceleration=float_or_array(np.asarray(bound.least_acceleration(speed))),
     )
 
 
@@ -113,7 +113,3 @@ def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: Con
     motion = solve_motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
     forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
     return np.asarray(proved | forward)
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value

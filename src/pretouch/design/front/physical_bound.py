@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite, nonnegative, positive
+from pretouch._core.numbers import FloatArray, finite, float_or_array, nonnegative, positive
 from pretouch._core.values import Value
 from pretouch.motion import Scenario
 
@@ -80,7 +80,7 @@ class PhysicalBound(Value):
         a, limit, v, room = self.acceleration, np.asarray(self.acceleration_limit), self.velocity, self.distance
         free = np.sqrt(np.maximum(v**2 - 2 * (limit + a) * room, 0.0))
         if math.isinf(self.speed_limit):
-            return _plain(free)
+            return float_or_array(free)
         top = self.speed_limit
         time = top / limit  # until the robot is at its largest speed
         distance = room + v * time + (a + limit) * time**2 / 2
@@ -90,7 +90,7 @@ class PhysicalBound(Value):
             late = np.maximum(np.sqrt(v**2 - 2 * a * (room + top**2 / (2 * limit))) - top, 0.0)
         else:
             late = np.where(approach < 0, np.sqrt(np.maximum(approach**2 - 2 * a * distance, 0.0)), 0.0)
-        return _plain(np.where(early, free, late))
+        return float_or_array(np.where(early, free, late))
 
     def excursion(self, contact_speed: ArrayLike) -> Any:
         """Return the least excursion with which a contact speed is reached.
@@ -111,7 +111,7 @@ class PhysicalBound(Value):
             if math.isfinite(self.speed_limit):
                 needed = np.where(np.sqrt(2 * limit * needed) > self.speed_limit, self._slow(w), needed)
             known = self._duration(needed) <= self._time(needed) * (1 + _ROUNDING)
-        return _plain(np.where(known, needed, np.nan))
+        return float_or_array(np.where(known, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
         """Return the least time of contact at a contact speed: that of the least excursion.
@@ -122,7 +122,7 @@ class PhysicalBound(Value):
         Returns:
             The time [s]; NaN where no robot of this limit comes to that speed.
         """
-        return _plain(self._time(np.asarray(self.excursion(contact_speed))))
+        return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
         """Return the least acceleration with which any robot comes to a contact speed from the detection distance.
@@ -134,7 +134,7 @@ class PhysicalBound(Value):
             (v^2 - w^2) / (2 l0) - a [m/s^2], or 0 where the obstacle arrives no faster; whatever the excursion.
         """
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
-        return _plain(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
+        return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 
     def _slow(self, w: FloatArray) -> FloatArray:
         """Return the excursion at which an obstacle that brakes has come down to w above the largest speed."""
@@ -209,7 +209,3 @@ def _arrival(distance: Any, velocity: Any, acceleration: Any) -> FloatArray:
     square = np.asarray(velocity**2 - 2 * acceleration * distance)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(square >= 0, 2 * distance / (np.sqrt(np.maximum(square, 0)) - velocity), np.inf))
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value

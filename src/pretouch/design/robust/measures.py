@@ -11,7 +11,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import with_kind
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import FloatArray, finite, float_or_array
 
 from ..constraints import Constraint
 
@@ -101,7 +101,7 @@ class Expected(Measure):
 
     def of(self, values: Any) -> Any:
         """Return the mean."""
-        return _plain(np.mean(values, axis=-1))
+        return float_or_array(np.mean(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the mean and its interval by Student's t."""
@@ -197,7 +197,7 @@ class ConditionalValueAtRisk(Measure):
         q = np.asarray(_quantile(f, self.probability))[..., None]
         with np.errstate(invalid="ignore"):
             beyond = np.where(f > q, f - q, 0.0).mean(axis=-1)
-        return _plain(q[..., 0] + beyond / (1 - self.probability))
+        return float_or_array(q[..., 0] + beyond / (1 - self.probability))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the mean of the tail and its asymptotic interval: that of the mean of q + max(f - q, 0) / (1 - p)."""
@@ -223,7 +223,7 @@ class WorstCase(Measure):
 
     def of(self, values: Any) -> Any:
         """Return the largest value."""
-        return _plain(np.max(values, axis=-1))
+        return float_or_array(np.max(values, axis=-1))
 
     def estimate(self, values: FloatArray, confidence: float) -> tuple[float, float, float]:
         """Return the largest value; no sample bounds a worst case from above."""
@@ -258,14 +258,10 @@ class Required:
 
     def share(self, ratios: Any) -> Any:
         """Return the ratio |quantity| / limit that is not exceeded with the probability, along the last axis."""
-        return _plain(np.max(ratios, axis=-1)) if self.probability == 1 else _quantile(ratios, self.probability)
+        return float_or_array(np.max(ratios, axis=-1)) if self.probability == 1 else _quantile(ratios, self.probability)
 
 
 def _quantile(values: Any, probability: float) -> Any:
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
-    return _plain(np.partition(f, rank, axis=-1)[..., rank])
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if np.ndim(value) == 0 else value
+    return float_or_array(np.partition(f, rank, axis=-1)[..., rank])

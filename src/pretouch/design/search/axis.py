@@ -32,9 +32,10 @@ class GainAxis:
     def between(cls, bounds: Sequence[float]) -> GainAxis:
         """Make the axis between two bounds [N s], and refuse what is no interval."""
         low, high = bounds
-        if not finite(low, "bounds", "N*s") < finite(high, "bounds", "N*s"):
+        low, high = finite(low, "bounds", "N*s"), finite(high, "bounds", "N*s")
+        if not low < high:
             raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
-        return cls(low=float(low), high=float(high))
+        return cls(low=low, high=high)
 
     @property
     def scale(self) -> float:

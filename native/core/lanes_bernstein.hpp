@@ -140,6 +140,23 @@ template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> 
     return where((doubt < 1e-6) & (found < 2.5) & (extra < 0.5), largest, all(NOT_A_NUMBER));
 }
 
+// The largest magnitudes on [0, 1], in halves of it where nothing less is certain.
+template <int N> Lanes largest(const Polynomial<N> &q, Lanes so_far, int halvings) {
+    const Lanes found = most(most(absolute(q.at[0]), absolute(total(q))), so_far);
+    const Range range = range_of(slope_of(q));
+    const Masks inside = (range.least < 0.0) & (0.0 < range.most) & (found < found + least(range.most, -range.least));
+    if (!bits(inside)) return found;
+    const Lanes turning = find_peaks(q);
+    if (!bits(inside & (turning != turning)) || halvings == 0) return where(inside, most(turning, found), found);
+    Polynomial<N> half = q;
+    for (int k = 0; k < N; k++) half.at[k] = q.at[k] * (1.0 / double(1 << k));
+    const Lanes first = largest(half, found, halvings - 1);
+    for (int i = 0; i < N - 1; i++) {
+        for (int j = N - 2; j >= i; j--) half.at[j] = half.at[j] + half.at[j + 1];
+    }
+    return largest(half, first, halvings - 1);
+}
+
 }  // namespace
 
 }  // namespace PRETOUCH_VARIANT

@@ -72,8 +72,11 @@ inline Lanes mean_path(const Motion &m, const Obstacle &o, Lanes step) {
     return o.position + (o.velocity * 0.5 + (m.acceleration * (1.0 / 6.0)) * step) * step;
 }
 
-// Fill c with the coefficients of l; return the damping that the motion feels.
-template <int DEGREE> __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Lanes *c) {
+// Fill c with the coefficients of l, and rates, where wanted, with those of d ln xi / dt; return the damping that the
+// motion feels.
+template <int DEGREE>
+__attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Lanes *c,
+                                                   Lanes *rates = nullptr) {
     LogCurve<DEGREE> curve(m.terms, m.middle, m.state.distance, m.gain);
     c[0] = m.state.distance;
     c[1] = m.state.speed;
@@ -86,6 +89,9 @@ template <int DEGREE> __attribute__((always_inline)) inline Lanes expand(const M
         if constexpr (k == 1) total = m.damping * m.acceleration + m.stiffness * o.velocity + total;
         if constexpr (k == 2) total = m.stiffness * m.acceleration * 0.5 + total;
         total = curve.template pulled<k>(total * (1.0 / (k + 1)), c[k + 1], v);
+        if constexpr (DEGREE > 1) {
+            if (rates) rates[k] = curve.slope * v + curve.beyond * double(k + 1);
+        }
         v = total - (held * (1.0 / (k + 1))) * v;
         c[k + 2] = v * (1.0 / (k + 2));
     });

@@ -24,7 +24,7 @@ typedef struct {
 PRETOUCH_API int pretouch_best_variant(void);
 PRETOUCH_API int pretouch_choose_variant(int wanted);
 
-/* ---- one encounter at a time, every contact found or excluded (linear.cpp, series.cpp, follow.cpp) ----
+/* ---- one encounter at a time, every contact found or excluded (linear.cpp, lanes_guaranteed.cpp) ----
  * values: M, D, K, x~(0), x~'(0), p, v, a, velocity and acceleration of the reference; SI, shape (n, 10).
  * rows: filled with COLUMNS of motion/layout.py, shape (n, 15); status: filled with the numbers of ContactStatus. */
 PRETOUCH_API void pretouch_solve_linear(const double *values, int64_t n, double slope, const double *gains,
@@ -46,9 +46,10 @@ PRETOUCH_API void pretouch_trace_series(const double *values, int64_t n, const d
 /* The tables of stiff_step.cpp, for tests: points (10), then four matrices (10, 10) of radau_tables.hpp. */
 PRETOUCH_API void pretouch_radau_points(double *tables);
 
-/* Derivatives of time and l' at contact by nine inputs and k parameters of the curve: found, shape (n, 2, 9 + k). */
+/* Derivatives of time and l' at contact by nine inputs: found, shape (n, 2, 9); or, where shape is not null, by a parameter
+ * of the curve as well, (n, 2, 10), whose change of g has the coefficients shape, (p, q - 2), on the pieces. */
 PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, const double *gains, const double *pieces,
-                                            int64_t p, int64_t q, const double *terms, int64_t k, double horizon,
+                                            int64_t p, int64_t q, const double *shape, double horizon,
                                             double *found, int8_t *status);
 
 /* ---- many encounters of a constant slope, side by side (lanes_linear.cpp) ----

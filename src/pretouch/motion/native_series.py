@@ -23,7 +23,7 @@ _ENCOUNTERS: Final = (POINTER, INTEGER, POINTER, POINTER, INTEGER, INTEGER)
 _LIMITS: Final = (DOUBLE, ctypes.c_int, ctypes.c_int)
 _solve: Final = kernel("solve_series", *_ENCOUNTERS, *_LIMITS, POINTER, POINTER)
 _trace: Final = kernel("trace_series", *_ENCOUNTERS, *_LIMITS, POINTER, INTEGER, POINTER)
-_follow: Final = kernel("follow_gradients", *_ENCOUNTERS, POINTER, INTEGER, DOUBLE, POINTER, POINTER)
+_follow: Final = kernel("follow_gradients", *_ENCOUNTERS, POINTER, DOUBLE, POINTER, POINTER)
 
 
 def solve_series(
@@ -88,19 +88,20 @@ def follow_gradients(
         values: relative quantities of Scenario.relative, shape (n, 10).
         gains: D_p [N s], shape (n,).
         pieces: the curve from l = 0 upward, as curve_pieces gives it, shape (p, 2 + degree).
-        terms: for each piece and parameter of the curve the coefficients of rho = dg/d(parameter) in z, shape
-            (p, m, degree).
+        terms: for each piece the coefficients of rho = dg/d(parameter) in z of m parameters of the curve, one at most,
+            shape (p, m, degree).
         horizon: when to give up [s].
-        found: filled with the derivatives of time and l' by the nine inputs and the parameters, shape (n, 2, 9 + m);
+        found: filled with the derivatives of time and l' by the nine inputs and the parameter, shape (n, 2, 9 + m);
             nan where no contact is reached.
         status: filled with 0 where the contact was reached, 1 where l went beyond the pieces, else 2, shape (n,), int8.
     """
-    n, many = len(values), terms.shape[1]
+    n, many = len(values), min(terms.shape[1], 1)
     _check(terms, (len(pieces), many, pieces.shape[1] - 2))
     _check(found, (n, 2, FOLLOWED + many))
     _check(status, (n,))
     encounters = _encounters(values, gains, pieces)
-    _follow(*encounters, address(terms), many, horizon, address(found), address(status, _SHORT))
+    shape = address(terms) if many else None
+    _follow(*encounters, shape, horizon, address(found), address(status, _SHORT))
 
 
 def _encounters(values: FloatArray, gains: FloatArray, pieces: FloatArray) -> tuple[int, int, int, int, int, int]:

@@ -1,0 +1,84 @@
+// What the guaranteed path has of an encounter and of its curve: the obstacle's path, and the slope g on pieces.
+
+#pragma once
+
+#include <math.h>
+#include <stdint.h>
+
+#include "endings.hpp"
+
+namespace pretouch {
+
+constexpr int COEFFICIENTS = 10;  // of g on a piece, at most
+constexpr double OVERLAP = 1e-9;  // of a piece's width: how far its polynomial is used beyond its border
+
+// the larger and the smaller; the first one where either is not a number
+static inline double larger(double x, double y) { return y > x ? y : x; }
+static inline double smaller(double x, double y) { return y < x ? y : x; }
+
+// Position of the obstacle relative to the reference, and its velocity [m, m/s].
+static inline double obstacle_at(const Values &m, double t) { return m.p + (m.v + m.a * t / 2) * t; }
+static inline double obstacle_speed(const Values &m, double t) { return m.v + m.a * t; }
+
+// g = sum_j g_j z^j with z = (l - middle) / half on [middle - half, middle + half].
+struct Piece {
+    double middle, half, g[COEFFICIENTS];
+};
+
+// g and dg/dl at a distance.
+struct Slope {
+    double value, bend;
+};
+
+static inline Slope slope_at(const Piece &piece, double l) {
+    const double z = (l - piece.middle) / piece.half;
+    double value = 0, bend = 0;
+    for (int j = COEFFICIENTS - 1; j >= 0; j--) {
+        bend = bend * z + value;
+        value = value * z + piece.g[j];
+    }
+    return {value, bend / piece.half};
+}
+
+// Between which distances [m] a step must end, and where l comes into contact, at or below the lower one.
+struct Borders {
+    double low, high, contact;
+};
+
+// A curve as an entry point is given it: middle, half width and coefficients of g of each piece, ascending.
+struct Curve {
+    const double *pieces;
+    int64_t count, width;
+
+    double bottom(int64_t i) const { return pieces[i * width] - pieces[i * width + 1]; }
+    double top(int64_t i) const { return pieces[i * width] + pieces[i * width + 1]; }
+
+    Piece piece(int64_t i) const {
+        const double *row = pieces + i * width;
+        Piece found = {row[0], row[1], {}};
+        for (int j = 0; j < COEFFICIENTS && j < width - 2; j++) found.g[j] = row[2 + j];
+        return found;
+    }
+
+    // the lowest piece whose upper border is not below l
+    int64_t find(double l) const {
+        int64_t low = 0, high = count - 1;
+        while (low < high) {
+            const int64_t between = (low + high) / 2;
+            if (l <= top(between)) {
+                high = between;
+            } else {
+                low = between + 1;
+            }
+        }
+        return low;
+    }
+
+    // between which distances the polynomial of a piece is used: at the top as well, where an object may rest
+    Borders borders(int64_t i, double contact) const {
+        const double half = pieces[i * width + 1];
+        return {bottom(i) - (i > 0 ? OVERLAP * half : 0.0), top(i) + OVERLAP * half, contact};
+    }
+};
+
+}  // namespace pretouch

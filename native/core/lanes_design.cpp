@@ -67,7 +67,7 @@ struct Encounter {
         int8_t status[LARGEST];
         solved = n;
         if (curves)
-            series_contacts(columns, n, curves, horizon, states, status);
+            series_contacts(columns, nullptr, n, curves, horizon, states, nullptr, nullptr, status);
         else
             linear_contacts(columns, n, slope, horizon, states, status, states + n, n, 0);
         for (int64_t i = 0; i < n; i++)

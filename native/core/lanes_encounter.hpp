@@ -30,12 +30,6 @@ struct Course {
     double closest_distance, settling_distance, displacement_integral;
 };
 
-// When to give up [s], whether the lowest border is the contact, whether the curve goes on beyond the pieces.
-struct Limits {
-    double horizon;
-    bool contact_border, open_ended;
-};
-
 // Where a motion is asked for: ascending times, and TRACE_COLUMNS of motion/layout.py for each.
 struct Samples {
     const double *times;
@@ -53,8 +47,8 @@ struct Followed {
 struct Encounter {
     const Values &m;
     const double gain;
-    const Curve &curve;
-    const Limits &limits;
+    const Curve curve;
+    const double horizon;  // when to give up [s]
     Samples samples;
     Followed *beside;
     Course &row;
@@ -68,7 +62,7 @@ struct Encounter {
     Motion motion = {};
     double b[ORDER + 1], force[ORDER], unit = 0;  // the series of l and of d ln xi / dt, and the unit of its time [s]
 
-    Encounter(const Values &m, double gain, const Curve &curve, const Limits &limits, const Samples &samples,
+    Encounter(const Values &m, double gain, const pretouch_pieces &curve, double horizon, const Samples &samples,
               Followed *beside, Course &row);
     void enter(int64_t to);
     double rest(double damping) const;
@@ -105,9 +99,9 @@ inline void Encounter::enter(int64_t to) {
     if (beside && beside->shape) set_terms(beside->shape + to * count, count, piece.half, beside->responses.shape);
 }
 
-inline Encounter::Encounter(const Values &values, double strength, const Curve &along, const Limits &until,
+inline Encounter::Encounter(const Values &values, double strength, const pretouch_pieces &along, double until,
                             const Samples &at, Followed *carried, Course &course)
-    : m(values), gain(strength), curve(along), limits(until), samples(at), beside(carried), row(course) {
+    : m(values), gain(strength), curve{along}, horizon(until), samples(at), beside(carried), row(course) {
     l = start = m.p - m.x0;
     speed = m.v - m.u0;
     motion.damping = all(m.damping / m.mass);
@@ -122,7 +116,7 @@ inline Encounter::Encounter(const Values &values, double strength, const Curve &
     never = alone && is_never();
     const double rate = fabs(m.damping + gain * piece.g[0]) / m.mass + sqrt(m.stiffness / m.mass);
     const double slow = rate > 0 ? 1.0 / rate : 1.0, crossing = 2 * piece.half / larger(fabs(speed), 1e-12);
-    taylor = larger(smaller(smaller(slow, crossing), limits.horizon), SHORTEST_UNIT);
+    taylor = larger(smaller(smaller(slow, crossing), horizon), SHORTEST_UNIT);
     row = {};
     row.closest_distance = l;
     row.settling_distance = m.v == 0 && m.a == 0 && m.stiffness > 0 && gain <= 0 ? m.p : INFINITY;
@@ -149,7 +143,7 @@ inline double Encounter::reach() const {
 // Find the series of the next step; returns the largest part of its unit at which it holds.
 inline double Encounter::expand_step() {
     const Borders used = curve.borders(index, 0);
-    const double way = speed < 0 ? l - used.low : used.high - l, left = limits.horizon - time;
+    const double way = speed < 0 ? l - used.low : used.high - l, left = horizon - time;
     const double useful = smaller(left, AHEAD * way / larger(fabs(speed), 1e-300));
     memset(b, 0, sizeof b);
     memset(force, 0, sizeof force);
@@ -169,7 +163,7 @@ inline double Encounter::expand_step() {
             power *= unit;
         }
         tau = reach();
-        taylor = larger(smaller(unit * tau, limits.horizon), SHORTEST_UNIT);
+        taylor = larger(smaller(unit * tau, horizon), SHORTEST_UNIT);
         pace.doubt = LEFT_OUT * SLOW * scale() / taylor;
     }
     return smaller(tau, smaller(left, longest) / unit);

@@ -65,7 +65,7 @@ bool Encounter::is_never() const {
 
 // Whether l is proved to stay above 0 and within the range for good, at its end or close to its least.
 bool Encounter::is_over(bool last) {
-    if (never && (limits.open_ended || speed <= 0)) {
+    if (never && (curve.open_ended || speed <= 0)) {
         const double damping = least_damping(l), way = rest(damping), doubt = rest_resolution(m, damping);
         if (!(last || way <= doubt)) return false;
         if (m.stiffness == 0) {
@@ -77,7 +77,7 @@ bool Encounter::is_over(bool last) {
         return true;
     }
     const double floor = floor_after(), ceiling = m.stiffness > 0 ? 2 * m.p - floor : 2 * l - floor;
-    if (!(floor > 0 && (limits.open_ended || ceiling <= curve.top(curve.count - 1)))) return false;
+    if (!(floor > 0 && (curve.open_ended || ceiling <= curve.top(curve.count - 1)))) return false;
     const bool settled = fabs(l - floor) <= 1e-12 * l;
     if (!(settled || last || row.closest_distance <= floor)) return false;
     if (m.stiffness == 0) row.settling_distance = settled ? floor : INFINITY;
@@ -109,38 +109,32 @@ Status Encounter::run() {
                 row.relative_velocity = row.virtual_force = 0;
             }
             if (never) row.settling_distance = bottom;  // it is as close to its rest as rounding lets it come
-            return never ? NO_CONTACT : limits.contact_border ? CONTACT : LEFT_RANGE;
+            return never ? NO_CONTACT : curve.ends_in_contact ? CONTACT : LEFT_RANGE;
         }
         if (step.moved > 0 && index == last) {
             row.distance = top;
-            return limits.open_ended ? UNRESOLVED : LEFT_RANGE;
+            return curve.open_ended ? UNRESOLVED : LEFT_RANGE;
         }
         if (step.moved) enter(index + step.moved);
         never = never || (alone && is_never());
         const bool vanished = alone && m.p == 0 && m.stiffness > 0 && rest(0) <= VANISHED * start;
         if (vanished) row.closest_distance = row.settling_distance = 0;
-        if (vanished || is_over(time >= limits.horizon)) return NO_CONTACT;
-        if (time >= limits.horizon) return LATE;
+        if (vanished || is_over(time >= horizon)) return NO_CONTACT;
+        if (time >= horizon) return LATE;
         if (!isfinite(l + speed)) return UNRESOLVED;
     }
     return never && is_over(true) ? NO_CONTACT : UNRESOLVED;
 }
 
-// Solve one encounter. Where times are given, fill the trace at them.
-Status solve(const Values &m, double gain, const Curve &curve, const Limits &limits, const Samples &samples,
-             Course &row) {
-    return Encounter(m, gain, curve, limits, samples, nullptr, row).run();
-}
-
 // Follow one encounter to its contact and write its gradients, of time and then of l'; tell how it ended: 0 reached, 1
 // beyond the curve, 2 otherwise, a touch among these, which an arbitrarily small change turns into none.
-int8_t follow(const Values &m, double gain, const Curve &curve, double horizon, const double *shape, double *found) {
-    const Limits limits = {horizon, true, false};
+int8_t follow(const Values &m, double gain, const pretouch_pieces &curve, double horizon, const double *shape,
+              double *found) {
     const int64_t many = shape ? INPUTS + 1 : INPUTS;
     Course row;
     Followed beside = {};
     beside.shape = shape;
-    Encounter one(m, gain, curve, limits, {}, &beside, row);
+    Encounter one(m, gain, curve, horizon, {}, &beside, row);
     const Status status = one.run();
     for (int64_t j = 0; j < 2 * many; j++) found[j] = NOT_A_NUMBER;
     if (status == LEFT_RANGE) return 1;
@@ -163,32 +157,21 @@ const Values &values_of(const double *values, int64_t i) { return reinterpret_ca
 
 }  // namespace
 
-void solve_series(const double *values, int64_t n, const double *gains, const double *pieces, int64_t p, int64_t q,
-                  double horizon, int contact_border, int open_ended, double *rows, int64_t *status) {
-    const Curve curve = {pieces, p, q};
-    const Limits limits = {horizon, contact_border != 0, open_ended != 0};
+void solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve, double horizon,
+                  double *rows, int64_t *status, const double *times, int64_t m, double *trace) {
     for (int64_t i = 0; i < n; i++) {
-        status[i] = solve(values_of(values, i), gains[i], curve, limits, {}, reinterpret_cast<Course *>(rows)[i]);
+        Samples samples = {};
+        if (times) samples = {times + i * m, m, reinterpret_cast<double(*)[4]>(trace) + i * m};
+        Course &row = reinterpret_cast<Course *>(rows)[i];
+        status[i] = Encounter(values_of(values, i), gains[i], *curve, horizon, samples, nullptr, row).run();
     }
 }
 
-void trace_series(const double *values, int64_t n, const double *gains, const double *pieces, int64_t p, int64_t q,
-                  double horizon, int contact_border, int open_ended, const double *times, int64_t m, double *trace) {
-    const Curve curve = {pieces, p, q};
-    const Limits limits = {horizon, contact_border != 0, open_ended != 0};
-    Course row;
-    for (int64_t i = 0; i < n; i++) {
-        const Samples samples = {times + i * m, m, reinterpret_cast<double(*)[4]>(trace) + i * m};
-        solve(values_of(values, i), gains[i], curve, limits, samples, row);
-    }
-}
-
-void follow_gradients(const double *values, int64_t n, const double *gains, const double *pieces, int64_t p, int64_t q,
+void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
                       const double *shape, double horizon, double *found, int8_t *status) {
-    const Curve curve = {pieces, p, q};
     for (int64_t i = 0; i < n; i++) {
         double *rows = found + i * 2 * (shape ? INPUTS + 1 : INPUTS);
-        status[i] = follow(values_of(values, i), gains[i], curve, horizon, shape, rows);
+        status[i] = follow(values_of(values, i), gains[i], *curve, horizon, shape, rows);
     }
 }
 

@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "endings.hpp"
+#include "pretouch.h"
 
 namespace pretouch {
 
@@ -45,11 +46,8 @@ struct Borders {
     double low, high, contact;
 };
 
-// A curve as an entry point is given it: middle, half width and coefficients of g of each piece, ascending.
-struct Curve {
-    const double *pieces;
-    int64_t count, width;
-
+// A curve as an entry point is given it.
+struct Curve : pretouch_pieces {
     double bottom(int64_t i) const { return pieces[i * width] - pieces[i * width + 1]; }
     double top(int64_t i) const { return pieces[i * width] + pieces[i * width + 1]; }
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .layout import PEAKS, STATES
-from .native_lanes import contact_peaks, contact_times
+from .native_lanes import contact_times
 from .parallel import for_stretches
 from .request import Request
 from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of
@@ -67,7 +67,8 @@ def peaks_in_lanes(request: Request, which: IntArray | None) -> dict[str, FloatA
     def run(start: int, stop: int) -> None:
         c, count = _columns(request, which, start, stop), stop - start
         out, peaks, status = np.empty((len(STATES), count)), np.empty((len(PEAKS), count)), np.empty(count, np.int8)
-        contact_peaks((*c[:8], c[10]), c[8], c[9], _own(curves, start, stop), request.horizon, out, peaks, status)
+        inputs, reference, own = (*c[:8], c[10]), c[8:10], _own(curves, start, stop)
+        contact_times(inputs, own, request.horizon, out, status, reference=reference, peaks=peaks)
         rows[:, start:stop] = peaks
 
     for_stretches(run, size, least=_LEAST, most=_MOST)

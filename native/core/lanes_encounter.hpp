@@ -193,7 +193,7 @@ inline void Encounter::carry(Accepted &step) {
         longest = part * unit;
         if (smooth) break;
         cut(part);
-        step = {1, look_at(b, 1).value, 0, false, 0};
+        step = {1, look_at(b, 1.0).value, 0, false, 0};
     }
 }
 
@@ -201,7 +201,7 @@ inline void Encounter::carry(Accepted &step) {
 inline void Encounter::sample(double tau) {
     for (; samples.count > 0 && *samples.times <= time + unit * tau; samples.count--) {
         const double t = *samples.times++;
-        const Point now = look_at(b, (t - time) / unit);
+        const Point<double> now = look_at(b, (t - time) / unit);
         double *found = *samples.trace++;
         found[0] = now.value;
         found[1] = obstacle_at(m, t) - now.value;
@@ -247,7 +247,7 @@ inline void Encounter::keep_extremes(double tau) {
 
 // Write the state at the end of a step, and go there.
 inline void Encounter::finish(double tau, double end) {
-    const Point last = look_at(b, tau);
+    const Point<double> last = look_at(b, tau);
     time += unit * tau;
     l = end;
     speed = last.slope / unit;

@@ -19,21 +19,6 @@ using namespace pretouch;
 constexpr double SHORTEST = 1e-14;  // tau
 constexpr int MOST_HALVINGS = 100;
 
-// A polynomial of tau and its two derivatives.
-struct Point {
-    double value, slope, bend;
-};
-
-inline Point look_at(const double *c, double tau) {
-    double value = c[ORDER], slope = 0, bend = 0;
-    for (int k = ORDER - 1; k >= 0; k--) {
-        bend = bend * tau + slope;
-        slope = slope * tau + value;
-        value = value * tau + c[k];
-    }
-    return {value, slope, 2 * bend};
-}
-
 // A step that counts: how long, and l at its end; -1 or 1 where that is the lower or the upper border and 0 elsewhere;
 // whether the contact is only touched; since when l is monotone.
 struct Accepted {
@@ -50,14 +35,17 @@ struct Proof {
 };
 
 inline Proof certify(const double *c, const Borders &borders, double tau) {
-    double rest = 0, bend = 0, turn = 0, power = 1;
+    double below = 0, above = 0, bend = 0, turn = 0, power = 1;
     for (int k = 1; k <= ORDER; k++) {
-        if (k > 1) bend += k * fabs(c[k]) * power;
-        if (k > 2) turn += k * (k - 1) * fabs(c[k]) * power;
+        const double slope = k * fabs(c[k]) * power;
+        if (k > 1) bend += slope;
+        if (k > 2) turn += (k - 1) * slope;
         power *= tau;
-        rest += fabs(c[k]) * power;
+        below += smaller(c[k] * power, 0.0);
+        above += larger(c[k] * power, 0.0);
     }
-    return {fabs(c[1]) > bend, c[0] - rest > borders.low && c[0] + rest < borders.high, 2 * fabs(c[2]) * tau > turn};
+    const bool inside = c[0] + below > borders.low && c[0] + above < borders.high;
+    return {fabs(c[1]) > bend, inside, 2 * fabs(c[2]) * tau > turn};
 }
 
 // Where a polynomial that is monotone between two times passes a level there, or where its slope, monotone there, changes
@@ -65,15 +53,15 @@ inline Proof certify(const double *c, const Borders &borders, double tau) {
 enum Wanted { LEVEL, TURNING };
 inline double zero_time(const double *c, Wanted wanted, double level, double left, double right,
                         double resolved = 4e-16) {
-    const auto miss = [&](const Point &p) { return wanted == LEVEL ? p.value - level : p.slope; };
+    const auto miss = [&](const Point<double> &p) { return wanted == LEVEL ? p.value - level : p.slope; };
     const double tau = right;
     double t = right;
-    Point p = look_at(c, t);
+    Point<double> p = look_at(c, t);
     const bool rising = miss(p) > 0;
     for (int i = 0; i < MOST_HALVINGS; i++) {
         ((miss(p) > 0) == rising ? right : left) = t;
         const double step = t - miss(p) / (wanted == LEVEL ? p.slope : p.bend);
-        if (fabs(step - t) <= resolved * tau) return t;
+        if (fabs(step - t) <= resolved * tau) return smaller(larger(step, left), right);
         t = left <= step && step <= right ? step : 0.5 * (left + right);
         p = look_at(c, t);
     }

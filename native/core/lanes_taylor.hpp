@@ -22,6 +22,21 @@ namespace {
 constexpr int ORDER = 16;
 constexpr int LARGEST_DEGREE = 12;
 
+// A polynomial and its two derivatives at a place.
+template <class V> struct Point {
+    V value, slope, bend;
+};
+
+template <int DEGREE = ORDER, class V> __attribute__((always_inline)) inline Point<V> look_at(const V *c, V s) {
+    V value = c[DEGREE], slope{}, bend{};
+    unrolled<0, DEGREE>([&](auto place) __attribute__((always_inline)) {
+        bend = slope + bend * s;
+        slope = value + slope * s;
+        value = c[DEGREE - 1 - decltype(place)::value] + value * s;
+    });
+    return {value, slope, bend + bend};
+}
+
 // A series whose first coefficient that is not zero is that of order FIRST; those before are not there.
 template <int FIRST> struct Series {
     Lanes at[ORDER + 1];

@@ -41,6 +41,17 @@ static inline Slope slope_at(const Piece &piece, double l) {
     return {value, bend / piece.half};
 }
 
+// The lowest place from first to before last whose top is not below l, the last one where all are.
+template <class Top> static inline int64_t lowest_above(int64_t first, int64_t last, double l, Top top) {
+    int64_t low = first, high = last - 1;
+    while (low < high) {
+        const int64_t between = (low + high) / 2;
+        if (l <= top(between)) high = between;
+        else low = between + 1;
+    }
+    return low;
+}
+
 // Between which distances [m] a step must end, and where l comes into contact, at or below the lower one.
 struct Borders {
     double low, high, contact;
@@ -58,19 +69,8 @@ struct Curve : pretouch_pieces {
         return found;
     }
 
-    // the lowest piece whose upper border is not below l
-    int64_t find(double l) const {
-        int64_t low = 0, high = count - 1;
-        while (low < high) {
-            const int64_t between = (low + high) / 2;
-            if (l <= top(between)) {
-                high = between;
-            } else {
-                low = between + 1;
-            }
-        }
-        return low;
-    }
+    // the lowest piece whose upper border is not below l, the last where all are
+    int64_t find(double l) const { return lowest_above(0, count, l, [this](int64_t i) { return top(i); }); }
 
     // between which distances the polynomial of a piece is used: at the top as well, where an object may rest
     Borders borders(int64_t i, double contact) const {

@@ -57,6 +57,8 @@ struct Borders {
     double low, high, contact;
 };
 
+namespace {  // as functions of it are compiled for each kind of processor
+
 // A curve as an entry point is given it.
 struct Curve : pretouch_pieces {
     double bottom(int64_t i) const { return pieces[i * width] - pieces[i * width + 1]; }
@@ -78,5 +80,7 @@ struct Curve : pretouch_pieces {
         return {bottom(i) - (i > 0 ? OVERLAP * half : 0.0), top(i) + OVERLAP * half, contact};
     }
 };
+
+}  // namespace
 
 }  // namespace pretouch

@@ -32,8 +32,8 @@ ZIG = "ziglang>=0.14,<0.18"
 WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi"
 LAW = f"-std=c99 -O2 -ffp-contract=off -pedantic {WARNINGS}"
 PLAIN = f"-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics {WARNINGS}"
-UNROLLED = {"series", "stiff_step", "follow"}
-"""Sources of loops of a known length: -O3, which unrolls these, makes follow.cpp twice as fast."""
+UNROLLED = {"stiff_step"}
+"""Sources of loops of a known length: -O3 unrolls these."""
 
 LANES = (
     f"-std=c++20 -O3 -fno-math-errno -fno-trapping-math -ffp-contract=fast -fno-exceptions -fno-rtti "

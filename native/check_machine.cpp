@@ -28,9 +28,10 @@ int main(void) {
     const pretouch_linear wanted = {time, status, 0, nullptr, {states, N}, {}, {}};
     pretouch_linear_contacts(inputs, N, SLOPE, 30.0, &wanted);
     failed |= compare("linear", states, EXPECTED_LINEAR, 5 * N, 1e-9);
-    pretouch_series_contacts(inputs, N, &curves, 30.0, contacts, status);
+    pretouch_series_contacts(inputs, nullptr, N, &curves, 30.0, contacts, nullptr, nullptr, status);
     failed |= compare("lanes", contacts, EXPECTED_LANES, 6 * N, 1e-8);
-    pretouch_solve_series(VALUES, N, INPUTS + 8 * N, PIECES, PIECE_ROWS, PIECE_WIDTH, 30.0, 1, 0, rows, ended);
+    const pretouch_pieces curve = {PIECES, PIECE_ROWS, PIECE_WIDTH, 1, 0};
+    pretouch_solve_series(VALUES, N, INPUTS + 8 * N, &curve, 30.0, rows, ended, nullptr, 0, nullptr);
     failed |= compare("guaranteed", rows, EXPECTED_SERIES, 15 * N, 1e-8);
     const double term[4] = {4.0, 1.0, 2.0, 0.0}, other[4] = {1.0, 25.0, 2.0, 0.0};
     double terms[8];

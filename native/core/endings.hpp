@@ -29,24 +29,24 @@ struct Values {
 };
 
 // The distance [m] at a time that is not told from zero.
-inline double resolution(const Values &m, double t) {
+static inline double resolution(const Values &m, double t) {
     return RESOLUTION * (fabs(m.p) + (fabs(m.v) + fabs(m.a) / 2 * t) * t);
 }
 
 // The distance [m] of a resting place that is not told from zero.
-inline double rest_resolution(const Values &m, double damping) {
+static inline double rest_resolution(const Values &m, double damping) {
     const double way = m.stiffness == 0 && damping > 0 ? fabs(m.v - m.u0) * m.mass / damping : 0.0;
     return RESOLUTION * (fabs(m.p) + fabs(m.x0) + way);
 }
 
 // Whether nothing drives l but itself: an obstacle at rest beside the reference, or nothing that holds.
-inline bool is_left_alone(const Values &m) {
+static inline bool is_left_alone(const Values &m) {
     return m.a == 0 && (m.v == 0 || (m.damping == 0 && m.stiffness == 0));
 }
 
 // Whether an l that is left alone is proved to tend to its resting place without ever passing a level [m]; damping: the
 // least D + D_p g between the level and where l may still go [N s/m].
-inline bool never_arrives(const Values &m, double damping, double l, double speed, double level) {
+static inline bool never_arrives(const Values &m, double damping, double l, double speed, double level) {
     constexpr double rounding = 1e-15;  // of D^2, and of mu_2: a damping is critical to no more digits than it has
     const double doubt = rest_resolution(m, damping);
     if (m.stiffness == 0) return speed >= 0 || (damping > 0 && l + speed * m.mass / damping >= level - doubt);

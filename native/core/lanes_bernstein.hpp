@@ -58,14 +58,6 @@ template <int N> __attribute__((always_inline)) inline Lanes total(const Polynom
     return sum;
 }
 
-template <int N> __attribute__((always_inline)) inline Lanes value_at(const Polynomial<N> &a, Lanes s) {
-    Lanes value = a.at[N - 1];
-    unrolled<1, N>([&](auto k) __attribute__((always_inline)) {
-        value = a.at[N - 1 - decltype(k)::value] + value * s;
-    });
-    return value;
-}
-
 template <int N> __attribute__((always_inline)) inline Polynomial<N - 1> slope_of(const Polynomial<N> &a) {
     Polynomial<N - 1> slope;
     unrolled<1, N>([&](auto k) __attribute__((always_inline)) {
@@ -94,12 +86,8 @@ template <int N> inline Lanes find_turn(const Polynomial<N> &slope, const Turn &
     Lanes change = all(0.0);
     s = turn.start;
     for (int i = 0; i < 5; i++) {
-        Lanes value = slope.at[N - 1], bend = all(0.0);
-        unrolled<1, N>([&](auto k) __attribute__((always_inline)) {
-            bend = value + bend * s;
-            value = slope.at[N - 1 - decltype(k)::value] + value * s;
-        });
-        const Lanes following = least(most(turn.left, s - value / bend), turn.left + 1.0 / PARTS);
+        const Point<Lanes> q = look_at<N - 1>(slope.at, s);
+        const Lanes following = least(most(turn.left, s - q.value / q.slope), turn.left + 1.0 / PARTS);
         change = absolute(following - s);
         s = following;
     }
@@ -115,7 +103,7 @@ template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> 
     Lanes found = zero;
     Lanes here = where(zero < absolute(slope.at[0]), slope.at[0], q.at[2]);  // from rest: the way it bends
     for (int j = 0; j < PARTS; j++) {
-        const Lanes next = j + 1 < PARTS ? value_at(slope, all((j + 1.0) / PARTS)) : total(slope);
+        const Lanes next = j + 1 < PARTS ? look_at<N - 2>(slope.at, all((j + 1.0) / PARTS)).value : total(slope);
         const Masks changed = here * next < 0.0, is_first = changed & (found < 0.5);
         const Turn now = {all(double(j) / PARTS), (here / (here - next) + double(j)) * (1.0 / PARTS)};
         first = {where(is_first, now.left, first.left), where(is_first, now.start, first.start)};
@@ -132,12 +120,29 @@ template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> 
     for (const Turn &turn : turns) {
         Lanes s;
         doubt = most(find_turn(slope, turn, s), doubt);
-        largest = most(absolute(value_at(q, s)), largest);
+        largest = most(absolute(look_at<N - 1>(q.at, s).value), largest);
     }
     largest = where(zero < found, largest, zero);
     doubt = where(zero < found, doubt, zero);
     const Lanes extra = where(flat, zero, changes - found);
     return where((doubt < 1e-6) & (found < 2.5) & (extra < 0.5), largest, all(NOT_A_NUMBER));
+}
+
+// The largest magnitudes on [0, 1], in halves of it where nothing less is certain.
+template <int N> Lanes largest(const Polynomial<N> &q, Lanes so_far, int halvings) {
+    const Lanes found = most(most(absolute(q.at[0]), absolute(total(q))), so_far);
+    const Range range = range_of(slope_of(q));
+    const Masks inside = (range.least < 0.0) & (0.0 < range.most) & (found < found + least(range.most, -range.least));
+    if (!bits(inside)) return found;
+    const Lanes turning = find_peaks(q);
+    if (!bits(inside & (turning != turning)) || halvings == 0) return where(inside, most(turning, found), found);
+    Polynomial<N> half = q;
+    for (int k = 0; k < N; k++) half.at[k] = q.at[k] * (1.0 / double(1 << k));
+    const Lanes first = largest(half, found, halvings - 1);
+    for (int i = 0; i < N - 1; i++) {
+        for (int j = N - 2; j >= i; j--) half.at[j] = half.at[j] + half.at[j + 1];
+    }
+    return largest(half, first, halvings - 1);
 }
 
 }  // namespace

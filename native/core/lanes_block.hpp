@@ -27,6 +27,7 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 constexpr double LARGEST_DOUBT = 1e-10;  // of the time; 1e-9 is promised
+constexpr double ROUGHLY = 1e-5;         // of a step: Newton's last move to the next window; what is left is its square
 constexpr int MOST_CUTS = 4;             // of one step before it is taken for a turn
 constexpr int8_t CONTACT = 0, OPEN = -1;
 
@@ -224,7 +225,8 @@ template <int DEGREE, class Beside> class Block {
                 return false;
             }
             if (!(end <= m.edge[lane])) return false;
-            m.cap[lane] = length * level_part(m, lane, windows[place[lane]][LOW]);
+            const LaneSeries series(m, lane);
+            m.cap[lane] = length * zero_time(series.b, LEVEL, windows[place[lane]][LOW], 0, 1, ROUGHLY);
             return true;
         }
         if (!(bound < INFINITE && cuts[lane] < MOST_CUTS)) return false;

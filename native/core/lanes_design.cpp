@@ -68,7 +68,7 @@ struct Encounter {
         const pretouch_linear wanted = {states, status, false, nullptr, {states + n, n}, {}, {}};
         solved = n;
         if (curves)
-            series_contacts(columns, n, curves, horizon, states, status);
+            series_contacts(columns, nullptr, n, curves, horizon, states, nullptr, nullptr, status);
         else
             linear_contacts(columns, n, slope, horizon, &wanted);
         for (int64_t i = 0; i < n; i++)

@@ -30,16 +30,18 @@ namespace {
 
 constexpr double RESPONSE_TOLERANCE = 1e-10;  // what the last term of a step may add to a response, of its size
 
-enum { BY_DAMPING, BY_STIFFNESS, BY_GAIN, BY_CONSTANT, BY_TIME, BY_SQUARE, BY_DISTANCE, BY_SPEED, RESPONSES };
+enum { BY_DAMPING, BY_STIFFNESS, BY_GAIN, BY_CONSTANT, BY_TIME, BY_SQUARE, BY_DISTANCE, BY_SPEED, BY_SHAPE, SHAPED };
+constexpr int RESPONSES = BY_SHAPE;
 
 struct Response {
     Lanes d, y;  // the change of l, and d' + c d
 };
 
-// What is followed beside a motion.
+// What is followed beside a motion: the eight, or SHAPED with that to a parameter of the curve.
 struct Responses {
     Lanes mass, widest, excess;  // the largest response to D_p, and what last terms add beside it
-    Response of[RESPONSES];
+    Response of[SHAPED];
+    Lanes shape[LARGEST_DEGREE + 1];  // what the parameter adds to ln xi, in the terms of the window
 
     // Begin in a lane; held: c at the start.
     void start(int lane, double m, double held) {
@@ -52,100 +54,25 @@ struct Responses {
     }
 };
 
-// The series of the slope g along a step.
-template <int DEGREE> struct SlopeCurve {
-    Lanes a[DEGREE + 1];  // from here on of the slope: a[j + 1] is the coefficient of z^j
-    Series<1> twice, inner, outer;
-    Series<2> z2, twice2;
-    Series<3> z3;
-    Series<4> z4;
-
-    __attribute__((always_inline)) SlopeCurve(const Motion &m, Series<0> &g) {
-        shift<DEGREE>(m.terms, m.b[0] - m.middle, a);
-        unrolled<2, DEGREE + 1>([&](auto j) __attribute__((always_inline)) {
-            a[decltype(j)::value] = a[decltype(j)::value] * double(decltype(j)::value);
-        });
-        g.at[0] = a[1];
-    }
-
-    template <int N> __attribute__((always_inline)) Lanes next(const Series<1> &z, const Series<0> &) {
-        if constexpr (2 * N < ORDER) twice.at[N] = z.at[N] + z.at[N];
-        if constexpr (N >= 2) set<N>(z2, twice2, square<N>(z, twice));
-        if constexpr (N >= 3) z3.at[N] = convolve<N>(z, z2);
-        Lanes total;
-        if constexpr (DEGREE == 12 && N >= 5) {
-            further<N>(z);
-            total = convolve<N>(z4, outer) + a[2] * z.at[N];
-        } else {
-            if constexpr (DEGREE == 12) further<N>(z);
-            total = a[2] * z.at[N];
-        }
-        if constexpr (N >= 2) total = total + a[3] * z2.at[N];
-        if constexpr (N >= 3) total = total + a[4] * z3.at[N];
-        if constexpr (DEGREE == 12 && N >= 4) total = total + a[5] * z4.at[N];
-        return total;
-    }
-
-  private:
-    template <int N> __attribute__((always_inline)) void further(const Series<1> &z) {
-        if constexpr (N >= 4) z4.at[N] = square<N>(z2, twice2);
-        Lanes value = a[10] * z.at[N], middle;
-        if constexpr (N >= 5) middle = convolve<N>(z4, inner) + a[6] * z.at[N];
-        else middle = a[6] * z.at[N];
-        if constexpr (N >= 2) value = value + a[11] * z2.at[N], middle = middle + a[7] * z2.at[N];
-        if constexpr (N >= 3) value = value + a[12] * z3.at[N], middle = middle + a[8] * z3.at[N];
-        if constexpr (N >= 4) middle = middle + a[9] * z4.at[N];
-        inner.at[N] = value;
-        outer.at[N] = middle;
-    }
-};
-
-template <> struct SlopeCurve<0> {
-    Lanes minus;
-
-    __attribute__((always_inline)) SlopeCurve(const Motion &m, Series<0> &g) {
-        const Lanes first = 1.0 / (m.b[0] - m.middle);
-        g.at[0] = m.terms[0] * first;
-        minus = -first;
-    }
-
-    template <int N> __attribute__((always_inline)) Lanes next(const Series<1> &z, const Series<0> &g) {
-        return minus * convolve<N>(z, g);
-    }
-};
-
-template <> struct SlopeCurve<1> {
-    __attribute__((always_inline)) SlopeCurve(const Motion &m, Series<0> &g) { g.at[0] = m.terms[1]; }
-
-    template <int N> __attribute__((always_inline)) Lanes next(const Series<1> &, const Series<0> &) {
-        return all(0.0);
-    }
-};
-
 // A step as the equation of small changes needs it: -c, and the forces x~', x~ and -d(ln xi)/dt on the response to
 // each, all over the time that the step is long.
 struct Around {
-    Lanes minus_c[ORDER], force[3][ORDER], moments[3][3];  // moments: of 1, t and t^2/2
+    Lanes minus_c[ORDER], force[3][ORDER], shape[ORDER], moments[3][3];  // moments: of 1, t and t^2/2
     Lanes pull, length;
 };
 
-template <int DEGREE> __attribute__((always_inline)) inline void look_along(const Motion &m, Around &s) {
-    Series<0> g, rate;
-    Series<1> z;
-    unrolled<0, ORDER + 1>([&](auto k) __attribute__((always_inline)) {
-        z.at[decltype(k)::value] = m.b[decltype(k)::value];
-    });
-    SlopeCurve<DEGREE> curve(m, g);
-    unrolled<1, ORDER>([&](auto place) __attribute__((always_inline)) {
-        constexpr int n = decltype(place)::value;
-        g.at[n] = curve.template next<n>(z, g);
-    });
+template <int DEGREE, int N>
+__attribute__((always_inline)) inline void look_along(const Motion &m, const Responses &r, Around &s) {
+    Series<0> g, rate, shape;
+    find_slope<DEGREE>(m.terms, m.b[0] - m.middle, m.b, g);
+    if constexpr (N == SHAPED) find_slope<DEGREE>(r.shape, m.b[0] - m.middle, m.b, shape);
     const Lanes weight = -m.gain * m.length;
     unrolled<0, ORDER>([&](auto place) __attribute__((always_inline)) {
         constexpr int k = decltype(place)::value;
         s.minus_c[k] = g.at[k] * weight;
-        rate.at[k] = z.at[k + 1] * double(k + 1);
+        rate.at[k] = m.b[k + 1] * double(k + 1);
         s.force[BY_GAIN][k] = -convolve<k>(g, rate) * m.length;
+        if constexpr (N == SHAPED) s.shape[k] = convolve<k>(shape, rate) * weight;
     });
     s.minus_c[0] = s.minus_c[0] - m.damping * m.length;
 }
@@ -174,30 +101,31 @@ inline void look_around(const Motion &m, Lanes start, Around &s) {
 }
 
 // Changes of l over a step.
-struct Changes {
-    Lanes d[ORDER + 1][RESPONSES], y[RESPONSES], total[RESPONSES], momentum[RESPONSES];
+template <int N> struct Changes {
+    Lanes d[ORDER + 1][N], y[N], total[N], momentum[N];
 };
 
 // The next coefficient of all: side by side, for none of them waits for the last one of another.
-inline void grow(const Around &s, Changes &changes, int k) {
-    Lanes sum[RESPONSES];
-    unrolled<0, RESPONSES>([&](auto r) __attribute__((always_inline)) {
+template <int N> inline void grow(const Around &s, Changes<N> &changes, int k) {
+    Lanes sum[N];
+    unrolled<0, N>([&](auto r) __attribute__((always_inline)) {
         sum[decltype(r)::value] = s.minus_c[k] * changes.d[0][decltype(r)::value];
     });
     for (int j = 1; j <= k; j++) {
         const Lanes c = s.minus_c[k - j];
-        unrolled<0, RESPONSES>([&](auto r) __attribute__((always_inline)) {
+        unrolled<0, N>([&](auto r) __attribute__((always_inline)) {
             sum[decltype(r)::value] = sum[decltype(r)::value] + c * changes.d[j][decltype(r)::value];
         });
     }
     const double part = 1.0 / (k + 1);
-    unrolled<0, RESPONSES>([&](auto place) __attribute__((always_inline)) {
+    unrolled<0, N>([&](auto place) __attribute__((always_inline)) {
         constexpr int r = decltype(place)::value;
         const Lanes next = (changes.y[r] + sum[r]) * part;
         if (k < ORDER - 1) {
             Lanes grown = s.pull * changes.d[k][r];
             if constexpr (r <= BY_GAIN) grown = grown + s.force[r][k];
             else if constexpr (r <= BY_SQUARE) grown = k < 3 ? grown + s.moments[r - BY_CONSTANT][k] : grown;
+            else if constexpr (r == BY_SHAPE) grown = grown + s.shape[k];
             changes.y[r] = grown * part;
             changes.momentum[r] = changes.momentum[r] + changes.y[r];
         }
@@ -207,33 +135,35 @@ inline void grow(const Around &s, Changes &changes, int k) {
 }
 
 // What one step adds to the responses: what they become, and the last term of each.
+template <int N>
 __attribute__((noinline)) void carry_all(const Around &s, const Responses &r, Response *to, Lanes *tails) {
-    Changes changes;
-    for (int i = 0; i < RESPONSES; i++) {
+    Changes<N> changes;
+    for (int i = 0; i < N; i++) {
         changes.d[0][i] = changes.total[i] = r.of[i].d;
         changes.y[i] = changes.momentum[i] = r.of[i].y * s.length;
     }
     for (int k = 0; k < ORDER; k++) grow(s, changes, k);
-    for (int i = 0; i < RESPONSES; i++) {
+    for (int i = 0; i < N; i++) {
         to[i] = {changes.total[i], changes.momentum[i] / s.length};
         tails[i] = absolute(changes.d[ORDER][i]);
     }
 }
 
 // Carry the responses over the step that was taken, in the lanes that moved; return in which it suits them.
-template <int DEGREE>
-__attribute__((noinline)) uint64_t carry_responses(const Motion &m, Responses &r, Lanes start, Masks moved) {
+template <int DEGREE, int N = RESPONSES>
+__attribute__((noinline)) uint64_t carry_responses(const Motion &m, Responses &r, Lanes start, Masks moved,
+                                                   double tolerance = RESPONSE_TOLERANCE) {
     Around s;
     look_around(m, start, s);
-    look_along<DEGREE>(m, s);
-    Response to[RESPONSES];
-    Lanes tails[RESPONSES];
-    carry_all(s, r, to, tails);
+    look_along<DEGREE, N>(m, r, s);
+    Response to[N];
+    Lanes tails[N];
+    carry_all<N>(s, r, to, tails);
     const Lanes widest = most(absolute(to[BY_GAIN].d), r.widest);
     r.excess = most(tails[BY_DISTANCE], tails[BY_GAIN] / most(all(SMALLEST), widest));
-    const Masks smooth = r.excess < RESPONSE_TOLERANCE, kept = moved & smooth;
+    const Masks smooth = r.excess < tolerance, kept = moved & smooth;
     r.widest = where(kept, widest, r.widest);
-    for (int i = 0; i < RESPONSES; i++) {
+    for (int i = 0; i < N; i++) {
         r.of[i].d = where(kept, to[i].d, r.of[i].d);
         r.of[i].y = where(kept, to[i].y, r.of[i].y);
     }

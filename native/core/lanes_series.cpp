@@ -27,21 +27,15 @@ template <class Beside> void solve(const Request &request) {
 
 }  // namespace
 
-void series_contacts(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
-                     double *out, int8_t *status) {
-    solve<Nothing>({inputs, nullptr, n, curves, horizon, out, nullptr, nullptr, status});
-}
-
-void series_gradients(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves, double horizon,
-                      double *out, double *gradients, int8_t *status) {
-    for (int64_t i = 0; i < 27 * n; i++) gradients[i] = NOT_A_NUMBER;
-    solve<Responses>({inputs, nullptr, n, curves, horizon, out, gradients, nullptr, status});
-}
-
-void series_peaks(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
-                  const pretouch_curves *curves, double horizon, double *out, double *peaks, int8_t *status) {
-    for (int64_t i = 0; i < PEAKS * n; i++) peaks[i] = 0.0;
-    solve<Demands>({inputs, reference, n, curves, horizon, out, nullptr, peaks, status});
+void series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
+                     const pretouch_curves *curves, double horizon, double *out, double *gradients, double *peaks,
+                     int8_t *status) {
+    const Request request = {inputs, reference, n, curves, horizon, out, gradients, peaks, status};
+    for (int64_t i = 0; gradients && i < 27 * n; i++) gradients[i] = NOT_A_NUMBER;
+    for (int64_t i = 0; peaks && i < PEAKS * n; i++) peaks[i] = 0.0;
+    if (gradients) return solve<Responses>(request);
+    if (peaks) return solve<Demands>(request);
+    solve<Nothing>(request);
 }
 
 }  // namespace PRETOUCH_VARIANT

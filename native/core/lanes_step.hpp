@@ -72,8 +72,11 @@ inline Lanes mean_path(const Motion &m, const Obstacle &o, Lanes step) {
     return o.position + (o.velocity * 0.5 + (m.acceleration * (1.0 / 6.0)) * step) * step;
 }
 
-// Fill c with the coefficients of l; return the damping that the motion feels.
-template <int DEGREE> __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Lanes *c) {
+// Fill c with the coefficients of l, and rates, where wanted, with those of d ln xi / dt; return the damping that the
+// motion feels.
+template <int DEGREE>
+__attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Lanes *c,
+                                                   Lanes *rates = nullptr) {
     LogCurve<DEGREE> curve(m.terms, m.middle, m.state.distance, m.gain);
     c[0] = m.state.distance;
     c[1] = m.state.speed;
@@ -86,6 +89,9 @@ template <int DEGREE> __attribute__((always_inline)) inline Lanes expand(const M
         if constexpr (k == 1) total = m.damping * m.acceleration + m.stiffness * o.velocity + total;
         if constexpr (k == 2) total = m.stiffness * m.acceleration * 0.5 + total;
         total = curve.template pulled<k>(total * (1.0 / (k + 1)), c[k + 1], v);
+        if constexpr (DEGREE > 1) {
+            if (rates) rates[k] = curve.slope * v + curve.beyond * double(k + 1);
+        }
         v = total - (held * (1.0 / (k + 1))) * v;
         c[k + 2] = v * (1.0 / (k + 2));
     });
@@ -172,41 +178,16 @@ template <int DEGREE> __attribute__((noinline)) Taken take_step(Motion &m, doubl
     return {bits(good), bits(good & (sums.end < m.leave))};
 }
 
-// A polynomial of the order of a step and its slope. Even and odd powers are added up side by side.
-template <class V> struct Terms {
-    V at[ORDER + 1], slopes[ORDER + 1];
-
-    void set(int k, V b) {
-        at[k] = b;
-        slopes[k] = b * double(k);
-    }
-    V value(V s, V square) const { return every_second<0>(at, square) + every_second<1>(at, square) * s; }
-    V slope(V s, V square) const { return every_second<1>(slopes, square) + every_second<2>(slopes, square) * s; }
-
-  private:
-    // every second term from a[FIRST] on, over the power of the first
-    template <int FIRST> static __attribute__((always_inline)) V every_second(const V *a, V square) {
-        constexpr int count = (ORDER - FIRST) / 2;
-        V sum = a[FIRST + 2 * count];
-        unrolled<0, count>([&](auto place) __attribute__((always_inline)) {
-            sum = a[FIRST + 2 * (count - 1 - decltype(place)::value)] + sum * square;
-        });
-        return sum;
-    }
-};
-
 // Newton's method from the secant for l = 0; change: how far its last step went. A lane that has arrived stays where it
 // is, for how long the others take.
 inline Lanes find_zero(const Motion &m, Lanes &change) {
     constexpr double arrived = 1e-12;  // the next step is that squared
-    Terms<Lanes> l;
-    for (int k = 0; k <= ORDER; k++) l.set(k, m.b[k]);
     Lanes s = m.b[0] / (m.b[0] - m.end);
     change = s;
     Masks open = s == s;
     for (int i = 0; i < 6 && bits(open); i++) {
-        const Lanes square = s * s;
-        const Lanes following = least(most(all(0.0), s - l.value(s, square) / l.slope(s, square)), all(1.0));
+        const Point<Lanes> l = look_at(m.b, s);
+        const Lanes following = least(most(all(0.0), s - l.value / l.slope), all(1.0));
         change = where(open, absolute(following - s), change);
         s = where(open, following, s);
         open = open & (change > arrived);
@@ -218,21 +199,16 @@ inline Lanes find_zero(const Motion &m, Lanes &change) {
 inline Contacts find_in_step(const Motion &m) {
     Lanes change;
     const Lanes s = find_zero(m, change);
-    const Lanes last = m.b[ORDER];
-    Lanes slope = last * double(ORDER), bend = last * double(ORDER * (ORDER - 1)), area = last * (1.0 / (ORDER + 1));
-    unrolled<0, ORDER>([&](auto place) __attribute__((always_inline)) {
-        constexpr int k = ORDER - 1 - decltype(place)::value;
-        area = m.b[k] * (1.0 / (k + 1)) + area * s;
-        if constexpr (k > 0) slope = m.b[k] * double(k) + slope * s;
-        if constexpr (k > 1) bend = m.b[k] * double(k * (k - 1)) + bend * s;
-    });
+    const Point<Lanes> l = look_at(m.b, s);
+    const Lanes last = m.b[ORDER], slope = l.slope / m.length;
+    Lanes area = last * (1.0 / (ORDER + 1));
+    for (int k = ORDER - 1; k >= 0; k--) area = m.b[k] * (1.0 / (k + 1)) + area * s;
     const Lanes step = m.length * s, end = m.state.time + step;
     const Lanes path = mean_path(m, obstacle_at(m, m.state.time), step) - area;
-    slope = slope / m.length;
     const Lanes ratio = most(all(1.0), m.state.strongest / most(all(SMALLEST), m.weakest));
     const Lanes error = m.state.error + absolute(last) * (1.0 + ORDER);
     const Lanes doubt = (error * ratio + m.scale * ROUNDING) / absolute(slope * end) + change * m.length / end * 1e-3;
-    return {end, slope, bend / (m.length * m.length), m.state.integral + path * step, doubt};
+    return {end, slope, l.bend / (m.length * m.length), m.state.integral + path * step, doubt};
 }
 
 }  // namespace

@@ -22,6 +22,21 @@ namespace {
 constexpr int ORDER = 16;
 constexpr int LARGEST_DEGREE = 12;
 
+// A polynomial and its two derivatives at a place.
+template <class V> struct Point {
+    V value, slope, bend;
+};
+
+template <int DEGREE = ORDER, class V> __attribute__((always_inline)) inline Point<V> look_at(const V *c, V s) {
+    V value = c[DEGREE], slope{}, bend{};
+    unrolled<0, DEGREE>([&](auto place) __attribute__((always_inline)) {
+        bend = slope + bend * s;
+        slope = value + slope * s;
+        value = c[DEGREE - 1 - decltype(place)::value] + value * s;
+    });
+    return {value, slope, bend + bend};
+}
+
 // A series whose first coefficient that is not zero is that of order FIRST; those before are not there.
 template <int FIRST> struct Series {
     Lanes at[ORDER + 1];
@@ -83,46 +98,34 @@ __attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, L
     });
 }
 
-// ln xi along the motion: its slope at the start, and what it adds to the acceleration beside that. What stands between
-// a coefficient and the next is kept short, for that is what a step waits for: sums end with what comes last.
-template <int DEGREE> struct LogCurve {
-    Lanes a[DEGREE + 1], slope, weight;
+// A polynomial sum_j a_j z^j about the present l, from z^2 on, along the motion. What stands between a coefficient and the
+// next is kept short, for that is what a step waits for: sums end with what comes last.
+template <int DEGREE> struct Composed {
+    Lanes a[DEGREE + 1];
     Series<1> z, twice, inner, outer;
     Series<2> z2, twice2;
     Series<3> z3;
     Series<4> z4;
 
-    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance, Lanes gain) {
-        shift<DEGREE>(terms, distance - middle, a);
-        slope = a[1];
-        weight = -gain;
-    }
-
-    // rest and -gain times coefficient K of d(ln xi)/dt over K + 1, without the part of v_K, which is the slope; l:
-    // coefficient K + 1 of l.
-    template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes l, Lanes) {
-        constexpr int n = K + 1;
-        set<n>(z, twice, l);
-        if constexpr (n >= 2) set<n>(z2, twice2, square<n>(z, twice));
+    // Coefficient N, all before it having been asked for; l: coefficient N of z.
+    template <int N> __attribute__((always_inline)) Lanes next(Lanes l) {
+        set<N>(z, twice, l);
+        if constexpr (N >= 2) set<N>(z2, twice2, square<N>(z, twice));
         if constexpr (DEGREE == 4) {
-            inner.at[n] = a[3] * l;
-            if constexpr (n >= 2) inner.at[n] = inner.at[n] + a[4] * z2.at[n];
+            inner.at[N] = a[3] * l;
+            if constexpr (N >= 2) inner.at[N] = inner.at[N] + a[4] * z2.at[N];
         } else {
-            powers<n>(l);
+            powers<N>(l);
         }
-        if constexpr (n < 2) return rest;
-        else return rest + weight * beyond_slope<n>();
-    }
-
-  private:
-    template <int N> __attribute__((always_inline)) Lanes beyond_slope() const {
-        if constexpr (DEGREE == 4 && N >= 3) return convolve<N>(z2, inner) + a[2] * z2.at[N];
+        if constexpr (N < 2) return all(0.0);
+        else if constexpr (DEGREE == 4 && N >= 3) return convolve<N>(z2, inner) + a[2] * z2.at[N];
         else if constexpr (DEGREE == 4 || N < 3) return a[2] * z2.at[N];
         else if constexpr (N < 4) return a[3] * z3.at[N] + a[2] * z2.at[N];
         else if constexpr (N < 5) return a[4] * z4.at[N] + a[3] * z3.at[N] + a[2] * z2.at[N];
         else return convolve<N>(z4, outer) + a[4] * z4.at[N] + a[3] * z3.at[N] + a[2] * z2.at[N];
     }
 
+  private:
     template <int N> __attribute__((always_inline)) void powers(Lanes l) {
         if constexpr (N >= 3) z3.at[N] = convolve<N>(z, z2);
         if constexpr (N >= 4) z4.at[N] = square<N>(z2, twice2);
@@ -133,6 +136,26 @@ template <int DEGREE> struct LogCurve {
         if constexpr (N >= 4) low = low + a[12] * z4.at[N], high = high + a[8] * z4.at[N];
         inner.at[N] = low;
         outer.at[N] = high;
+    }
+};
+
+// ln xi along the motion: its slope at the start, and what it adds to the acceleration beside that.
+template <int DEGREE> struct LogCurve {
+    Composed<DEGREE> curve;
+    Lanes slope, weight, beyond;
+
+    __attribute__((always_inline)) LogCurve(const Lanes *terms, Lanes middle, Lanes distance, Lanes gain) {
+        shift<DEGREE>(terms, distance - middle, curve.a);
+        slope = curve.a[1];
+        weight = -gain;
+    }
+
+    // rest and -gain times coefficient K of d(ln xi)/dt over K + 1, without the part of v_K, which is the slope; l:
+    // coefficient K + 1 of l.
+    template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes l, Lanes) {
+        beyond = curve.template next<K + 1>(l);
+        if constexpr (K == 0) return rest;
+        else return rest + weight * beyond;
     }
 };
 
@@ -167,6 +190,38 @@ template <> struct LogCurve<1> {
 
     template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes, Lanes) { return rest; }
 };
+
+// The series of the slope of a curve along a motion that is known, from the coefficients of the curve as those of ln xi.
+template <int DEGREE>
+__attribute__((always_inline)) inline void find_slope(const Lanes *terms, Lanes from_middle, const Lanes *l,
+                                                      Series<0> &g) {
+    if constexpr (DEGREE == 0) {
+        Series<1> z;
+        const Lanes first = 1.0 / from_middle, minus = -first;
+        g.at[0] = terms[0] * first;
+        unrolled<1, ORDER>([&](auto place) __attribute__((always_inline)) {
+            constexpr int n = decltype(place)::value;
+            z.at[n] = l[n];
+            g.at[n] = minus * convolve<n>(z, g);
+        });
+    } else if constexpr (DEGREE == 1) {
+        for (int n = 0; n < ORDER; n++) g.at[n] = n == 0 ? terms[1] : all(0.0);
+    } else {
+        Lanes a[DEGREE + 1];
+        Composed<DEGREE> slope;
+        shift<DEGREE>(terms, from_middle, a);
+        unrolled<0, DEGREE>([&](auto place) __attribute__((always_inline)) {
+            constexpr int j = decltype(place)::value;
+            slope.a[j] = a[j + 1] * double(j + 1);
+        });
+        slope.a[DEGREE] = all(0.0);
+        g.at[0] = slope.a[0];
+        unrolled<1, ORDER>([&](auto place) __attribute__((always_inline)) {
+            constexpr int n = decltype(place)::value;
+            g.at[n] = slope.template next<n>(l[n]) + slope.a[1] * l[n];
+        });
+    }
+}
 
 }  // namespace
 

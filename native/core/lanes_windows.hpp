@@ -5,6 +5,7 @@
 
 #include <math.h>
 
+#include "lanes_proof.hpp"
 #include "lanes_step.hpp"
 
 namespace PRETOUCH_VARIANT {
@@ -35,16 +36,10 @@ inline double window_slope(const double *window, int64_t width, double l) {
 // The lowest window from first to before last whose top is not below l, -1 where there is none. It is quick where the
 // hint is right, and none of the worse where not.
 inline int64_t find_window(const Windows &windows, int64_t first, int64_t last, double l, int64_t hint) {
-    int64_t low = first, high = last - 1;
-    if (!(l <= windows[high][TOP])) return -1;
-    const bool hinted = low <= hint && hint <= high;
-    if (hinted && l <= windows[hint][TOP] && (hint == low || l > windows[hint - 1][TOP])) return hint;
-    while (low < high) {
-        const int64_t middle = (low + high) / 2;
-        if (l <= windows[middle][TOP]) high = middle;
-        else low = middle + 1;
-    }
-    return low;
+    if (!(l <= windows[last - 1][TOP])) return -1;
+    const bool hinted = first <= hint && hint < last;
+    if (hinted && l <= windows[hint][TOP] && (hint == first || l > windows[hint - 1][TOP])) return hint;
+    return lowest_above(first, last, l, [&](int64_t i) { return windows[i][TOP]; });
 }
 
 // Let a lane read another window of its curve.
@@ -55,33 +50,25 @@ template <int DEGREE> void enter_window(const double *window, bool is_lowest, Mo
     for (int j = 0; j <= DEGREE; j++) m.terms[j][lane] = window[TERMS + j];
 }
 
-// The part of a step at which l passes a level, where Newton's method finds it, else one half.
-inline double level_part(const Motion &m, int lane, double level) {
-    Terms<double> l;
-    for (int k = 0; k <= ORDER; k++) l.set(k, m.b[k][lane]);
-    double s = (l.at[0] - level) / (l.at[0] - m.end[lane]);
-    for (int i = 0; i < 8; i++) {
-        const double square = s * s, change = (l.value(s, square) - level) / l.slope(s, square);
-        s = least(most(0.0, s - change), 1.0);
-        if (absolute(change) < 1e-9) return s;
+// The series of one lane.
+struct LaneSeries {
+    double b[ORDER + 1];
+
+    LaneSeries(const Motion &m, int lane) {
+        for (int k = 0; k <= ORDER; k++) b[k] = m.b[k][lane];
     }
-    return 0.5;
-}
+};
 
 // Move a lane over a step on which l need not fall, where its coefficients prove that l stays between two levels.
 // Returns whether that is proved, the step ends within the horizon, and it is none too many.
 inline bool pass_turn(Motion &m, int lane, double low, double top, double horizon) {
     if (!(m.steps[lane] < MOST_STEPS)) return false;
-    double below = 0.0, above = 0.0, area = 0.0, speed = 0.0;
-    for (int k = 1; k <= ORDER; k++) {
-        const double b = m.b[k][lane];
-        below += least(0.0, b);
-        above += most(0.0, b);
-        speed += k * b;
-        area += b / (k + 1);
-    }
+    const LaneSeries series(m, lane);
     const double time = m.state.time[lane], length = m.length[lane], l = m.b[0][lane], moved = time + length;
-    if (!(l + below > low && l + above < top && moved < horizon && length > 1e-12 * moved)) return false;
+    if (!(certify(series.b, {low, top, 0}, 1).inside && moved < horizon && length > 1e-12 * moved)) return false;
+    const Point<double> end = look_at(series.b, 1.0);
+    double area = 0.0;
+    for (int k = 1; k <= ORDER; k++) area += series.b[k] / (k + 1);
     const double p = m.position[lane], v = m.velocity[lane], a = m.acceleration[lane];
     const double path = p + (v + a / 2 * time) * time + ((v + a * time) / 2 + a / 6 * length) * length;
     const double held = m.weakest[lane], tail = absolute(m.b[ORDER][lane]);
@@ -90,8 +77,8 @@ inline bool pass_turn(Motion &m, int lane, double low, double top, double horizo
     m.state.error[lane] = error + tail + ORDER * tail * lever + ROUNDING * l;
     m.state.integral[lane] += (path - l - area) * length;
     m.state.time[lane] = moved;
-    m.state.distance[lane] = l + below + above;
-    m.state.speed[lane] = speed / length;
+    m.state.distance[lane] = end.value;
+    m.state.speed[lane] = end.slope / length;
     m.cap[lane] = NEVER;
     m.steps[lane] += TURN;
     return true;

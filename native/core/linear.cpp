@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-#include "extremes.hpp"
+#include "pieces.hpp"
 #include "pretouch.h"
 #include "response.hpp"
 

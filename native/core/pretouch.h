@@ -24,7 +24,7 @@ typedef struct {
 PRETOUCH_API int pretouch_best_variant(void);
 PRETOUCH_API int pretouch_choose_variant(int wanted);
 
-/* ---- one encounter at a time, every contact found or excluded (linear.cpp, series.cpp, follow.cpp) ----
+/* ---- one encounter at a time, every contact found or excluded (linear.cpp, lanes_guaranteed.cpp) ----
  * values: M, D, K, x~(0), x~'(0), p, v, a, velocity and acceleration of the reference; SI, shape (n, 10).
  * rows: filled with COLUMNS of motion/layout.py, shape (n, 15); status: filled with the numbers of ContactStatus. */
 PRETOUCH_API void pretouch_solve_linear(const double *values, int64_t n, double slope, const double *gains,
@@ -35,20 +35,25 @@ PRETOUCH_API void pretouch_solve_linear(const double *values, int64_t n, double 
 PRETOUCH_API void pretouch_respond(const double *rows, int64_t n, const double *times, int64_t m, double *out,
                                    int64_t stride, int64_t step, int64_t count);
 
-/* pieces: middle, half width and coefficients of g of each, shape (p, q). */
-PRETOUCH_API void pretouch_solve_series(const double *values, int64_t n, const double *gains, const double *pieces,
-                                        int64_t p, int64_t q, double horizon, int contact_border, int open_ended,
-                                        double *rows, int64_t *status);
-PRETOUCH_API void pretouch_trace_series(const double *values, int64_t n, const double *gains, const double *pieces,
-                                        int64_t p, int64_t q, double horizon, int contact_border, int open_ended,
+/* A curve on pieces: middle, half width and coefficients of g of each, ascending, shape (count, width); whether its lowest
+ * border is the contact, and whether it goes on beyond the highest. */
+typedef struct {
+    const double *pieces;
+    int64_t count, width, ends_in_contact, open_ended;
+} pretouch_pieces;
+
+/* Where times, shape (n, m), are not null, trace is filled with TRACE_COLUMNS of motion/layout.py, shape (n, m, 4). */
+PRETOUCH_API void pretouch_solve_series(const double *values, int64_t n, const double *gains,
+                                        const pretouch_pieces *curve, double horizon, double *rows, int64_t *status,
                                         const double *times, int64_t m, double *trace);
 
 /* The tables of stiff_step.cpp, for tests: points (10), then four matrices (10, 10) of radau_tables.hpp. */
 PRETOUCH_API void pretouch_radau_points(double *tables);
 
-/* Derivatives of time and l' at contact by nine inputs and k parameters of the curve: found, shape (n, 2, 9 + k). */
-PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, const double *gains, const double *pieces,
-                                            int64_t p, int64_t q, const double *terms, int64_t k, double horizon,
+/* Derivatives of time and l' at contact by nine inputs: found, shape (n, 2, 9); or, where shape is not null, by a parameter
+ * of the curve as well, (n, 2, 10), whose change of g has the coefficients shape, (count, width - 2), on the pieces. */
+PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, const double *gains,
+                                            const pretouch_pieces *curve, const double *shape, double horizon,
                                             double *found, int8_t *status);
 
 /* ---- many encounters of a constant slope, side by side (lanes_linear.cpp) ---- */
@@ -88,14 +93,10 @@ typedef struct {
 } pretouch_curves;
 
 /* out: time, x~, x~', x~'', l' and the integral of x~, shape (6, n); gradients, where not null: of time, x~ and l' by
- * the inputs, shape (3, 9, n); peaks, where not null: the largest demands, shape (5, n). */
-PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves,
-                                           double horizon, double *out, int8_t *status);
-PRETOUCH_API void pretouch_series_gradients(const pretouch_column *inputs, int64_t n, const pretouch_curves *curves,
-                                            double horizon, double *out, double *gradients, int8_t *status);
-PRETOUCH_API void pretouch_series_peaks(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
-                                        const pretouch_curves *curves, double horizon, double *out, double *peaks,
-                                        int8_t *status);
+ * the inputs, shape (3, 9, n); or peaks, where not null: the largest demands, shape (5, n), for a reference as above. */
+PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
+                                           const pretouch_curves *curves, double horizon, double *out,
+                                           double *gradients, double *peaks, int8_t *status);
 
 /* ---- designs (lanes_design.cpp) ---- */
 /* inputs: as values above, shape (10, n). slope: g at l = 0. curves: null where that is g everywhere. falling: whether g < 0

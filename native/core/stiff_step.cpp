@@ -12,7 +12,6 @@
 
 #include "stiff_step.hpp"
 
-#include <stddef.h>
 #include <string.h>
 
 #include "pretouch.h"
@@ -38,6 +37,8 @@ constexpr double CLOSE = 1e-8;  // of l': Newton's method has converged with one
 struct AtPoints {
     double rise[POINTS], v[POINTS], l[POINTS], force[POINTS];
 };
+
+typedef double Pair __attribute__((vector_size(2 * sizeof(double))));  // what the simplest processor has in a register
 
 constexpr int PAIRS = POINTS / 2;
 
@@ -92,30 +93,25 @@ struct Moved {
 
 // Set up the equations of a step of Newton's method; returns what rounding makes of l', negative where D + D_p g is not
 // positive.
-double linearize(const Values &m, double gain, const Piece &piece, const State &state, double h, AtPoints &at,
+double linearize(const Values &m, double gain, const Piece &piece, const Start &state, double h, AtPoints &at,
                  Row *rows) {
     const double inertia = m.mass / h;
     double noise = 0, terms = 0;
-    for (int j = 0; j < TERMS; j++) terms += fabs(piece.g[j]);
+    for (int j = 0; j < COEFFICIENTS; j++) terms += fabs(piece.g[j]);
     for (int i = 0; i < POINTS; i++) {
-        const double t = state.time + h * RADAU.nodes[i], z = (at.l[i] - piece.middle) / piece.half;
-        double g = 0, bend = 0;
-        for (int j = TERMS - 1; j >= 0; j--) {
-            bend = bend * z + g;
-            g = g * z + piece.g[j];
-        }
-        bend /= piece.half;
-        const double held = m.damping + gain * g;
+        const double t = state.time + h * RADAU.nodes[i];
+        const Slope slope = slope_at(piece, at.l[i]);
+        const double held = m.damping + gain * slope.value;
         if (!(held > 0)) return -1;
-        at.force[i] = g * at.v[i];
+        at.force[i] = slope.value * at.v[i];
         const double own = m.stiffness * obstacle_at(m, t), brought = m.damping * obstacle_speed(m, t);
         const double drive = own + brought + m.mass * m.a;
         const double residual = inertia * at.rise[i] + held * at.v[i] + m.stiffness * at.l[i] - drive;
-        const double steep = terms + fabs(bend * at.l[i]);  // what g is a sum of, and what a rounding of l is in it
+        const double steep = terms + fabs(slope.bend * at.l[i]);  // what g is a sum of, and what a rounding of l is in it
         const double size = fabs(own) + fabs(brought) + fabs(m.mass * m.a) + fabs(m.stiffness * at.l[i]) +
                             fabs(gain * at.v[i]) * steep;
         noise = larger(noise, ROUNDING * size / (held + inertia));
-        const double spring = (m.stiffness + gain * bend * at.v[i]) * h;
+        const double spring = (m.stiffness + gain * slope.bend * at.v[i]) * h;
         Pair *pairs = rows[i].pairs;
         for (int j = 0; j < PAIRS; j++) {
             pairs[j] = held * load(RADAU.integrals[i] + 2 * j) + spring * load(RADAU.twice[i] + 2 * j);
@@ -126,7 +122,7 @@ double linearize(const Values &m, double gain, const Piece &piece, const State &
     return noise;
 }
 
-Moved iterate(const Values &m, double gain, const Piece &piece, const State &state, double h, AtPoints &at) {
+Moved iterate(const Values &m, double gain, const Piece &piece, const Start &state, double h, AtPoints &at) {
     Row rows[POINTS];
     double found[POINTS];
     const double noise = linearize(m, gain, piece, state, h, at, rows);
@@ -143,7 +139,7 @@ Moved iterate(const Values &m, double gain, const Piece &piece, const State &sta
 }
 
 // The largest l' at the points and at the start.
-double fastest(const State &state, const AtPoints &at) {
+double fastest(const Start &state, const AtPoints &at) {
     double found = fabs(state.speed);
     for (int i = 0; i < POINTS; i++) {
         if (!(fabs(at.v[i]) <= found)) found = fabs(at.v[i]);  // and what is no number, where one is none
@@ -151,21 +147,18 @@ double fastest(const State &state, const AtPoints &at) {
     return found;
 }
 
-// Write the powers of the polynomial through the points, or those of its integral.
-void to_series(const double *at_points, bool integrated, double factor, double *series) {
+// Write the powers of the polynomial through the points.
+void to_series(const double *at_points, double *series) {
     double parts[POINTS];
     for (int k = 0; k < POINTS; k++) parts[k] = product(RADAU.to_legendre[k], at_points);
-    for (int k = 0; k < POINTS; k++) {
-        const double power = factor * product(RADAU.to_powers[k], parts);
-        series[integrated ? k + 1 : k] = integrated ? power * INVERSE.at[k + 1] : power;
-    }
+    for (int k = 0; k < POINTS; k++) series[k] = product(RADAU.to_powers[k], parts);
 }
 
 // Try one step of any length. Returns the last coefficients of l'' over what they may be: at most 1 where the step is
 // resolved, infinite where the equation has no solution that can be trusted. doubt: how well l' is known [m/s]: what is
 // wrong with it is forgotten in the step. The series are filled where it is resolved.
-double collocate(const Values &m, double gain, const Piece &piece, const State &state, double h, double doubt,
-                 Expansion &series) {
+double collocate(const Values &m, double gain, const Piece &piece, const Start &state, double h, double doubt,
+                 double *l, double *force) {
     AtPoints at;
     for (int i = 0; i < POINTS; i++) {
         at.rise[i] = 0;
@@ -188,19 +181,19 @@ double collocate(const Values &m, double gain, const Piece &piece, const State &
                         fabs(product(RADAU.to_legendre[POINTS - 2], at.rise));
     const double missed = last / (UNRESOLVED * fastest(state, at) + NOISE * (noise + doubt) + 1e-300);
     if (!(missed <= 1)) return missed;
-    memset(&series, 0, offsetof(Expansion, powers));
-    series.l[0] = state.l;
-    series.v[0] = state.speed;
-    to_series(at.v, true, h, series.l);
-    to_series(at.rise, true, 1, series.v);
-    to_series(at.force, false, 1, series.force);
+    double rises[POINTS];
+    to_series(at.rise, rises);
+    to_series(at.force, force);
+    l[0] = state.l;
+    l[1] = h * state.speed;
+    for (int k = 0; k < POINTS; k++) l[k + 2] = h * rises[k] / ((k + 1) * (k + 2));
     return missed;
 }
 
 }  // namespace
 
-double long_step(const Values &m, double gain, const Piece &piece, const State &state, double taylor, double longest,
-                 Pace &pace, Expansion &series) {
+double long_step(const Values &m, double gain, const Piece &piece, const Start &state, double taylor, double longest,
+                 Pace &pace, double *l, double *force) {
     if (pace.wait > 0) {
         pace.wait -= longest > FAR * taylor ? EAGER : 1;
         return 0;
@@ -208,7 +201,7 @@ double long_step(const Values &m, double gain, const Piece &piece, const State &
     double h = smaller(larger(pace.next, LONG * taylor), longest);
     if (h < WORTH * taylor) return 0;  // a border is near
     while (h >= WORTH * taylor) {
-        const double missed = collocate(m, gain, piece, state, h, pace.doubt, series);
+        const double missed = collocate(m, gain, piece, state, h, pace.doubt, l, force);
         const double factor = missed > 0 ? 0.9 * pow(missed, -0.1) : 4.0;
         if (missed <= 1) {
             if (h < longest || pace.next < h) pace.next = h * smaller(factor, 4);

@@ -2,15 +2,16 @@
 
 #pragma once
 
-#include "series.hpp"
+#include "pieces.hpp"
 
 namespace pretouch {
 
 constexpr double PATIENCE = 64;  // Taylor steps until long ones are tried, fewer where the next border is far
+constexpr int LONG_TERMS = 12;
 constexpr double AHEAD = 1.5;    // of the way to a border: how far a long step may come, beyond it too
 
 // Where a step starts.
-struct State {
+struct Start {
     double time, l, speed;
 };
 
@@ -21,8 +22,9 @@ struct Pace {
 };
 
 // Try a step that is longer than those of Taylor's series, of the length `taylor`, but not longer than `longest` [s],
-// the longest of use. Returns its length, 0 where there is none; fills the series, but for the powers, in its tau.
-double long_step(const Values &m, double gain, const Piece &piece, const State &state, double taylor, double longest,
-                 Pace &pace, Expansion &series);
+// the longest of use. Returns its length, 0 where there is none; fills the first LONG_TERMS coefficients of l and of
+// d ln xi / dt in parts of it.
+double long_step(const Values &m, double gain, const Piece &piece, const Start &start, double taylor, double longest,
+                 Pace &pace, double *l, double *force);
 
 }  // namespace pretouch

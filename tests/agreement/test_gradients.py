@@ -200,7 +200,7 @@ def rows_by_every_way(kind: str, sensor: SensorModel, count: int) -> Ways:
 @pytest.mark.parametrize("kind", ["letter", "free", "everything"])
 @pytest.mark.parametrize("curve", ["inverse-power", "exponential-1", "table"])
 def test_all_ways_give_the_same(curve: str, kind: str) -> None:
-    """The path that uses no identity and no closed form against those that do."""
+    """The guaranteed path, through every turn, against those that leave some open or have a closed form."""
     ways = rows_by_every_way(kind, CURVES[curve], 200)
     taken = np.isfinite(ways.followed).all(axis=(0, 1))  # what is too stiff to be followed is not compared
     assert taken.sum() >= 0.95 * max(done.sum() for _, done in ways.others.values())

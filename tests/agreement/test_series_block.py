@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pretouch.motion.curve import curve_pieces
-from pretouch.motion.native_lanes import CONTACT, OPEN, contact_gradients, contact_times
+from pretouch.motion.native_lanes import CONTACT, OPEN, contact_times
 from pretouch.motion.native_series import solve_series
 from pretouch.motion.windows import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, alone, curve_windows
 from pretouch.sensors import ExponentialSecondOrder, InversePower, MittagLeffler, SensorModel, Table
@@ -264,7 +264,7 @@ def test_gradients_agree_with_differences_of_the_guaranteed_path(name: str) -> N
     out, status = solve(inputs, table(name))
     again, gradients = np.empty((6, 3 * count)), np.empty((3, 9, 3 * count))
     again_status = np.empty(3 * count, dtype=np.int8)
-    contact_gradients(tuple(inputs), alone(table(name)), HORIZON, again, gradients, again_status)
+    contact_times(tuple(inputs), alone(table(name)), HORIZON, again, again_status, gradients=gradients)
     settled = again_status == CONTACT
     assert (status[settled] == CONTACT).all()
     assert settled.sum() > 0.95 * (status == CONTACT).sum(), "what is very stiff has a contact but no gradient here"

@@ -13,7 +13,7 @@ POINTS = 10
 
 
 def printed() -> list[np.ndarray]:
-    """Points, their integrals, those twice, the matrices to Legendre coefficients and from these to powers."""
+    """Points, their integrals, the matrix to Legendre coefficients, integrals twice, and from Legendre to powers."""
     tables = np.zeros(POINTS + 4 * POINTS**2)
     kernel("radau_points", POINTER)(address(tables))
     return [tables[:POINTS], *tables[POINTS:].reshape(4, POINTS, POINTS)]
@@ -32,7 +32,7 @@ def points() -> np.ndarray:
 
 def test_points_and_matrices_are_those_of_legendre_polynomials() -> None:
     """To a rounding of each sum of ten: values at the points are at most 1, and the inverse of them at most 1."""
-    nodes, integrals, twice, to_legendre, _ = printed()
+    nodes, integrals, to_legendre, twice, _ = printed()
     at = 2 * points() - 1
     values = legendre.legvander(at, POINTS - 1)
     rounding = 10 * np.finfo(float).eps

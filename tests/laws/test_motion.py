@@ -49,8 +49,12 @@ curves = st.sampled_from(sorted(CURVES))
 def test_impulse_balance(scenario: Scenario, gain: float, name: str) -> None:
     """M dx~' + D dx~ + K int x~ dt = D_p d ln xi for every curve: the certificate that each result carries."""
     found = find_contact(scenario, CURVES[name], gain, horizon=30.0)
-    # positions of about 1 m leave 1e-16 m in l, which ln xi turns into g x 1e-16; 30 s of steps add up
-    assert found.impulse_residual < 1e-11
+    # positions of about 1 m leave 1e-16 m in l, which ln xi turns into g x 1e-16; 30 s of steps add up. x~ is the path
+    # less l, which is rounded to half an eps of it; K int x~ dt is off by that, beside M |l'(0)| at least
+    mass, _, stiffness, _, _, p, v, a, _, _ = scenario.relative()
+    t = found.end.time
+    rounding = 1.1e-16 * (abs(p) + abs(v) * t + abs(a) * t**2 / 2) * stiffness * t / (mass * abs(v))
+    assert found.impulse_residual < 1e-11 + rounding
 
 
 @examples(100)

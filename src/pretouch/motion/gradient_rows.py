@@ -20,7 +20,7 @@ from .closed_form import OPEN, find_contacts
 from .contact import ContactStatus
 from .curve import curve_reach
 from .curve_changes import changed_pieces
-from .native_lanes import contact_gradients
+from .native_lanes import contact_times
 from .native_series import follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF
@@ -153,7 +153,8 @@ class GradientRows(Travels):
             part = where[start:stop]
             c = request.block(start, stop) if whole else [x if len(x) == 1 else x[part] for x in request.columns]
             state, out = np.empty((6, stop - start)), np.empty((3, 9, stop - start))
-            contact_gradients((*c[:8], c[10]), curves, request.horizon, state, out, status[start:stop])
+            inputs = (*c[:8], c[10])
+            contact_times(inputs, curves, request.horizon, state, status[start:stop], gradients=out)
             rows[:, :, slice(start, stop) if whole else part] = out[::2, kept]
 
         for_stretches(run, len(where), least=_LEAST_SERIES, most=_BLOCK)

@@ -11,7 +11,8 @@ from pretouch._core.numbers import FloatArray, IntArray
 
 from .contact import ContactStatus
 from .curve import curve_pieces, curve_reach
-from .native_series import solve_series, trace_series
+from .layout import COLUMNS
+from .native_series import solve_series
 from .request import Request, Which
 
 __all__ = ["integrate", "trace_integration"]
@@ -57,7 +58,8 @@ def trace_integration(request: Request, times: FloatArray, trace: FloatArray) ->
         values, gain = request.part(which)
         pieces, limits = _pieces(request, reach)
         part = np.full((len(which), *trace.shape[1:]), np.nan)
-        trace_series(values, gain, pieces, limits, times[which], part)
+        rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int64)
+        solve_series(values, gain, pieces, limits, rows, status, (times[which], part))
         trace[which] = part
         which = which[np.isnan(part).any(axis=(1, 2))]  # the others would end a rounding earlier on other pieces
         if not len(which) or not limits[2] or reach > _FARTHEST:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import FloatArray, IntArray
 
 from .layout import PEAKS, STATES
-from .native_lanes import contact_peaks, contact_times
+from .native_lanes import contact_times
 from .parallel import for_stretches
 from .request import Request
 from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of
@@ -35,18 +35,9 @@ def solve_in_lanes(
     Returns:
         The quantities by name, shape (m,) each, and a status of 0 where a contact is proved, else another, shape (m,).
     """
-    curves = _curves(request, which)
     size = request.size if which is None else len(which)
     kept, status = np.empty((len(STATES) if whole else 1, size)), np.empty(size, dtype=np.int8)
-
-    def run(start: int, stop: int) -> None:
-        c = _columns(request, which, start, stop)
-        out = kept if whole and stop - start == size else np.empty((len(STATES), stop - start))
-        contact_times((*c[:8], c[10]), _own(curves, start, stop), request.horizon, out, status[start:stop])
-        if out is not kept:
-            kept[:, start:stop] = out[: len(kept)]
-
-    for_stretches(run, size, least=_LEAST, most=_MOST)
+    _run(request, which, kept, status)
     return dict(zip(STATES, kept, strict=False)), status
 
 
@@ -60,18 +51,36 @@ def peaks_in_lanes(request: Request, which: IntArray | None) -> dict[str, FloatA
     Returns:
         The demands, shape (m,) each, nan where no contact is proved or they are not settled.
     """
-    curves = _curves(request, which)
     size = request.size if which is None else len(which)
-    rows = np.empty((len(PEAKS), size))
+    peaks = np.empty((len(PEAKS), size))
+    _run(request, which, np.empty((0, size)), np.empty(size, dtype=np.int8), peaks)
+    return dict(zip(PEAKS, peaks, strict=True))
+
+
+def _run(
+    request: Request,
+    which: IntArray | None,
+    kept: FloatArray,
+    status: NDArray[np.int8],
+    peaks: FloatArray | None = None,
+) -> None:
+    """Fill status, as many of STATES as there are rows for, and layout.PEAKS where they are wanted."""
+    curves, size = _curves(request, which), len(status)
 
     def run(start: int, stop: int) -> None:
         c, count = _columns(request, which, start, stop), stop - start
-        out, peaks, status = np.empty((len(STATES), count)), np.empty((len(PEAKS), count)), np.empty(count, np.int8)
-        contact_peaks((*c[:8], c[10]), c[8], c[9], _own(curves, start, stop), request.horizon, out, peaks, status)
-        rows[:, start:stop] = peaks
+        inputs, own, part = (*c[:8], c[10]), _own(curves, start, stop), status[start:stop]
+        out = kept if len(kept) == len(STATES) and count == size else np.empty((len(STATES), count))
+        if peaks is None:
+            contact_times(inputs, own, request.horizon, out, part)
+        else:
+            found = np.empty((len(PEAKS), count))
+            contact_times(inputs, own, request.horizon, out, part, reference=c[8:10], peaks=found)
+            peaks[:, start:stop] = found
+        if out is not kept:
+            kept[:, start:stop] = out[: len(kept)]
 
     for_stretches(run, size, least=_LEAST, most=_MOST)
-    return dict(zip(PEAKS, rows, strict=True))
 
 
 def _columns(request: Request, which: IntArray | None, start: int, stop: int) -> tuple[FloatArray, ...]:

@@ -15,7 +15,7 @@ from pretouch._core.numbers import FloatArray, IntArray
 
 from .windows import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
 
-__all__ = ["CONTACT", "OPEN", "contact_gradients", "contact_peaks", "contact_times", "of_core"]
+__all__ = ["CONTACT", "OPEN", "contact_times", "of_core"]
 
 CONTACT: Final = 0
 """The status of an encounter whose first contact is proved."""
@@ -43,13 +43,19 @@ class _CurvesOfCore(Structure):
 
 
 _CURVES: Final = POINTER_TO(_CurvesOfCore)
-_contacts: Final = kernel("series_contacts", POINTER, INTEGER, _CURVES, DOUBLE, POINTER, POINTER)
-_gradients: Final = kernel("series_gradients", POINTER, INTEGER, _CURVES, DOUBLE, POINTER, POINTER, POINTER)
-_peaks: Final = kernel("series_peaks", POINTER, POINTER, INTEGER, _CURVES, DOUBLE, POINTER, POINTER, POINTER)
+_contacts: Final = kernel("series_contacts", POINTER, POINTER, INTEGER, _CURVES, DOUBLE, *[POINTER] * 4)
 
 
 def contact_times(
-    inputs: Sequence[FloatArray], curves: Curves, horizon: float, out: FloatArray, status: NDArray[np.int8]
+    inputs: Sequence[FloatArray],
+    curves: Curves,
+    horizon: float,
+    out: FloatArray,
+    status: NDArray[np.int8],
+    *,
+    gradients: FloatArray | None = None,
+    reference: Sequence[FloatArray] = (),
+    peaks: FloatArray | None = None,
 ) -> None:
     """Find the first contact of encounters, where that can be proved.
 
@@ -61,60 +67,19 @@ def contact_times(
         horizon: the latest contact of interest [s].
         out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
         status: filled with CONTACT or OPEN, shape (n,).
-    """
-    n = _size(inputs, _INPUTS, status, (out, (6,)))
-    _contacts(columns(inputs), n, byref(of_core(curves, n)), horizon, address(out), address(status, _STATUS))
-
-
-def contact_gradients(
-    inputs: Sequence[FloatArray],
-    curves: Curves,
-    horizon: float,
-    out: FloatArray,
-    gradients: FloatArray,
-    status: NDArray[np.int8],
-) -> None:
-    """Find contacts as `contact_times` does, and how they depend on the inputs.
-
-    Args:
-        inputs: see `contact_times`.
-        curves: see `contact_times`.
-        horizon: see `contact_times`.
-        out: see `contact_times`.
         gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs in the order above,
             shape (3, 9, n); nan where open.
-        status: see `contact_times`.
+        reference: for the peaks, its velocity [m/s] and acceleration [m/s^2], (n,) or (1,) each.
+        peaks: without gradients, filled with max |x~|, |x - x(0)|, |x'|, |x''| and |F_p|, shape (5, n); nan where open
+            or not settled.
     """
-    n = _size(inputs, _INPUTS, status, (out, (6,)), (gradients, (3, _INPUTS)))
-    found = address(out), address(gradients), address(status, _STATUS)
-    _gradients(columns(inputs), n, byref(of_core(curves, n)), horizon, *found)
-
-
-def contact_peaks(
-    inputs: Sequence[FloatArray],
-    drift: FloatArray,
-    pull: FloatArray,
-    curves: Curves,
-    horizon: float,
-    out: FloatArray,
-    peaks: FloatArray,
-    status: NDArray[np.int8],
-) -> None:
-    """Find contacts as `contact_times` does, and the largest demands on the robot until then.
-
-    Args:
-        inputs: see `contact_times`.
-        drift: velocity of the reference at the start [m/s], (n,) or (1,).
-        pull: its acceleration [m/s^2], (n,) or (1,).
-        curves: see `contact_times`.
-        horizon: see `contact_times`.
-        out: see `contact_times`.
-        peaks: filled with max |x~|, |x - x(0)|, |x'|, |x''| and |F_p|, shape (5, n); nan where open or not settled.
-        status: see `contact_times`.
-    """
-    n = _size((*inputs, drift, pull), _INPUTS + 2, status, (out, (6,)), (peaks, (5,)))
-    found = address(out), address(peaks), address(status, _STATUS)
-    _peaks(columns(inputs), columns((drift, pull)), n, byref(of_core(curves, n)), horizon, *found)
+    filled = [(out, (6,))] + [(a, s) for a, s in ((gradients, (3, _INPUTS)), (peaks, (5,))) if a is not None]
+    count = _INPUTS + (0 if peaks is None else 2)
+    n = _size((*inputs, *reference), count, status, *filled)
+    more = [None if array is None else address(array) for array in (gradients, peaks)]
+    own = columns(reference) if reference else None
+    found = address(out), *more, address(status, _STATUS)
+    _contacts(columns(inputs), own, n, byref(of_core(curves, n)), horizon, *found)
 
 
 def _size(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
+from ctypes import POINTER as POINTER_TO
+from ctypes import Structure, byref
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import FloatArray, IntArray
 
-__all__ = ["FOLLOWED", "follow_gradients", "solve_series", "trace_series"]
+__all__ = ["FOLLOWED", "follow_gradients", "solve_series"]
 
 FOLLOWED: Final = 9
 """How many inputs there are before those of the curve: M, D, K, x~(0), x~'(0), p, v, a, D_p."""
@@ -19,11 +20,22 @@ _INTEGER: Final = np.dtype(np.int64)
 _SHORT: Final = np.dtype(np.int8)
 _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
-_ENCOUNTERS: Final = (POINTER, INTEGER, POINTER, POINTER, INTEGER, INTEGER)
-_LIMITS: Final = (DOUBLE, ctypes.c_int, ctypes.c_int)
-_solve: Final = kernel("solve_series", *_ENCOUNTERS, *_LIMITS, POINTER, POINTER)
-_trace: Final = kernel("trace_series", *_ENCOUNTERS, *_LIMITS, POINTER, INTEGER, POINTER)
-_follow: Final = kernel("follow_gradients", *_ENCOUNTERS, POINTER, INTEGER, DOUBLE, POINTER, POINTER)
+
+class _PiecesOfCore(Structure):
+    """What the core calls pretouch_pieces."""
+
+    _fields_ = (
+        ("pieces", POINTER),
+        ("count", INTEGER),
+        ("width", INTEGER),
+        ("ends_in_contact", INTEGER),
+        ("open_ended", INTEGER),
+    )
+
+
+_ENCOUNTERS: Final = (POINTER, INTEGER, POINTER, POINTER_TO(_PiecesOfCore))
+_solve: Final = kernel("solve_series", *_ENCOUNTERS, DOUBLE, POINTER, POINTER, POINTER, INTEGER, POINTER)
+_follow: Final = kernel("follow_gradients", *_ENCOUNTERS, POINTER, DOUBLE, POINTER, POINTER)
 
 
 def solve_series(
@@ -33,6 +45,7 @@ def solve_series(
     limits: tuple[float, bool, bool],
     rows: FloatArray,
     status: IntArray,
+    course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
     """Integrate L(1) with L(2), which is L(4), L(7) or L(14) as the curve may be, for a curve given as pieces.
 
@@ -43,34 +56,20 @@ def solve_series(
         limits: horizon [s], whether the lowest border is the contact, whether the curve goes on beyond the pieces.
         rows: filled with layout.COLUMNS, shape (n, 15).
         status: filled with the numbers of ContactStatus, shape (n,).
+        course: ascending times [s], shape (n, m), and what is filled with layout.TRACE_COLUMNS at them, shape
+            (n, m, 4); what comes after the end of an encounter is left as it is.
     """
     n = len(values)
     _check(rows, (n, 15))
     _check(status, (n,))
-    _solve(*_encounters(values, gains, pieces), *limits, address(rows), address(status, _INTEGER))
-
-
-def trace_series(
-    values: FloatArray,
-    gains: FloatArray,
-    pieces: FloatArray,
-    limits: tuple[float, bool, bool],
-    times: FloatArray,
-    trace: FloatArray,
-) -> None:
-    """Fill trace[i, j] with layout.TRACE_COLUMNS of encounter i at times[i, j], until its end.
-
-    Args:
-        values: as in `solve_series`.
-        gains: as there.
-        pieces: as there.
-        limits: as there.
-        times: ascending [s], shape (n, m).
-        trace: shape (n, m, 4); what comes after the end of an encounter is left as it is.
-    """
-    _check(times, (len(values), *times.shape[1:]))
-    _check(trace, (len(times), times.shape[1], 4))
-    _trace(*_encounters(values, gains, pieces), *limits, address(times), times.shape[1], address(trace))
+    traced: tuple[int | None, int, int | None] = (None, 0, None)
+    if course is not None:
+        times, trace = course
+        _check(times, (n, *times.shape[1:]))
+        _check(trace, (n, times.shape[1], 4))
+        traced = address(times), times.shape[1], address(trace)
+    encounters = _encounters(values, gains, pieces, limits)
+    _solve(*encounters, limits[0], address(rows), address(status, _INTEGER), *traced)
 
 
 def follow_gradients(
@@ -88,29 +87,31 @@ def follow_gradients(
         values: relative quantities of Scenario.relative, shape (n, 10).
         gains: D_p [N s], shape (n,).
         pieces: the curve from l = 0 upward, as curve_pieces gives it, shape (p, 2 + degree).
-        terms: for each piece and parameter of the curve the coefficients of rho = dg/d(parameter) in z, shape
-            (p, m, degree).
+        terms: for each piece the coefficients of rho = dg/d(parameter) in z of m parameters of the curve, one at most,
+            shape (p, m, degree).
         horizon: when to give up [s].
-        found: filled with the derivatives of time and l' by the nine inputs and the parameters, shape (n, 2, 9 + m);
+        found: filled with the derivatives of time and l' by the nine inputs and the parameter, shape (n, 2, 9 + m);
             nan where no contact is reached.
         status: filled with 0 where the contact was reached, 1 where l went beyond the pieces, else 2, shape (n,), int8.
     """
-    n, many = len(values), terms.shape[1]
+    n, many = len(values), min(terms.shape[1], 1)
     _check(terms, (len(pieces), many, pieces.shape[1] - 2))
     _check(found, (n, 2, FOLLOWED + many))
     _check(status, (n,))
-    encounters = _encounters(values, gains, pieces)
-    _follow(*encounters, address(terms), many, horizon, address(found), address(status, _SHORT))
+    encounters = _encounters(values, gains, pieces, (horizon, True, False))
+    _follow(*encounters, address(terms) if many else None, horizon, address(found), address(status, _SHORT))
 
 
-def _encounters(values: FloatArray, gains: FloatArray, pieces: FloatArray) -> tuple[int, int, int, int, int, int]:
+def _encounters(
+    values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
+) -> tuple[int, int, int, Any]:
     """Return what the kernels take of the encounters and of their curve."""
     n, (count, width) = len(values), pieces.shape
     _check(values, (n, 10))
     _check(gains, (n,))
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(f"a curve has pieces of up to {_WIDEST} numbers, not {pieces.shape}")
-    return address(values), n, address(gains), address(pieces), count, width
+    return address(values), n, address(gains), byref(_PiecesOfCore(address(pieces), count, width, *limits[1:]))
 
 
 def _check(array: Any, shape: tuple[int, ...]) -> None:

@@ -1,0 +1,257 @@
+// One encounter of the guaranteed path, step by step: a lane of Taylor steps at rounding, or a long step of a stiff motion.
+
+#pragma once
+
+#include <string.h>
+
+#include "lanes_bernstein.hpp"
+#include "lanes_proof.hpp"
+#include "lanes_responses.hpp"
+#include "stiff_step.hpp"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+enum Status : int64_t { CONTACT, NO_CONTACT, LATE, LEFT_RANGE, UNRESOLVED };  // the numbers of ContactStatus
+
+constexpr int DEGREE = LARGEST_DEGREE;  // of ln xi; that of a piece is less
+constexpr double LEFT_OUT = 1e-16;      // of l': what a step may leave out of it
+constexpr double SLOW = 1e-6;           // of l over a step: an l' that moves less need not be known better
+constexpr double SHORTEST_UNIT = 1e-150;  // [s]: its square is a number
+constexpr double LEFT_ALONE = 1e-13;  // of the largest value of a response, per step
+constexpr int HALVINGS = 6;           // of a step, until its peaks are certain
+
+// Where a motion is asked for: ascending times, and TRACE_COLUMNS of motion/layout.py for each.
+struct Samples {
+    const double *times;
+    int64_t count;
+    double (*trace)[4];
+};
+
+// What is followed beside a motion, and the coefficients in z of what a parameter adds to g on each piece, if any.
+struct Followed {
+    Responses responses;
+    const double *shape;
+};
+
+// One encounter on its way.
+struct Encounter {
+    const Values &m;
+    const double gain;
+    const Curve curve;
+    const double horizon;  // when to give up [s]
+    Samples samples;
+    Followed *beside;
+    Course &row;
+
+    int64_t index = 0;  // of the piece
+    Piece piece = {};
+    double time = 0, l, speed;
+    double start, taylor = 0, longest = INFINITY;  // l there; length of the last Taylor step; what the responses allow
+    bool alone, never = false;  // whether nothing drives l but itself; whether it is proved never to arrive
+    Pace pace = {0, PATIENCE, PATIENCE, 0};
+    Motion motion = {};
+    double b[ORDER + 1], force[ORDER], unit = 0;  // the series of l and of d ln xi / dt, and the unit of its time [s]
+
+    Encounter(const Values &m, double gain, const pretouch_pieces &curve, double horizon, const Samples &samples,
+              Followed *beside, Course &row);
+    void enter(int64_t to);
+    double rest(double damping) const;
+    double least_damping(double top) const;
+    double floor_after() const;
+    bool is_never() const;
+    bool is_over(bool last);
+    double scale() const;
+    double reach() const;
+    double expand_step();
+    void cut(double tau);
+    void carry(Accepted &step);
+    void sample(double tau);
+    void keep_extremes(double tau);
+    void finish(double tau, double end);
+    Status run();
+};
+
+// Let the terms of a curve be those of ln xi, from what g, or a change of it, is on a piece.
+inline void set_terms(const double *g, int64_t count, double half, Lanes *terms) {
+    double power = 1;
+    for (int64_t j = 0; j < count; j++) {
+        terms[j + 1] = all(g[j] * power / double(j + 1));
+        power /= half;
+    }
+}
+
+inline void Encounter::enter(int64_t to) {
+    index = to;
+    piece = curve.piece(to);
+    motion.middle = all(piece.middle);
+    set_terms(piece.g, COEFFICIENTS, piece.half, motion.terms);
+    const int64_t count = curve.width - 2;
+    if (beside && beside->shape) set_terms(beside->shape + to * count, count, piece.half, beside->responses.shape);
+}
+
+inline Encounter::Encounter(const Values &values, double strength, const pretouch_pieces &along, double until,
+                            const Samples &at, Followed *carried, Course &course)
+    : m(values), gain(strength), curve{along}, horizon(until), samples(at), beside(carried), row(course) {
+    l = start = m.p - m.x0;
+    speed = m.v - m.u0;
+    motion.damping = all(m.damping / m.mass);
+    motion.stiffness = all(m.stiffness / m.mass);
+    motion.gain = all(gain / m.mass);
+    motion.position = all(m.p);
+    motion.velocity = all(m.v);
+    motion.acceleration = all(m.a);
+    enter(curve.find(l));
+    if (beside) beside->responses.start(0, m.mass, (m.damping + gain * slope_at(piece, l).value) / m.mass);
+    alone = is_left_alone(m);
+    never = alone && is_never();
+    const double rate = fabs(m.damping + gain * piece.g[0]) / m.mass + sqrt(m.stiffness / m.mass);
+    const double slow = rate > 0 ? 1.0 / rate : 1.0, crossing = 2 * piece.half / larger(fabs(speed), 1e-12);
+    taylor = larger(smaller(smaller(slow, crossing), horizon), SHORTEST_UNIT);
+    row = {};
+    row.closest_distance = l;
+    row.settling_distance = m.v == 0 && m.a == 0 && m.stiffness > 0 && gain <= 0 ? m.p : INFINITY;
+}
+
+// What an error of l [m] is to be small beside: l at the start, unless all that l consists of has gone.
+inline double Encounter::scale() const {
+    const double path = fabs(m.p) + (fabs(m.v) + fabs(m.a) / 2 * time) * time;
+    return larger(l, smaller(start, path));
+}
+
+// The largest part of the unit at which the series of l and of l' are at rounding beside their scales.
+inline double Encounter::reach() const {
+    const double size = larger(larger(fabs(b[1]), fabs(b[2])), SLOW * scale());
+    double found = 2;
+    for (int k = ORDER - 1; k <= ORDER; k++) {
+        if (b[k] == 0) continue;
+        found = smaller(found, pow(1e-17 * scale() / fabs(b[k]), 1.0 / k));
+        found = smaller(found, pow(LEFT_OUT * size / (k * fabs(b[k])), 1.0 / (k - 1)));
+    }
+    return found;
+}
+
+// Find the series of the next step; returns the largest part of its unit at which it holds.
+inline double Encounter::expand_step() {
+    const Borders used = curve.borders(index, 0);
+    const double way = speed < 0 ? l - used.low : used.high - l, left = horizon - time;
+    const double useful = smaller(left, AHEAD * way / larger(fabs(speed), 1e-300));
+    memset(b, 0, sizeof b);
+    memset(force, 0, sizeof force);
+    unit = beside ? 0 : long_step(m, gain, piece, {time, l, speed}, taylor, useful, pace, b, force);
+    double tau = 1;
+    if (unit == 0) {
+        unit = taylor;
+        motion.state.time = all(time);
+        motion.state.distance = all(l);
+        motion.state.speed = all(speed);
+        Lanes c[ORDER + 1], rates[ORDER];
+        expand<DEGREE>(motion, obstacle_at(motion, motion.state.time), c, rates);
+        double power = 1;
+        for (int k = 0; k <= ORDER; k++) {
+            b[k] = c[k][0] * power;
+            if (k < ORDER - 1) force[k] = rates[k][0] * power;
+            power *= unit;
+        }
+        tau = reach();
+        taylor = larger(smaller(unit * tau, horizon), SHORTEST_UNIT);
+        pace.doubt = LEFT_OUT * SLOW * scale() / taylor;
+    }
+    return smaller(tau, smaller(left, longest) / unit);
+}
+
+// Let the series be those of a part of the step, which is then the unit.
+inline void Encounter::cut(double tau) {
+    double power = 1;
+    for (int k = 0; k <= ORDER; k++) {
+        b[k] *= power;
+        power *= tau;
+        motion.b[k] = all(b[k]);
+    }
+    unit *= tau;
+    motion.length = all(unit);
+}
+
+// Carry the responses over a step, or over as much of it as they allow.
+inline void Encounter::carry(Accepted &step) {
+    Responses &r = beside->responses;
+    const auto carried = beside->shape ? carry_responses<DEGREE, SHAPED> : carry_responses<DEGREE>;
+    cut(step.tau);
+    step.tau = 1;
+    for (bool smooth = false; !smooth && unit > SHORTEST_UNIT;) {
+        smooth = carried(motion, r, all(time), Masks{} == 0, LEFT_ALONE) & 1;
+        const double part = smaller(larger(0.9 * pow(LEFT_ALONE / r.excess[0], 1.0 / ORDER), 0.1), 2);
+        longest = part * unit;
+        if (smooth) break;
+        cut(part);
+        step = {1, look_at(b, 1.0).value, 0, false, 0};
+    }
+}
+
+// Fill the trace at what times lie in the step.
+inline void Encounter::sample(double tau) {
+    for (; samples.count > 0 && *samples.times <= time + unit * tau; samples.count--) {
+        const double t = *samples.times++;
+        const Point<double> now = look_at(b, (t - time) / unit);
+        double *found = *samples.trace++;
+        found[0] = now.value;
+        found[1] = obstacle_at(m, t) - now.value;
+        found[2] = obstacle_speed(m, t) - now.slope / unit;
+        found[3] = m.a - now.bend / (unit * unit);
+    }
+}
+
+// Raise the largest and lower the smallest quantities over one step, and add to the integral of x~.
+inline void Encounter::keep_extremes(double tau) {
+    enum { NEAR, EXCURSION, TRAVEL, SPEED, ACCELERATION, FORCE, KEPT };
+    double q[ORDER + 1][8] = {}, far = 0, area = 0, power = 1;
+    const double x[3] = {obstacle_at(m, time), obstacle_speed(m, time) * unit, m.a / 2 * unit * unit};
+    const double own[3] = {(m.own_v + m.own_a * time / 2) * time - m.x0, (m.own_v + m.own_a * time) * unit,
+                           m.own_a / 2 * unit * unit};
+    for (int k = 0; k <= ORDER; k++) {
+        q[k][NEAR] = -b[k];
+        q[k][EXCURSION] = k < 3 ? x[k] - b[k] : -b[k];
+        q[k][TRAVEL] = k < 3 ? q[k][EXCURSION] + own[k] : -b[k];
+        q[k][FORCE] = k < ORDER ? gain * force[k] : 0.0;
+        far += fabs(b[k]) * power;
+        power *= tau;
+        area += q[k][EXCURSION] / (k + 1) * power;
+    }
+    q[0][NEAR] += far;
+    for (int k = 0; k < ORDER; k++) q[k][SPEED] = (k + 1) * q[k + 1][TRAVEL] / unit;
+    for (int k = 0; k < ORDER - 1; k++) q[k][ACCELERATION] = (k + 1) * q[k + 1][SPEED] / unit;
+    double best[8] = {0, row.largest_excursion, row.largest_travel, row.largest_speed, row.largest_acceleration,
+                      row.largest_virtual_force};
+    for (int i = 0; i < KEPT; i += WIDTH) {
+        Polynomial<ORDER + 1> several;
+        power = 1;
+        for (int k = 0; k <= ORDER; k++) {
+            several.at[k] = load(q[k] + i) * power;
+            power *= tau;
+        }
+        store(best + i, largest(several, load(best + i), HALVINGS));
+    }
+    memcpy(&row.largest_excursion, best + EXCURSION, (KEPT - EXCURSION) * sizeof *best);
+    row.closest_distance = smaller(row.closest_distance, far - best[NEAR]);
+    row.displacement_integral += area * unit;
+}
+
+// Write the state at the end of a step, and go there.
+inline void Encounter::finish(double tau, double end) {
+    const Point<double> last = look_at(b, tau);
+    time += unit * tau;
+    l = end;
+    speed = last.slope / unit;
+    row.time = time;
+    row.distance = l;
+    row.displacement = obstacle_at(m, time) - l;
+    row.displacement_velocity = obstacle_speed(m, time) - speed;
+    row.displacement_acceleration = m.a - last.bend / (unit * unit);
+    row.relative_velocity = speed;
+    row.virtual_force = gain * slope_at(piece, l).value * speed;
+}
+
+}  // namespace
+
+}  // namespace PRETOUCH_VARIANT

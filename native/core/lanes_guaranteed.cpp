@@ -1,0 +1,178 @@
+// Integrate L(1) with L(2) for any sensor curve by Taylor series, and find the first contact in them: one encounter at a
+// time, in lanes that are all alike.
+//
+// Each step is a polynomial whose error is at rounding (lanes_taylor.hpp); it is accepted only when its coefficients prove
+// what l does on it (lanes_proof.hpp), so that a border, the contact among them, is never passed twice unseen.
+// Touches, and motions that come to zero but never arrive there, are told by endings.hpp.
+
+#include <string.h>
+
+#include "lanes_encounter.hpp"
+#include "lanes_series.hpp"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+constexpr int64_t MOST_TAKEN = 4000;  // some thousandths of a second; then a motion is given up
+constexpr int64_t PER_PIECE = 16;     // further steps for each piece of the curve
+constexpr int64_t MOST_FOLLOWED = 30000;  // what is stiffer is differentiated by differences
+constexpr double VANISHED = 1e-280;   // of l at the start: a motion about l = 0 that is below it has come to rest
+constexpr int INPUTS = 9;
+
+// How far [m] an l that is left alone may still be from its resting place.
+double Encounter::rest(double damping) const {
+    if (m.stiffness == 0) return damping > 0 ? fabs(speed) * m.mass / damping : speed != 0 ? INFINITY : 0.0;
+    return sqrt((l - m.p) * (l - m.p) + speed * speed * m.mass / m.stiffness);
+}
+
+// Bound D + D_p g(l) [N s/m] from below for all l up to a top.
+double Encounter::least_damping(double top) const {
+    if (gain == 0) return m.damping;
+    double least = INFINITY;
+    for (int64_t i = 0; i < curve.count && curve.bottom(i) < top; i++) {
+        const Piece part = curve.piece(i);
+        const double width = smaller(2, (top - curve.bottom(i)) / part.half);  // of z, from -1 upward
+        double here = 0, spread = 0, steep = 0, sign = 1;
+        for (int j = 0; j < COEFFICIENTS; j++) {
+            here += sign * part.g[j];
+            spread += j > 0 ? fabs(part.g[j]) : 0.0;
+            steep += j * fabs(part.g[j]);
+            sign = -sign;
+        }
+        const double near = gain * here - fabs(gain) * steep * width;
+        least = smaller(least, larger(near, gain * part.g[0] - fabs(gain) * spread));
+    }
+    return m.damping + (gain < 0 ? larger(least, 0) : least);  // g is never above 0
+}
+
+// Bound l from below for good: with the obstacle at rest a damping force only takes energy away; else -inf.
+double Encounter::floor_after() const {
+    if (m.v != 0 || m.a != 0 || gain > 0) return -INFINITY;
+    if (m.stiffness > 0) {
+        const double displacement = m.p - l;
+        return m.p - sqrt(displacement * displacement + speed * speed * m.mass / m.stiffness);
+    }
+    return m.damping > 0 ? l - fabs(speed) * m.mass / m.damping : -INFINITY;
+}
+
+// Whether an l that is left alone is proved never to reach the lowest border from here on.
+bool Encounter::is_never() const {
+    double top = l;
+    if (speed > 0 && m.stiffness > 0) top = m.p + sqrt((l - m.p) * (l - m.p) + speed * speed * m.mass / m.stiffness);
+    return never_arrives(m, least_damping(top), l, speed, curve.bottom(0));
+}
+
+// Whether l is proved to stay above 0 and within the range for good, at its end or close to its least.
+bool Encounter::is_over(bool last) {
+    if (never && (curve.open_ended || speed <= 0)) {
+        const double damping = least_damping(l), way = rest(damping), doubt = rest_resolution(m, damping);
+        if (!(last || way <= doubt)) return false;
+        if (m.stiffness == 0) {
+            row.settling_distance = way <= doubt ? larger(l - way, 0) : INFINITY;
+        } else {
+            row.settling_distance = larger(row.settling_distance, 0);
+        }
+        row.closest_distance = smaller(row.closest_distance, row.settling_distance);
+        return true;
+    }
+    const double floor = floor_after(), ceiling = m.stiffness > 0 ? 2 * m.p - floor : 2 * l - floor;
+    if (!(floor > 0 && (curve.open_ended || ceiling <= curve.top(curve.count - 1)))) return false;
+    const bool settled = fabs(l - floor) <= 1e-12 * l;
+    if (!(settled || last || row.closest_distance <= floor)) return false;
+    if (m.stiffness == 0) row.settling_distance = settled ? floor : INFINITY;
+    row.closest_distance = smaller(row.closest_distance, row.settling_distance);
+    return true;
+}
+
+Status Encounter::run() {
+    const int64_t last = curve.count - 1;
+    const int64_t most = beside ? MOST_FOLLOWED : MOST_TAKEN + PER_PIECE * curve.count;
+    const double bottom = curve.bottom(0), top = curve.top(last);
+    for (int64_t i = 0; i < most; i++) {
+        const double tau = expand_step();
+        const Borders borders = curve.borders(index, never ? -INFINITY : bottom);
+        Accepted step = accepted_step(m, b, borders, time, unit, tau);
+        if (step.moved > 0 && index == last) {
+            const double end = larger(l, top), since = step.since;
+            step.tau = look_at(b, since).value < end ? zero_time(b, LEVEL, end, since, step.tau) : since;
+            step.end = end;
+        }
+        sample(step.tau);
+        if (beside) carry(step);
+        else keep_extremes(step.tau);
+        finish(step.tau, step.end);
+        if (step.moved < 0 && (index == 0 || step.touched)) {
+            row.distance = row.closest_distance = bottom;
+            if (step.touched) {
+                row.displacement_velocity += speed;
+                row.relative_velocity = row.virtual_force = 0;
+            }
+            if (never) row.settling_distance = bottom;  // it is as close to its rest as rounding lets it come
+            return never ? NO_CONTACT : curve.ends_in_contact ? CONTACT : LEFT_RANGE;
+        }
+        if (step.moved > 0 && index == last) {
+            row.distance = top;
+            return curve.open_ended ? UNRESOLVED : LEFT_RANGE;
+        }
+        if (step.moved) enter(index + step.moved);
+        never = never || (alone && is_never());
+        const bool vanished = alone && m.p == 0 && m.stiffness > 0 && rest(0) <= VANISHED * start;
+        if (vanished) row.closest_distance = row.settling_distance = 0;
+        if (vanished || is_over(time >= horizon)) return NO_CONTACT;
+        if (time >= horizon) return LATE;
+        if (!isfinite(l + speed)) return UNRESOLVED;
+    }
+    return never && is_over(true) ? NO_CONTACT : UNRESOLVED;
+}
+
+// Follow one encounter to its contact and write its gradients, of time and then of l'; tell how it ended: 0 reached, 1
+// beyond the curve, 2 otherwise, a touch among these, which an arbitrarily small change turns into none.
+int8_t follow(const Values &m, double gain, const pretouch_pieces &curve, double horizon, const double *shape,
+              double *found) {
+    const int64_t many = shape ? INPUTS + 1 : INPUTS;
+    Course row;
+    Followed beside = {};
+    beside.shape = shape;
+    Encounter one(m, gain, curve, horizon, {}, &beside, row);
+    const Status status = one.run();
+    for (int64_t j = 0; j < 2 * many; j++) found[j] = NOT_A_NUMBER;
+    if (status == LEFT_RANGE) return 1;
+    if (status != CONTACT || row.relative_velocity == 0) return 2;
+    const double slope = slope_at(one.piece, row.distance).value, bend = m.a - row.displacement_acceleration;
+    const Contacts contact = {all(row.time), all(row.relative_velocity), all(bend), Lanes{}, Lanes{}};
+    double rows[3][INPUTS];
+    write_gradient(one.motion, beside.responses, contact, 0, slope, rows[0], 1);
+    memcpy(found, rows[0], sizeof rows[0]);
+    memcpy(found + many, rows[2], sizeof rows[2]);
+    if (shape) {
+        const double d = beside.responses.of[BY_SHAPE].d[0], y = beside.responses.of[BY_SHAPE].y[0];
+        found[INPUTS] = -d / row.relative_velocity;
+        found[many + INPUTS] = y - (m.damping + gain * slope) / m.mass * d + bend * found[INPUTS];
+    }
+    return 0;
+}
+
+const Values &values_of(const double *values, int64_t i) { return reinterpret_cast<const Values *>(values)[i]; }
+
+}  // namespace
+
+void solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve, double horizon,
+                  double *rows, int64_t *status, const double *times, int64_t m, double *trace) {
+    for (int64_t i = 0; i < n; i++) {
+        Samples samples = {};
+        if (times) samples = {times + i * m, m, reinterpret_cast<double(*)[4]>(trace) + i * m};
+        Course &row = reinterpret_cast<Course *>(rows)[i];
+        status[i] = Encounter(values_of(values, i), gains[i], *curve, horizon, samples, nullptr, row).run();
+    }
+}
+
+void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
+                      const double *shape, double horizon, double *found, int8_t *status) {
+    for (int64_t i = 0; i < n; i++) {
+        double *rows = found + i * 2 * (shape ? INPUTS + 1 : INPUTS);
+        status[i] = follow(values_of(values, i), gains[i], *curve, horizon, shape, rows);
+    }
+}
+
+}  // namespace PRETOUCH_VARIANT

@@ -1,0 +1,105 @@
+// A step's polynomial of l, on [0, tau]: its values, and what its coefficients prove of it.
+//
+// A step counts only where one of three things is proved: l is monotone, so that its value at the end decides whether
+// it passed a border; l stays between two borders, since the sum of all moves is too small to reach one; or l'' has
+// one sign, so that l turns at most once, and its values there and at the end decide. The last is what a touch needs:
+// next to it the other two hold on ever shorter steps only.
+
+#pragma once
+
+#include "lanes_taylor.hpp"
+#include "pieces.hpp"
+
+namespace PRETOUCH_VARIANT {
+
+namespace {
+
+using namespace pretouch;
+
+constexpr double SHORTEST = 1e-14;  // tau
+constexpr int MOST_HALVINGS = 100;
+
+// A step that counts: how long, and l at its end; -1 or 1 where that is the lower or the upper border and 0 elsewhere;
+// whether the contact is only touched; since when l is monotone.
+struct Accepted {
+    double tau, end;
+    int moved;
+    bool touched;
+    double since;
+};
+
+// Whether l is monotone on [0, tau], stays between the borders, and bends one way only.
+struct Proof {
+    bool monotone, inside, bent;
+    bool none() const { return !(monotone || inside || bent); }
+};
+
+inline Proof certify(const double *c, const Borders &borders, double tau) {
+    double below = 0, above = 0, bend = 0, turn = 0, power = 1;
+    for (int k = 1; k <= ORDER; k++) {
+        const double slope = k * fabs(c[k]) * power;
+        if (k > 1) bend += slope;
+        if (k > 2) turn += (k - 1) * slope;
+        power *= tau;
+        below += smaller(c[k] * power, 0.0);
+        above += larger(c[k] * power, 0.0);
+    }
+    const bool inside = c[0] + below > borders.low && c[0] + above < borders.high;
+    return {fabs(c[1]) > bend, inside, 2 * fabs(c[2]) * tau > turn};
+}
+
+// Where a polynomial that is monotone between two times passes a level there, or where its slope, monotone there, changes
+// its sign; Newton's method from the right, and halving where that leaves the range.
+enum Wanted { LEVEL, TURNING };
+inline double zero_time(const double *c, Wanted wanted, double level, double left, double right,
+                        double resolved = 4e-16) {
+    const auto miss = [&](const Point<double> &p) { return wanted == LEVEL ? p.value - level : p.slope; };
+    const double tau = right;
+    double t = right;
+    Point<double> p = look_at(c, t);
+    const bool rising = miss(p) > 0;
+    for (int i = 0; i < MOST_HALVINGS; i++) {
+        ((miss(p) > 0) == rising ? right : left) = t;
+        const double step = t - miss(p) / (wanted == LEVEL ? p.slope : p.bend);
+        if (fabs(step - t) <= resolved * tau) return smaller(larger(step, left), right);
+        t = left <= step && step <= right ? step : 0.5 * (left + right);
+        p = look_at(c, t);
+    }
+    return t;
+}
+
+// Shorten a step until what l does on it is proved, and end it at the border that l passes first, if any; begin and
+// unit: the time at tau = 0 and the unit of tau [s].
+inline Accepted accepted_step(const Values &m, const double *c, const Borders &borders, double begin, double unit,
+                              double tau) {
+    Proof proof = certify(c, borders, tau);
+    while (proof.none() && tau > SHORTEST) {
+        tau *= 0.5;
+        proof = certify(c, borders, tau);
+    }
+    double end = look_at(c, tau).value;
+    if (proof.inside) return {tau, end, 0, false, 0};
+    double since = 0;
+    const bool turns = proof.bent && !proof.monotone && c[1] != 0 && (look_at(c, tau).slope < 0) != (c[1] < 0);
+    const double turn = turns ? zero_time(c, TURNING, 0, 0, tau) : tau;
+    if (turn < tau) {
+        const double peak = look_at(c, turn).value;
+        const bool falls = c[1] < 0;
+        if (falls && fabs(peak - borders.contact) <= resolution(m, begin + unit * turn)) {
+            return {turn, borders.contact, -1, true, 0};
+        }
+        if (falls ? peak <= borders.low : peak >= borders.high) {
+            tau = turn;
+            end = peak;
+        } else {
+            since = turn;
+        }
+    }
+    if (end <= borders.low) return {zero_time(c, LEVEL, borders.low, since, tau), borders.low, -1, false, since};
+    if (end >= borders.high) return {zero_time(c, LEVEL, borders.high, since, tau), borders.high, 1, false, since};
+    return {tau, end, 0, false, since};
+}
+
+}  // namespace
+
+}  // namespace PRETOUCH_VARIANT

@@ -12,7 +12,7 @@ from scenario_text import ADMITTANCE, OBJECTIVE, SENSOR, WHOLE, line_of, refusal
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
 from pretouch.config.schema import SECTIONS, quantity_of_key
-from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, MittagLeffler, Recessed, Table, known_curves
+from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, MittagLeffler, Recessed, Table
 
 
 @pytest.fixture
@@ -165,14 +165,8 @@ def documented():
     return found
 
 
-def variants_of(section):
-    """Return the variants of a section; other tests define curves, too."""
-    strangers = {name for name, curve in known_curves().items() if not curve.__module__.startswith("pretouch.")}
-    return [variant for name, variant in SECTIONS[section].items() if name not in strangers]
-
-
 def test_the_reference_lists_every_section_and_key_and_no_other():
-    takes = {name: {key for v in variants_of(name) for key in v.model_fields} for name in SECTIONS}
+    takes = {name: {key for v in SECTIONS[name].values() for key in v.model_fields} for name in SECTIONS}
     assert {name: set(keys) for name, keys in documented().items()} == takes
 
 
@@ -180,7 +174,7 @@ def test_the_reference_lists_every_section_and_key_and_no_other():
 def test_the_reference_gives_every_unit_and_default(section):
     for key, (unit, default) in documented()[section].items():
         # a key that several variants take means the same in each; `model` is optional beside a calibration only
-        variant = next(v for v in variants_of(section) if key in v.model_fields)
+        variant = next(v for v in SECTIONS[section].values() if key in v.model_fields)
         field, quantity = variant.model_fields[key], quantity_of_key(variant, key)
         if quantity is not None:
             assert unit == (quantity.unit or "number"), key

@@ -87,7 +87,7 @@ def check_models(models: tuple[str, ...]) -> None:
         InvalidInputError: a name is no model, or there is none.
     """
     for model in models:
-        if model not in model_names():
+        if model not in model_names() and model not in known_curves(fitted=True, foreign=True):
             raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")
     if not models:
         raise InvalidInputError(f"models: found none, expected one or more of {', '.join(model_names())}")
@@ -107,12 +107,12 @@ def why_not(model: str, prepared: Prepared) -> str:
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of all models, those of curves that a program has defined among them."""
+    """Return the names of the models that are ranked where none are named."""
     return (*sorted(known_curves(fitted=True)), _TABLE)
 
 
 def _family(model: str, used: AveragedCurve) -> Family:
-    curve = known_curves()[model]
+    curve = known_curves(foreign=True)[model]
     return curve.family(curve=curve, first=float(used.distance[0]), last=float(used.distance[-1]))
 
 

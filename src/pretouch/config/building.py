@@ -85,11 +85,11 @@ class Builder:
         given = section.model_dump(exclude_none=True, exclude={"model", "recess"})
         model = self.document.data["sensor"]["model"]
         if section.recess is None:
-            return self.attempt("sensor", lambda: known_curves()[model](**given)), None
+            return self.attempt("sensor", lambda: known_curves(foreign=True)[model](**given)), None
         limits = {key: given.pop(key) for key in _FROM_SURFACE if key in given}
         recess = section.recess
         return self.attempt(
-            "sensor", lambda: Recessed(sensor=known_curves()[model](**given), recess=recess, **limits)
+            "sensor", lambda: Recessed(sensor=known_curves(foreign=True)[model](**given), recess=recess, **limits)
         ), None
 
     def _calibrated(self, section: CalibratedSensor) -> tuple[SensorModel | None, CalibrationReport | None]:

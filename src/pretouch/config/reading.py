@@ -13,6 +13,7 @@ from .quantities import shown
 from .robust_sections import uncertainty_section
 from .schema import REQUIRED, SECTIONS, keys_of, quantity_of_key
 from .section import Section, nearest, one_of
+from .sensor_sections import CALIBRATION
 
 __all__ = ["read_sections"]
 
@@ -84,8 +85,7 @@ def _variant(name: str, found: Mapping[str, Any]) -> type[Section] | tuple[KeyPa
     if name == "sensor":
         if "calibration" in found:
             return variants["calibration"]
-        models = {key: kind for key, kind in variants.items() if key != "calibration"}
-        return _named(name, "model", found, models, ', or calibration = "sensor.csv"')
+        return _named(name, "model", found, variants, ', or calibration = "sensor.csv"')
     if name in _BY_KIND:
         return _named(name, "kind", found, variants, "")
     if name == "uncertainty":
@@ -100,10 +100,10 @@ def _named(
     section: str, key: str, found: Mapping[str, Any], variants: Mapping[str, type[Section]], alternative: str
 ) -> type[Section] | tuple[KeyPath, str]:
     """Choose a variant by the name that `key` gives."""
-    names = tuple(variants)
+    names = tuple(name for name in variants if name != CALIBRATION)
     if key in found:
         value = found[key]
-        if isinstance(value, str) and value in variants:
+        if isinstance(value, str) and value != CALIBRATION and value in variants:
             return variants[value]
         return (section, key), f"found {shown(value)}, {one_of(value, names)}"
     keys = (key, "calibration") if alternative else (key,)

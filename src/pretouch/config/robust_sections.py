@@ -135,7 +135,7 @@ def _inputs(part: str) -> dict[str, str]:
     """Return the inputs of a part with their units: of a sensor those of all curves but the scale, which cancels."""
     if part != "sensor":
         return _PARTS[part]
-    known = [f for curve in known_curves().values() for f in fields(curve) if "unit" in f.metadata]
+    known = [f for curve in known_curves(foreign=True).values() for f in fields(curve) if "unit" in f.metadata]
     return {f.name: f.metadata["unit"] for f in known if f.metadata["of_output"] is None} | {"recess": "m"}
 
 
@@ -158,7 +158,7 @@ class UncertaintySection(Section):
 
 def uncertainty_section() -> type[UncertaintySection]:
     """Make the model of [uncertainty] with every input in its unit."""
-    return _uncertainty_section(tuple(known_curves()))
+    return _uncertainty_section(tuple(known_curves(foreign=True)))
 
 
 @lru_cache(maxsize=4)

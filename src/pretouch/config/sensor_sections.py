@@ -23,9 +23,8 @@ _SEARCHED: Final = ("auto", "none")
 
 
 def _model(value: Any) -> str:
-    names = tuple(known_curves())
-    if not isinstance(value, str) or value not in names:
-        raise UnfitValueError(one_of(value, names))
+    if not isinstance(value, str) or value not in known_curves(foreign=True):
+        raise UnfitValueError(one_of(value, tuple(known_curves())))
     return value
 
 
@@ -124,10 +123,10 @@ class CalibratedSensor(SensorSection):
 
 
 class SensorSections(Mapping[str, type[SensorSection]]):
-    """The variants of [sensor]: one for each curve that a program knows, and one for a calibration."""
+    """The variants of [sensor]: one for each curve, those of a program's own included, and one for a calibration."""
 
     def __getitem__(self, name: str) -> type[SensorSection]:
-        return CalibratedSensor if name == CALIBRATION else section_of_curve(known_curves()[name])
+        return CalibratedSensor if name == CALIBRATION else section_of_curve(known_curves(foreign=True)[name])
 
     def __iter__(self) -> Iterator[str]:
         return iter((*known_curves(), CALIBRATION))

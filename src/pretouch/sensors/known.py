@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 from .custom import CustomSensor
 from .model import SensorModel
@@ -10,23 +11,30 @@ from .recessed import Recessed
 
 __all__ = ["known_curves"]
 
+_HOME: Final = "pretouch."
 
-def known_curves(*, fitted: bool = False) -> dict[str, type[SensorModel]]:
+
+def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
     """Return the classes of curves that files and fits may name.
 
     Args:
         fitted: only those that a calibration can be fitted by.
+        foreign: also those that the program has defined, each under a name of its own: they are found by name, but
+            take part in nothing unasked.
 
     Returns:
-        The classes by name, in the order in which they were defined; curves made of functions or of another curve are
-        not among them.
+        The classes by name; curves made of functions or of another curve are not among them.
 
     Examples:
         >>> from pretouch.sensors import InversePower
         >>> known_curves()["inverse-power"] is InversePower
         True
     """
-    found = {curve.name: curve for curve in _below(SensorModel) if curve.name}  # type: ignore[type-abstract]
+    found: dict[str, type[SensorModel]] = {}
+    for curve in _below(SensorModel):  # type: ignore[type-abstract]
+        own = curve.__module__.startswith(_HOME)
+        if vars(curve).get("name") and (own or (foreign and curve.name not in found)):
+            found[curve.name] = curve
     for composed in (CustomSensor, Recessed):
         found.pop(composed.name, None)
     return {name: curve for name, curve in found.items() if not fitted or _is_fitted(curve)}

@@ -6,14 +6,17 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from pretouch._core.blocks import Cell, Measured, Paragraph, Section, Table
+import numpy as np
+
+from pretouch._core.blocks import Cell, Measured, Paragraph, Picture, Section, Table
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch.design.page import objective_rows
 
 from .improvement import LoopChange, Loss
 from .result import Verdict
 
-__all__ = ["best_change_section", "changes_section", "gain_blocks"]
+__all__ = ["best_change_section", "changes_section", "gain_section"]
 
 Row = tuple[Cell, ...]
 
@@ -135,8 +138,23 @@ def _percent_with_error(value: float, error: float) -> str:
     return f"{value:+.{digits}f}" + (f" \u00b1 {error:.{digits}f} %" if error else " %")
 
 
-def gain_blocks(v: Verdict) -> Iterator[Paragraph | Table]:
-    """Yield what the verified gain costs beside the one that is best on this loop, and the objective of each."""
+def gain_section(v: Verdict) -> Section:
+    """Describe the objective over the gain, and what the verified one costs beside the best one on this loop."""
+    tried = v.loss is not None
+    caption = "The objective of the nominal encounter in continuous time (ideal)"
+    caption += ", and its mean over the runs on the loop, as far as gains were tried there" if tried else ""
+    caption += ". Thin and grey: gains that miss a limit"
+    caption += ", or make contact harder than without mitigation." if tried else "."
+    name = "Objective over the gain, in the ideal world and on the loop"
+    known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
+    picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
+    terms = Table(head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition)))
+    shown = picture if any(np.isfinite(objective).any() for objective in known) else None
+    title = "The objective over the gain" if v.gain is None else "The gain on this loop"
+    return Section(title=title, blocks=(*_gain_blocks(v), shown, terms))
+
+
+def _gain_blocks(v: Verdict) -> Iterator[Paragraph | Table]:
     if v.loss is not None:
         yield Paragraph(text=_loss_in_words(v, v.loss), brief=True)
     rows = tuple(_loss_rows(v))

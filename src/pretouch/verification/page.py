@@ -7,18 +7,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from pretouch._core.blocks import Cell, Listing, Measured, Page, Paragraph, Picture, Section, Table, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
-from pretouch.design.page import objective_rows
 from pretouch.motion.describing import inputs_section, method_section
 from pretouch.simulation.describing import loop_section
 from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
 from .checks import Comparison, LimitCheck, RunSpread, VerdictStatus
-from .improvement_page import best_change_section, changes_section, gain_blocks
+from .improvement_page import best_change_section, changes_section, gain_section
 from .result import Verdict
 from .stability import StabilityCheck
 
@@ -96,7 +93,7 @@ def verdict_page(verdict: Verdict) -> Page:
             _limits(v),
             _stability(v),
             _calibration(v),
-            _gain(v),
+            gain_section(v),
             changes_section(v),
             _assumptions(v),
             loop_section(v.loop),
@@ -286,21 +283,6 @@ def _calibration(v: Verdict) -> Section | None:
     )
     text = Paragraph(text=check.text, brief=check.is_good_enough)  # else it is one of the reasons
     return Section(title="Is the calibration good enough?", blocks=(text, Table(rows=rows, note=_OF_CALIBRATION)))
-
-
-def _gain(v: Verdict) -> Section:
-    tried = v.loss is not None
-    caption = "The objective of the nominal encounter in continuous time (ideal)"
-    caption += ", and its mean over the runs on the loop, as far as gains were tried there" if tried else ""
-    caption += ". Thin and grey: gains that miss a limit"
-    caption += ", or make contact harder than without mitigation." if tried else "."
-    name = "Objective over the gain, in the ideal world and on the loop"
-    known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
-    picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
-    terms = Table(head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition)))
-    shown = picture if any(np.isfinite(objective).any() for objective in known) else None
-    title = "The objective over the gain" if v.gain is None else "The gain on this loop"
-    return Section(title=title, blocks=(*gain_blocks(v), shown, terms))
 
 
 def _assumptions(v: Verdict) -> Section | None:

@@ -18,7 +18,6 @@ from pretouch._core.block_html import blocks_as_html, page_top
 from pretouch._core.blocks import Code, Described, Page, Paragraph, Picture, Section, page_of
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import sign, write_text
-from pretouch.calibration.page import fitted_blocks
 
 from . import plots
 from .style import draw_svg
@@ -95,6 +94,7 @@ def _draw(picture: Picture) -> str:
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
     """Say on a page what the calibration of its sensor is, and what it leaves open, before anything else."""
+    from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
     left = None if calibration.best is None else reservations_of(calibration, answer)

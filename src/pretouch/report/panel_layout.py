@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Affine2D, ScaledTranslation
+from matplotlib.transforms import Affine2D, Bbox, ScaledTranslation
 
 from pretouch._core.numbers import FloatArray
 
@@ -56,18 +56,27 @@ class _Grid(NamedTuple):
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
     """Draw panels in a grid; a name that finds no place beside what it names moves into a line above its panel."""
+    grid = _draw(panels, columns, height)
     listed: list[set[int]] = [set() for _ in panels]
+    bare = [set(axes.get_children()) for axes in grid.figure.axes]
     while True:
-        figure = _draw(panels, columns, height, listed)
-        lost = [
-            _place_names(axes, panel, above) for axes, panel, above in zip(figure.axes, panels, listed, strict=True)
-        ]
+        each = zip(grid.figure.axes, panels, listed, strict=True)
+        lost = [_place_names(axes, panel, above) for axes, panel, above in each]
         if not any(lost):
-            return figure
+            return grid.figure
         listed = [above | more for above, more in zip(listed, lost, strict=True)]
+        for axes, drawn in zip(grid.figure.axes, bare, strict=True):
+            for artist in set(axes.get_children()) - drawn:
+                artist.remove()
+        for last in (False, True):  # a list takes height, which may change the width of its panel
+            artists = _list_names(grid, panels, listed)
+            _fit(grid)
+            for artist in () if last else artists:
+                artist.remove()
+        _arrange(grid, final=True)
 
 
-def _draw(panels: tuple[Panel, ...], columns: int, height: float, listed: list[set[int]]) -> Figure:
+def _draw(panels: tuple[Panel, ...], columns: int, height: float) -> _Grid:
     """Draw panels without the names beside curves, in their final places."""
     width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
     columns = min(columns, len(panels))
@@ -80,22 +89,17 @@ def _draw(panels: tuple[Panel, ...], columns: int, height: float, listed: list[s
         draw_panel(axes, panel)
         axes.set_title(panel.title, y=1.0, parse_math=False)
     _fit(grid)
-    for last in (False, True) if any(listed) else ():  # a list takes height, which may change the width of its panel
-        artists = _list_names(grid, panels, listed)
-        _fit(grid)
-        for artist in () if last else artists:
-            artist.remove()
     _arrange(grid, final=True)
-    return figure
+    return grid
 
 
 def _fit(grid: _Grid) -> None:
     """Give the panels their places, and make their ticks and labels fit."""
     for _ in range(2):  # what hangs over depends on the ticks, which depend on the size
         _arrange(grid)
-        for axes in grid.figure.axes:
-            _thin_ticks(axes, grid.renderer)
-            _wrap_labels(axes, grid.renderer)
+        changed = [_thin_ticks(axes, grid.renderer) | _wrap_labels(axes, grid.renderer) for axes in grid.figure.axes]
+        if not any(changed):
+            return
 
 
 def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) -> list[Artist]:
@@ -193,19 +197,29 @@ def _arrange(grid: _Grid, *, final: bool = False) -> None:
 def _overhang(axes: Axes, renderer: Any, *, final: bool) -> tuple[float, float, float, float]:
     """Return by how many pixels ticks and texts stand out to the left, right, bottom and top.
 
-    Texts that will still be broken to fit do not count along the side that they have to fit.
+    Texts that will still be broken to fit do not count along the side that they have to fit. Labels stand where the
+    ticks let them, by Matplotlib's own rule, which it would take five times as long to tell.
     """
-    listed = list(axes.texts)  # broken to fit when they were written
-    across, upward = [axes.xaxis.label, _title(axes)], [axes.yaxis.label]
-    boxes: list[Any] = []
-    for texts in ([*listed, *([] if final else across)], [] if final else upward):
-        for text in texts:
-            text.set_visible(False)
-        boxes.append(axes.get_tightbbox(renderer))
-        for text in texts:
-            text.set_visible(True)
-    wide, high, inner = *boxes, axes.bbox
-    return inner.x0 - wide.x0, wide.x1 - inner.x1, inner.y0 - high.y0, high.y1 - inner.y1
+    inner: Any = axes.bbox
+    boxes = [box for axis in (axes.xaxis, axes.yaxis) for box in _tick_boxes(axis, renderer)]
+    boxes += [inner, *(text.get_window_extent(renderer) for text in axes.texts)]
+    union: Any = Bbox.union(boxes)
+    upward, across, title = (t.get_window_extent(renderer) for t in (axes.yaxis.label, axes.xaxis.label, _title(axes)))
+    pad = axes.xaxis.labelpad * axes.figure.dpi / 72
+    left, right = inner.x0 - union.x0 + pad + upward.width, union.x1 - inner.x1
+    bottom, top = inner.y0 - union.y0 + pad + across.height, max(union.y1, title.y1) - inner.y1
+    if final:
+        wide, high = (across.width - inner.width) / 2, (upward.height - inner.height) / 2
+        left, right = max(left, wide), max(right, wide, title.x1 - inner.x1)
+        bottom, top = max(bottom, high), max(top, high)
+    return left, right, bottom, top
+
+
+def _tick_boxes(axis: Any, renderer: Any) -> list[Any]:
+    """Return where the labels of ticks stand that are seen [pixel]."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
+    return [label.get_window_extent(renderer) for at, label in ticks if low <= at <= high and label.get_text()]
 
 
 def _title(axes: Axes) -> Text:
@@ -213,30 +227,32 @@ def _title(axes: Axes) -> Text:
     return title
 
 
-def _thin_ticks(axes: Axes, renderer: Any) -> None:
-    """Show fewer ticks where their labels would touch."""
+def _thin_ticks(axes: Axes, renderer: Any) -> bool:
+    """Show fewer ticks where their labels would touch; tell whether any did."""
+    thinned = False
     for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):
-        for most in (None, 6, 5, 4, 3, 2):
-            locator: Any = axis.get_major_locator()
-            if most:
-                locator.set_params(nbins=most)
+        for most in (6, 5, 4, 3, 2):
             if not _touch(axis, side, renderer):
                 break
+            locator: Any = axis.get_major_locator()
+            locator.set_params(nbins=most)
+            thinned = True
+    return thinned
 
 
 def _touch(axis: Any, side: int, renderer: Any) -> bool:
-    low, high = sorted(axis.get_view_interval())
-    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
-    boxes = [label.get_window_extent(renderer) for at, label in ticks if low <= at <= high]
+    boxes = _tick_boxes(axis, renderer)
     ends = [(box.x0, box.x1) if side == 0 else (box.y0, box.y1) for box in boxes]
     return any(max(a[0], b[0]) - min(a[1], b[1]) < _TICK_AIR for a, b in pairwise(ends))
 
 
-def _wrap_labels(axes: Axes, renderer: Any) -> None:
-    """Break labels and titles that are longer than the axes."""
-    room = axes.bbox.size
-    for text, side in ((axes.xaxis.label, 0), (_title(axes), 0), (axes.yaxis.label, 1)):
-        _break(text, text.get_text().replace("\n", " "), room[side], side, renderer)
+def _wrap_labels(axes: Axes, renderer: Any) -> bool:
+    """Break labels and titles that are longer than the axes; tell whether any changed."""
+    texts = (axes.xaxis.label, _title(axes), axes.yaxis.label)
+    before = [text.get_text() for text in texts]
+    for text, side in zip(texts, (0, 0, 1), strict=True):
+        _break(text, text.get_text().replace("\n", " "), axes.bbox.size[side], side, renderer)
+    return before != [text.get_text() for text in texts]
 
 
 def _write_list(axes: Axes, names: list[Name], renderer: Any) -> tuple[float, list[Artist]]:

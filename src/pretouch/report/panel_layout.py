@@ -42,6 +42,7 @@ _TICK_AIR: Final = 5.0  # pixels between the labels of ticks
 _ROW_GAP: Final = 3.0  # pt, between lines of names
 _TORN: Final = 16.0  # pt between a title and its panel
 _SAMPLE: Final = 20.0  # pt
+_SAME: Final = 0.5  # pixels
 
 
 class _Grid(NamedTuple):
@@ -68,11 +69,14 @@ def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figur
         for axes, drawn in zip(grid.figure.axes, bare, strict=True):
             for artist in set(axes.get_children()) - drawn:
                 artist.remove()
-        for last in (False, True):  # a list takes height, which may change the width of its panel
-            artists = _list_names(grid, panels, listed)
-            _fit(grid)
-            for artist in () if last else artists:
+        widths = [axes.bbox.width for axes in grid.figure.axes]
+        artists = _list_names(grid, panels, listed)
+        _fit(grid)
+        if any(abs(axes.bbox.width - w) > _SAME for axes, w in zip(grid.figure.axes, widths, strict=True)):
+            for artist in artists:  # a list takes height, which may change the width of its panel
                 artist.remove()
+            _list_names(grid, panels, listed)
+            _fit(grid)
         _arrange(grid, final=True)
 
 

@@ -15,8 +15,8 @@ from matplotlib.transforms import Affine2D, Bbox, ScaledTranslation
 from pretouch._core.numbers import FloatArray
 
 from .labels import label_inside, label_near
-from .panel_drawing import SPANS, Name, draw_panel, names_of
-from .style import LIMIT, minus_signs, new_figure
+from .panel_drawing import Name, draw_panel, names_of
+from .style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
-    from .panels import Panel, Span
+    from .panels import Panel
 
 __all__ = ["draw_figure"]
 
@@ -35,8 +35,8 @@ _GAP: Final = 0.2  # between panels, beside what hangs over
 _SMALLEST: Final = 0.4
 _LEAST: Final = 0.5  # of the height of a row, for the axes: a row grows where names and labels would take more
 _REACHES: Final = (11.0, 34.0)  # pt from a curve to its name, without and with a leader line
-_KINDS: Final = ("point", "curve", "line")  # in the order in which they are named
-_SIZES: Final = {"point": 8.0, "curve": 8.0, "line": 7.5}
+_KINDS: Final = ("span", "point", "curve", "line")  # in the order in which they are named
+_SIZES: Final = {"span": 7.5, "point": 8.0, "curve": 8.0, "line": 7.5}
 _BREAKABLE: Final = 9  # letters from which a name may take two lines
 _TICK_AIR: Final = 5.0  # pixels between the labels of ticks
 _ROW_GAP: Final = 3.0  # pt, between lines of names
@@ -124,9 +124,6 @@ def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
     """Write names beside what they name; return the places of those that have to be listed instead."""
-    for span in panel.spans:
-        if span.label:
-            _name_span(axes, span)
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     lost = {i for i, name in hardest_first if i not in listed and not _place(axes, name)}
@@ -134,20 +131,11 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
     return lost | curves - listed if lost and 2 * len(curves & (lost | listed)) > len(curves) else lost
 
 
-def _name_span(axes: Axes, span: Span) -> None:
-    """Write the name of a stretch inside it, where it covers as little as can be."""
-    ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
-    (x0, bottom), (x1, top) = axes.bbox.get_points()
-    left, right = max(ends[0, 0], x0), min(ends[1, 0], x1)
-    across = left + (right - left) * np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9, 0.0, 1.0])
-    x, y = np.meshgrid(across, bottom + (top - bottom) * np.linspace(0.93, 0.07, 15))
-    x, y = axes.transData.inverted().transform(np.column_stack([x.ravel(), y.ravel()])).T
-    fill = SPANS[span.kind]["facecolor"]
-    label_inside(axes, x, y, minus_signs(span.label), color=LIMIT, size=_SIZES["line"], fill=fill)
-
-
 def _place(axes: Axes, name: Name) -> bool:
     """Write a name beside what it names, in one line or in two; tell whether there was room."""
+    if name.kind == "span":
+        fill, size = name.sample["markerfacecolor"], _SIZES["span"]
+        return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
     for reach in _REACHES[: 1 if name.kind == "line" else 2]:
         for text in dict.fromkeys((name.text, _in_two_lines(name.text))):
             label = label_near(

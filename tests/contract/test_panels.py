@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from figure_checks import assert_legible, visible_texts
 from pretouch._core.errors import InvalidInputError
-from pretouch.report import Curve, Mark, Panel, panel_figure
+from pretouch.report import Curve, Mark, Panel, Span, panel_figure
 from pretouch.report.style import CURVES, MARKERS
 
 X = np.linspace(0.0, 10.0, 200)
@@ -90,6 +90,12 @@ def border() -> Panel:
     return panel(curve, x_label="gain [N s]", x_log=True, x_limits=(0.01, 10.0), marks=marks, levels=lines)
 
 
+def stretches() -> Panel:
+    spans = [Span(start=0.0, end=2.5, label="broken: excursion, virtual force"), Span(start=7.0, end=9.0, kind="used")]
+    spans.append(Span(start=2.5, end=7.0, label="no contact", kind="missing"))
+    return panel(line(y=np.exp(-X / 5), label="objective"), spans=spans)
+
+
 def dense() -> Panel:
     curves = [line(y=1000 + 0.001 * np.sin(8 * X + i), label=name) for i, name in enumerate(LONG)]
     words = "a label of an axis that is by far too long to be written into a single line q [N s/m]"
@@ -103,7 +109,7 @@ def gaps() -> Panel:
 
 
 PANELS: dict[str, Callable[[], Panel]] = {
-    f.__name__: f for f in (crossing, motions, logarithmic, tiny, negative, family, border, dense, gaps)
+    f.__name__: f for f in (crossing, motions, logarithmic, tiny, negative, family, border, stretches, dense, gaps)
 }
 
 
@@ -118,7 +124,9 @@ def drawn(figure: Figure, kind: str = "svg") -> bytes:
 
 
 def names_in(shown: Panel) -> list[str]:
-    labels = [item.label for item in (*shown.curves, *shown.marks)] + [curve.end for curve in shown.curves]
+    labels = [item.label for item in (*shown.curves, *shown.marks, *shown.spans)] + [
+        curve.end for curve in shown.curves
+    ]
     return [text for text in (*labels, *shown.levels, *shown.positions) if text]
 
 
@@ -271,6 +279,13 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "log limits": (lambda: panel(line(), y_log=True, y_limits=(0, 1)), r"^y_limits: found 0 on a logarithmic axis"),
     "limits": (lambda: panel(line(), x_limits=(1, 0)), r"^x_limits: found \(1, 0\)"),
     "mark outside": (lambda: panel(line(), marks=[Mark(x=20, y=0)], x_limits=(0, 1)), r"^mark: x: .* outside x_limits"),
+    "span outside": (
+        lambda: panel(line(), spans=[Span(start=20, end=30)], x_limits=(0, 1)),
+        r"^span: .* outside x_lim",
+    ),
+    "span reversed": (lambda: Span(start=2, end=1, label="a"), r"^span 'a': found \(2, 1\), expected two numbers"),
+    "span kind": (lambda: Span(start=1, end=2, kind="red"), r"^span: kind: found 'red', expected one of blocked"),
+    "log span": (lambda: panel(line(x=X + 1), x_log=True, spans=[Span(start=0, end=2)]), r"^span: found 0 on a log"),
     "curve outside": (lambda: panel(line(label="a"), y_limits=(5, 6)), r"^curve 'a': y: found .* outside y_limits"),
     "no curves": (panel, r"^curves: found none"),
     "one curve": (lambda: panel(curves=line()), r"^curves: found one Curve, expected a list"),

@@ -59,6 +59,7 @@ _NO_WAY_OUT: Final = {
 }
 _NOT_AT_CONTACT: Final = ("closest_distance", "settling_distance", "impulse_residual", "distance", "gain", "objective")
 _NOT_OURS: Final = "An objective of the user's own, with the items that it declares."
+_HELD: Final = "No input moves the optimal gain: what holds it does not depend on them."
 _WHOSE_MOTION: Final = {
     "loop": " One run of the sampled loop, with the noise that all gains met.",
     "other": " These motions are those of L(1) in continuous time: the function that the design was handed gives none.",
@@ -350,6 +351,8 @@ def _sensitivities(design: GainDesign) -> Section:
             change = f"{s.gain_change_per_percent:+.2e} N s" if s.value else "-"
             derivative = f"{s.gain_derivative:.4g} {per_unit}".replace("*", " ").replace("^2", "\u00b2")
             rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
+    if not rows:
+        return Section(title="What moves the optimum", titled=True, blocks=(Paragraph(text=_HELD, brief=True),))
     note = "Inputs without influence are left out; the scale of the sensor is one: it cancels in \u03be\u2032/\u03be."
     caption = "How far the optimal gain moves when the magnitude of an input grows by 1 %; striped: less negative."
     picture = Picture(figure="sensitivity", of=design, name="What moves the optimal gain", caption=caption)

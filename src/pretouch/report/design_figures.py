@@ -1,4 +1,4 @@
-"""The pictures of a design: the trade-off, the motion, and what moves the optimum."""
+"""The picture of what moves the optimum of a design."""
 
 from __future__ import annotations
 

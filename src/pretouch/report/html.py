@@ -19,7 +19,6 @@ from pretouch._core.blocks import Code, Page, Paragraph, Picture, Section
 from pretouch._core.described import Described, page_of
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import sign, write_text
-from pretouch.calibration.page import fitted_blocks
 
 from . import plots
 from .style import draw_svg
@@ -97,6 +96,7 @@ def _draw(picture: Picture) -> str:
 
 def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -> Page:
     """Say on a page what the calibration of its sensor is, and what it leaves open, before anything else."""
+    from pretouch.calibration.page import fitted_blocks  # noqa: PLC0415 - only where there is one
     from pretouch.uncertainty import reservations_of  # noqa: PLC0415
 
     left = None if calibration.best is None else reservations_of(calibration, answer)

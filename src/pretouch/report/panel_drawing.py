@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
     from .panels import Curve, Panel
 
-__all__ = ["SPANS", "Name", "draw_panel", "names_of"]
+__all__ = ["Name", "draw_panel", "names_of"]
 
 _FAINT: Final = "#b4b4b4"
+_HATCHED: Final = "#bdbdbd"
 _SHAPES: Final = {"dot": ("o", True), "ring": ("o", False), "square": ("s", True)}
 _MARKER_SIZES: Final = {"o": 4.4, "s": 4.0, "^": 5.0, "D": 3.8, "v": 5.0}
 _ANCHORS: Final = 25
@@ -33,9 +34,9 @@ _MOST_ROOM: Final = 0.25  # of the width, for texts at the ends of curves
 _DIGITS: Final = 1e-3, 1e5  # a largest number outside these is written with a power of ten
 
 
-SPANS: Final[dict[str, dict[str, Any]]] = {
-    "blocked": {"facecolor": BLOCKED, "edgecolor": "#bdbdbd", "hatch": "/////"},
-    "missing": {"facecolor": BLOCKED, "edgecolor": "#bdbdbd", "hatch": "\\\\\\\\"},
+_SPANS: Final[dict[str, dict[str, Any]]] = {
+    "blocked": {"facecolor": BLOCKED, "edgecolor": _HATCHED, "hatch": "/////"},
+    "missing": {"facecolor": BLOCKED, "edgecolor": _HATCHED, "hatch": "\\\\\\\\"},
     "used": {"facecolor": "#eef4f9"},
 }
 """How a stretch of the horizontal axis is filled, by its kind."""
@@ -66,7 +67,7 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
     for curve, look in _looks(panel):
         _draw_curve(axes, curve, look, clipped=zoomed)
     for span in panel.spans:
-        axes.axvspan(span.start, span.end, **SPANS[span.kind], linewidth=0, zorder=0.5)
+        axes.axvspan(span.start, span.end, **_SPANS[span.kind], linewidth=0, zorder=0.5)
     for at in panel.levels.values():
         axes.axhline(at, **_LINE)
     for at in panel.positions.values():
@@ -87,7 +88,7 @@ def names_of(axes: Axes, panel: Panel) -> list[Name]:
         for mark in panel.marks
         if mark.label
     ]
-    names += _end_names(panel)
+    names += [*_span_names(axes, panel), *_end_names(panel)]
     looks = list(_looks(panel))
     paths = [_path(axes, curve) for curve, _ in looks]
     for i, (curve, look) in enumerate(looks):
@@ -172,6 +173,19 @@ def _draw_end(axes: Axes, curve: Curve, look: _Look) -> None:
     if left <= x <= right and low <= y <= high:
         size, zorder = (3.6, 2.8) if curve.quiet else (5.5, 5.0)
         axes.plot([x], [y], "o", color=look.color, markersize=size, markeredgewidth=0, zorder=zorder, clip_on=False)
+
+
+def _span_names(axes: Axes, panel: Panel) -> Iterator[Name]:
+    """Yield the names of stretches, with places inside each of them."""
+    (x0, bottom), (x1, top) = axes.bbox.get_points()
+    for span in panel.spans:
+        ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
+        left, right = max(ends[0, 0], x0), min(ends[1, 0], x1)
+        across = left + (right - left) * np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9, 0.0, 1.0])
+        x, y = np.meshgrid(across, bottom + (top - bottom) * np.linspace(0.93, 0.07, 15))
+        x, y = axes.transData.inverted().transform(np.column_stack([x.ravel(), y.ravel()])).T
+        sample = {"color": _HATCHED, "linewidth": 5.0, "markerfacecolor": _SPANS[span.kind]["facecolor"]}
+        yield Name(span.label, LIMIT, x, y, sample, "span")
 
 
 def _end_names(panel: Panel) -> list[Name]:

@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Affine2D, ScaledTranslation
+from matplotlib.transforms import Affine2D, Bbox, ScaledTranslation
 
 from pretouch._core.numbers import FloatArray
 
 from .labels import label_inside, label_near
-from .panel_drawing import SPANS, Name, draw_panel, names_of
-from .style import LIMIT, minus_signs, new_figure
+from .panel_drawing import Name, draw_panel, names_of
+from .style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
-    from .panels import Panel, Span
+    from .panels import Panel
 
 __all__ = ["draw_figure"]
 
@@ -35,13 +35,14 @@ _GAP: Final = 0.2  # between panels, beside what hangs over
 _SMALLEST: Final = 0.4
 _LEAST: Final = 0.5  # of the height of a row, for the axes: a row grows where names and labels would take more
 _REACHES: Final = (11.0, 34.0)  # pt from a curve to its name, without and with a leader line
-_KINDS: Final = ("point", "curve", "line")  # in the order in which they are named
-_SIZES: Final = {"point": 8.0, "curve": 8.0, "line": 7.5}
+_KINDS: Final = ("span", "point", "curve", "line")  # in the order in which they are named
+_SIZES: Final = {"span": 7.5, "point": 8.0, "curve": 8.0, "line": 7.5}
 _BREAKABLE: Final = 9  # letters from which a name may take two lines
 _TICK_AIR: Final = 5.0  # pixels between the labels of ticks
 _ROW_GAP: Final = 3.0  # pt, between lines of names
 _TORN: Final = 16.0  # pt between a title and its panel
 _SAMPLE: Final = 20.0  # pt
+_SAME: Final = 0.5  # pixels
 
 
 class _Grid(NamedTuple):
@@ -56,18 +57,30 @@ class _Grid(NamedTuple):
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
     """Draw panels in a grid; a name that finds no place beside what it names moves into a line above its panel."""
+    grid = _draw(panels, columns, height)
     listed: list[set[int]] = [set() for _ in panels]
+    bare = [set(axes.get_children()) for axes in grid.figure.axes]
     while True:
-        figure = _draw(panels, columns, height, listed)
-        lost = [
-            _place_names(axes, panel, above) for axes, panel, above in zip(figure.axes, panels, listed, strict=True)
-        ]
+        each = zip(grid.figure.axes, panels, listed, strict=True)
+        lost = [_place_names(axes, panel, above) for axes, panel, above in each]
         if not any(lost):
-            return figure
+            return grid.figure
         listed = [above | more for above, more in zip(listed, lost, strict=True)]
+        for axes, drawn in zip(grid.figure.axes, bare, strict=True):
+            for artist in set(axes.get_children()) - drawn:
+                artist.remove()
+        widths = [axes.bbox.width for axes in grid.figure.axes]
+        artists = _list_names(grid, panels, listed)
+        _fit(grid)
+        if any(abs(axes.bbox.width - w) > _SAME for axes, w in zip(grid.figure.axes, widths, strict=True)):
+            for artist in artists:  # a list takes height, which may change the width of its panel
+                artist.remove()
+            _list_names(grid, panels, listed)
+            _fit(grid)
+        _arrange(grid, final=True)
 
 
-def _draw(panels: tuple[Panel, ...], columns: int, height: float, listed: list[set[int]]) -> Figure:
+def _draw(panels: tuple[Panel, ...], columns: int, height: float) -> _Grid:
     """Draw panels without the names beside curves, in their final places."""
     width = _WIDTH_OF_ONE if len(panels) == 1 < columns else _WIDTH
     columns = min(columns, len(panels))
@@ -80,22 +93,17 @@ def _draw(panels: tuple[Panel, ...], columns: int, height: float, listed: list[s
         draw_panel(axes, panel)
         axes.set_title(panel.title, y=1.0, parse_math=False)
     _fit(grid)
-    for last in (False, True) if any(listed) else ():  # a list takes height, which may change the width of its panel
-        artists = _list_names(grid, panels, listed)
-        _fit(grid)
-        for artist in () if last else artists:
-            artist.remove()
     _arrange(grid, final=True)
-    return figure
+    return grid
 
 
 def _fit(grid: _Grid) -> None:
     """Give the panels their places, and make their ticks and labels fit."""
     for _ in range(2):  # what hangs over depends on the ticks, which depend on the size
         _arrange(grid)
-        for axes in grid.figure.axes:
-            _thin_ticks(axes, grid.renderer)
-            _wrap_labels(axes, grid.renderer)
+        changed = [_thin_ticks(axes, grid.renderer) | _wrap_labels(axes, grid.renderer) for axes in grid.figure.axes]
+        if not any(changed):
+            return
 
 
 def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) -> list[Artist]:
@@ -116,9 +124,6 @@ def _list_names(grid: _Grid, panels: tuple[Panel, ...], listed: list[set[int]]) 
 
 def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
     """Write names beside what they name; return the places of those that have to be listed instead."""
-    for span in panel.spans:
-        if span.label:
-            _name_span(axes, span)
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     lost = {i for i, name in hardest_first if i not in listed and not _place(axes, name)}
@@ -126,20 +131,11 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
     return lost | curves - listed if lost and 2 * len(curves & (lost | listed)) > len(curves) else lost
 
 
-def _name_span(axes: Axes, span: Span) -> None:
-    """Write the name of a stretch inside it, where it covers as little as can be."""
-    ends = axes.get_xaxis_transform().transform([(span.start, 0.5), (span.end, 0.5)])
-    (x0, bottom), (x1, top) = axes.bbox.get_points()
-    left, right = max(ends[0, 0], x0), min(ends[1, 0], x1)
-    across = left + (right - left) * np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9, 0.0, 1.0])
-    x, y = np.meshgrid(across, bottom + (top - bottom) * np.linspace(0.93, 0.07, 15))
-    x, y = axes.transData.inverted().transform(np.column_stack([x.ravel(), y.ravel()])).T
-    fill = SPANS[span.kind]["facecolor"]
-    label_inside(axes, x, y, minus_signs(span.label), color=LIMIT, size=_SIZES["line"], fill=fill)
-
-
 def _place(axes: Axes, name: Name) -> bool:
     """Write a name beside what it names, in one line or in two; tell whether there was room."""
+    if name.kind == "span":
+        fill, size = name.sample["markerfacecolor"], _SIZES["span"]
+        return label_inside(axes, name.x, name.y, name.text, color=name.color, size=size, fill=fill) is not None
     for reach in _REACHES[: 1 if name.kind == "line" else 2]:
         for text in dict.fromkeys((name.text, _in_two_lines(name.text))):
             label = label_near(
@@ -193,19 +189,29 @@ def _arrange(grid: _Grid, *, final: bool = False) -> None:
 def _overhang(axes: Axes, renderer: Any, *, final: bool) -> tuple[float, float, float, float]:
     """Return by how many pixels ticks and texts stand out to the left, right, bottom and top.
 
-    Texts that will still be broken to fit do not count along the side that they have to fit.
+    Texts that will still be broken to fit do not count along the side that they have to fit. Labels stand where the
+    ticks let them, by Matplotlib's own rule, which it would take five times as long to tell.
     """
-    listed = list(axes.texts)  # broken to fit when they were written
-    across, upward = [axes.xaxis.label, _title(axes)], [axes.yaxis.label]
-    boxes: list[Any] = []
-    for texts in ([*listed, *([] if final else across)], [] if final else upward):
-        for text in texts:
-            text.set_visible(False)
-        boxes.append(axes.get_tightbbox(renderer))
-        for text in texts:
-            text.set_visible(True)
-    wide, high, inner = *boxes, axes.bbox
-    return inner.x0 - wide.x0, wide.x1 - inner.x1, inner.y0 - high.y0, high.y1 - inner.y1
+    inner: Any = axes.bbox
+    boxes = [box for axis in (axes.xaxis, axes.yaxis) for box in _tick_boxes(axis, renderer)]
+    boxes += [inner, *(text.get_window_extent(renderer) for text in axes.texts)]
+    union: Any = Bbox.union(boxes)
+    upward, across, title = (t.get_window_extent(renderer) for t in (axes.yaxis.label, axes.xaxis.label, _title(axes)))
+    pad = axes.xaxis.labelpad * axes.figure.dpi / 72
+    left, right = inner.x0 - union.x0 + pad + upward.width, union.x1 - inner.x1
+    bottom, top = inner.y0 - union.y0 + pad + across.height, max(union.y1, title.y1) - inner.y1
+    if final:
+        wide, high = (across.width - inner.width) / 2, (upward.height - inner.height) / 2
+        left, right = max(left, wide), max(right, wide, title.x1 - inner.x1)
+        bottom, top = max(bottom, high), max(top, high)
+    return left, right, bottom, top
+
+
+def _tick_boxes(axis: Any, renderer: Any) -> list[Any]:
+    """Return where the labels of ticks stand that are seen [pixel]."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
+    return [label.get_window_extent(renderer) for at, label in ticks if low <= at <= high and label.get_text()]
 
 
 def _title(axes: Axes) -> Text:
@@ -213,30 +219,32 @@ def _title(axes: Axes) -> Text:
     return title
 
 
-def _thin_ticks(axes: Axes, renderer: Any) -> None:
-    """Show fewer ticks where their labels would touch."""
+def _thin_ticks(axes: Axes, renderer: Any) -> bool:
+    """Show fewer ticks where their labels would touch; tell whether any did."""
+    thinned = False
     for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):
-        for most in (None, 6, 5, 4, 3, 2):
-            locator: Any = axis.get_major_locator()
-            if most:
-                locator.set_params(nbins=most)
+        for most in (6, 5, 4, 3, 2):
             if not _touch(axis, side, renderer):
                 break
+            locator: Any = axis.get_major_locator()
+            locator.set_params(nbins=most)
+            thinned = True
+    return thinned
 
 
 def _touch(axis: Any, side: int, renderer: Any) -> bool:
-    low, high = sorted(axis.get_view_interval())
-    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
-    boxes = [label.get_window_extent(renderer) for at, label in ticks if low <= at <= high]
+    boxes = _tick_boxes(axis, renderer)
     ends = [(box.x0, box.x1) if side == 0 else (box.y0, box.y1) for box in boxes]
     return any(max(a[0], b[0]) - min(a[1], b[1]) < _TICK_AIR for a, b in pairwise(ends))
 
 
-def _wrap_labels(axes: Axes, renderer: Any) -> None:
-    """Break labels and titles that are longer than the axes."""
-    room = axes.bbox.size
-    for text, side in ((axes.xaxis.label, 0), (_title(axes), 0), (axes.yaxis.label, 1)):
-        _break(text, text.get_text().replace("\n", " "), room[side], side, renderer)
+def _wrap_labels(axes: Axes, renderer: Any) -> bool:
+    """Break labels and titles that are longer than the axes; tell whether any changed."""
+    texts = (axes.xaxis.label, _title(axes), axes.yaxis.label)
+    before = [text.get_text() for text in texts]
+    for text, side in zip(texts, (0, 0, 1), strict=True):
+        _break(text, text.get_text().replace("\n", " "), axes.bbox.size[side], side, renderer)
+    return before != [text.get_text() for text in texts]
 
 
 def _write_list(axes: Axes, names: list[Name], renderer: Any) -> tuple[float, list[Artist]]:

@@ -156,18 +156,18 @@ def witness_encounter(
         >>> import pretouch as pt
         >>> virtual = {"mass": 1.0, "damping": 10.0, "stiffness": 25.0}
         >>> approaching = pt.Obstacle(position=0.0422, velocity=-0.3)
-        >>> law = pt.Controller(
+        >>> law = pt.control.Controller(
         ...     period=1e-3,
-        ...     conditioning=pt.Conditioning(floor=1e-3),
-        ...     law=pt.VirtualDamper(gain=-0.7),
-        ...     admittance=pt.VirtualAdmittance(**virtual),
+        ...     conditioning=pt.control.Conditioning(floor=1e-3),
+        ...     law=pt.control.VirtualDamper(gain=-0.7),
+        ...     admittance=pt.control.VirtualAdmittance(**virtual),
         ... )
         >>> found = witness_encounter(
         ...     pt.Scenario(admittance=pt.Admittance(**virtual), obstacle=approaching),
         ...     pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
         ...     law,
-        ...     plant=pt.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
-        ...     contact=pt.SpringDamper(stiffness=3e4, damping=30.0, obstacle_mass=1.0),
+        ...     plant=pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
+        ...     contact=pt.simulation.SpringDamper(stiffness=3e4, damping=30.0, obstacle_mass=1.0),
         ... )
         >>> round(found.relative_velocity, 3)
         -0.082

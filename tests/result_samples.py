@@ -163,6 +163,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
         y_label="l [m]",
         curves=(pt.report.Curve(label="l", x=[0.0, 1.0], y=[0.0, 1.0]),),
         marks=(pt.report.Mark(label="end", x=1.0, y=1.0),),
+        spans=(pt.report.Span(start=0.2, end=0.4, label="near"),),
     ),
     "curves": lambda: (
         CONSTANT,

@@ -15,10 +15,12 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from page_rows import line
+from page_rows import line, row, table
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.vocabulary import words_for
 from pretouch.design import ImpactModel
 from pretouch.motion import ContactState
+from pretouch.report import write_report
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, verdict
 
 WEIGHTS = (40.0, 11.0)
@@ -111,8 +113,10 @@ def test_a_design_says_what_was_minimized(given: tuple[Any, str, set[str]], tmp_
     assert set(plain["objective_terms"]) == items
     if items:
         assert sum(plain["objective_terms"].values()) == pytest.approx(design.objective, rel=1e-9)
-    text = page(pt.write_report, design, tmp_path)
-    assert f"f, as {name} computes it" in text
+    text = page(write_report, design, tmp_path)
+    assert row(text, f"objective f ({name})") == ["", "", f"{design.objective:.5g}"]
+    for item, value in design.objective_parts.items():
+        assert row(text, words_for(item), "The trade-off")[-1] == f"{value:.4g}"
     assert "L(20) and L(22)" not in text
     assert "thin line of equal objective" not in text
     assert ("the objective and its terms" in text) == bool(items)
@@ -132,7 +136,7 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
         validation=32,
     )
     assert robust.to_dict()["objective_name"] == robust.definition.name == name
-    assert f"{name}: an objective of the user\u2019s own" in page(pt.write_report, robust, tmp_path)
+    assert row(page(write_report, robust, tmp_path), f"{name}: an objective of the user's own") == ["", ""]
     assert str(robust).startswith("Robust gain")
     together = pt.design_admittance(SCENARIO, SENSOR, objective, bounds=BOUNDS, damping_ratio=(0.7, 1.3))
     assert together.to_dict()["objective_name"] == name
@@ -140,7 +144,7 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
     assert together.objective <= pt.design_gain(SCENARIO, SENSOR, objective, bounds=BOUNDS).objective
     front = pt.pareto_front(SCENARIO, SENSOR, bounds=BOUNDS, choice=together)
     assert front.choice.gain == together.gain
-    assert "knee" in page(pt.write_report, front, tmp_path)
+    assert "knee" in page(write_report, front, tmp_path)
 
 
 @pytest.mark.parametrize("name", ["subclass with terms of another", "class", "function"])
@@ -152,14 +156,14 @@ def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> 
     assert found.loss.predicted == pytest.approx(found.design.objective, rel=1e-9)
     assert found.to_dict()["objective_name"] == called
     assert f"objective ({called})" in str(found)
-    assert f"{called}: an objective of the user\u2019s own" in page(pt.write_report, found, tmp_path)
+    assert row(page(write_report, found, tmp_path), f"{called}: an objective of the user's own") == ["", ""]
 
 
 def test_a_sum_of_terms_stays_what_it_was(tmp_path: Path) -> None:
     design = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
     assert design.definition is OBJECTIVE
     assert design.to_dict()["objective_name"] == "excursion"
-    assert "L(20) and L(22)" in page(pt.write_report, design, tmp_path)
+    assert "L(20) and L(22)" in page(write_report, design, tmp_path)
     found = verdict(NOISY, runs=2, changes=False)
     assert found.to_dict()["objective_name"] == "excursion"
 
@@ -171,7 +175,7 @@ def test_terms_without_a_weight_count_nothing_and_are_shown_as_that(tmp_path: Pa
     assert design.gain == pytest.approx(same.gain, rel=1e-7)  # where f is flat to rounding, a gain is known to its root
     assert design.objective_parts["time"] == 0
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
-    page(pt.write_report, design, tmp_path)
+    page(write_report, design, tmp_path)
     with pytest.raises(InvalidInputError, match="none with a positive weight"):
         pt.Objective(terms=(pt.Term(quantity="time", scale=1.0, weight=0.0),))
     with pytest.raises(InvalidInputError, match="none with a positive weight"):
@@ -185,9 +189,9 @@ def test_two_terms_of_one_quantity_both_count(tmp_path: Path) -> None:
     same = pt.design_gain(SCENARIO, SENSOR, once, bounds=BOUNDS)
     assert design.gain == pytest.approx(same.gain, rel=1e-7)
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
-    text = page(pt.write_report, design, tmp_path)
-    rows = re.findall(r'<th scope="row">deviation from the reference at contact</th>(.*?)</tr>', text)
-    shares = [float(re.findall("<td>(.*?)</td>", row)[-1]) for row in rows if row.count("<td>") == 3]
+    text = page(write_report, design, tmp_path)
+    terms = table(text, "The trade-off")
+    shares = [float(cells[-1]) for cells in terms if cells[0] == "deviation from the reference at contact"]
     assert len(shares) == 2
     assert sum(shares) == pytest.approx(design.objective_parts["displacement"], rel=1e-3)  # four digits are printed
 
@@ -199,7 +203,7 @@ def test_a_term_of_ones_own_is_no_square(tmp_path: Path) -> None:
     end = design.result.end
     assert design.objective == pytest.approx(abs(end.displacement) / 0.5 + (end.relative_velocity / 0.3) ** 2, rel=1e-9)
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
-    assert "L(20) and L(22)" not in page(pt.write_report, design, tmp_path)
+    assert "L(20) and L(22)" not in page(write_report, design, tmp_path)
 
 
 def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) -> None:
@@ -208,7 +212,7 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
     assert design.objective == 0
     assert str(design)
     assert json.dumps(design.to_dict(), allow_nan=False)
-    page(pt.write_report, design, tmp_path)
+    page(write_report, design, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_every_public_class_is_among_the_samples() -> None:
     met = {
         value for name in (*RESULTS, *REQUESTS) for value in numbers(sample(name)).values() if isinstance(value, type)
     }
-    assert concrete - met == set()
+    assert concrete - met == {pt.control.Run}  # a controller at work stays where it works; its state travels
 
 
 def both(thing: Any) -> tuple[Any, str, dict[str, Any]]:

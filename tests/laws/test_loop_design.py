@@ -12,6 +12,7 @@ import pytest
 
 import pretouch as pt
 from control_samples import controller
+from page_rows import line
 from pretouch.design.evidence import GainEvidence
 from pretouch.motion.evaluator import NoisyEvaluator
 
@@ -196,7 +197,7 @@ def test_noise_counts_beside_the_inputs_that_vary() -> None:
 def test_a_design_on_a_loop_says_so() -> None:
     design = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=NOISY)
     assert design.method == "loop"
-    assert "motion: sampled loop" in str(design)
+    assert line(str(design), "motion") == "sampled loop, run with every gain"
     assert "nan" not in str(design)
     assert any("one run and its noise" in w for w in design.warnings)
     told = design.to_dict()
@@ -221,7 +222,7 @@ def test_a_design_on_a_loop_tells_what_the_ideal_gain_loses_there() -> None:
     assert found.loss == pytest.approx(value / design.objective - 1, rel=1e-9)
     assert found.loss > 0.01
     assert found.feasible
-    assert "ideal design: -0.7463 N s, which here is" in str(design)
+    assert line(str(design), "ideal design, in continuous time").startswith("-0.7463 N s, which here is")
     assert design.to_dict()["ideal"]["loss"] == found.loss
     assert alone.ideal is None
     assert "ideal design" not in str(alone)

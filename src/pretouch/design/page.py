@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -16,7 +15,8 @@ from pretouch.motion import ContactResult, ContactStatus
 from pretouch.motion.contact import ContactState
 from pretouch.motion.describing import inputs_section, method_section, solved_on
 
-from .certificate import ConstraintOutcome, DesignStatus, IdealDesign
+from .certificate import ConstraintOutcome, DesignStatus
+from .evidence_page import evidence_section, sensitivity_section
 from .impact import ImpactModel
 from .objectives import Objective
 from .own_objective import OwnObjective
@@ -25,7 +25,6 @@ from .result import GainDesign
 
 __all__ = [
     "gain_page",
-    "ideal_in_words",
     "impact_rows",
     "objective_rows",
     "shows_equals",
@@ -38,12 +37,6 @@ _STATUS: Final = {
     DesignStatus.OPTIMAL: "optimal gain found",
     DesignStatus.INFEASIBLE: "infeasible: no gain within the bounds meets every constraint",
     DesignStatus.NO_CONTACT: "no contact: no gain within the bounds ends in contact",
-}
-_AT: Final = {
-    "interior": "inside the bounds, where the objective is stationary",
-    "bound": "on a bound of the gain: a wider range may hold a better one",
-    "edge of contact": "where contact is just still made",
-    "corner": "inside the bounds, where the objective has a corner or a jump: no derivative holds there",
 }
 _NO_WAY_OUT: Final = {
     DesignStatus.INFEASIBLE: (
@@ -59,7 +52,6 @@ _NO_WAY_OUT: Final = {
 }
 _NOT_AT_CONTACT: Final = ("closest_distance", "settling_distance", "impulse_residual", "distance", "gain", "objective")
 _NOT_OURS: Final = "An objective of the user's own, with the items that it declares."
-_HELD: Final = "No input moves the optimal gain: what holds it does not depend on them."
 _WHOSE_MOTION: Final = {
     "loop": " One run of the sampled loop, with the noise that all gains met.",
     "other": " These motions are those of L(1) in continuous time: the function that the design was handed gives none.",
@@ -95,8 +87,8 @@ def gain_page(design: GainDesign) -> Page:
             _trade_off(design),
             _motion(design),
             _together(design),
-            _evidence(design),
-            _sensitivities(design) if design.sensitivities else None,
+            evidence_section(design),
+            sensitivity_section(design) if design.sensitivities else None,
             inputs_section(design.scenario, design.sensor, *_searched(design)),
             method_section(design.method, solved_on=solved_on(design)),
         ),
@@ -282,83 +274,6 @@ def _together(design: GainDesign) -> Section | None:
     head = ("distance", "gain D_p", "sensor slope g", "damping D_p g")
     table = Table(head=head, rows=tuple(rows), note=note, brief=True)
     return Section(title="Gain and sensor together", blocks=(table,)) if rows else None
-
-
-def _evidence(design: GainDesign) -> Section:
-    known = design.certificate
-    note = "The scan covers the whole range, so the optimum does not depend on a starting point."
-    if solved_on(design) != "loop":
-        note += " The impulse balance is an identity of L(1) and L(2) for every sensor curve: it certifies the motion."
-    found = Table(rows=tuple(_certificate_rows(design)), wraps=True, brief=known is not None, note=note)
-    minima = () if known is None or len(known.local_minima) < 2 else known.local_minima
-    others = Table(
-        head=("local minimum at D_p", "objective"),
-        rows=tuple((Measured(gain, "N*s"), Measured(value, "", 5)) for gain, value in minima),
-    )
-    return Section(title="How this is known", titled=True, blocks=(found, others if minima else None))
-
-
-def _certificate_rows(design: GainDesign) -> Iterator[Row]:
-    known = design.certificate
-    yield "searched", f"every gain from {format_range(design.bounds, 'N*s')}"
-    if known is None:
-        yield "scan", f"{len(design.trade_off.gain)} gains"
-    else:
-        text = f"{known.scanned} gains; neighbors predict each to {known.resolution:.1e} of the objective's range"
-        yield "scan", text
-        yield "local minima found and refined", str(len(known.local_minima))
-        yield "the optimum lies", _AT.get(known.at, f"on the limit of the constraint {known.at.replace('_', ' ')}")
-        low, high = (format_quantity(b, "N*s", 8) for b in sorted(known.bracket))
-        yield "enclosed between", f"{low} and {high}"
-        if known.stationarity is not None:
-            yield "first-order residual |df / d ln|D_p|| / f", f"{known.stationarity:.1e}"
-    if design.ideal is not None:
-        yield "ideal design, in continuous time", ideal_in_words(design.ideal)
-    run = _shown(design)
-    if run is not None and solved_on(design) != "loop":
-        residual = float(np.asarray(run.impulse_residual))
-        missing = "not defined for the uniform motion" if run.method == "uniform-motion" else "not known"
-        text = missing if math.isnan(residual) else f"met to {residual:.1e} of its largest term"
-        yield f"impulse balance of the motion ({run.method})", text
-
-
-def ideal_in_words(ideal: IdealDesign) -> str:
-    """Say what the gain of the ideal design comes to where another was designed.
-
-    Args:
-        ideal: the ideal design.
-
-    Returns:
-        Text such as `-0.7463 N s, which here is 24 % worse`.
-    """
-    text = f"{format_quantity(ideal.gain, 'N*s')}, which here "
-    if not math.isfinite(ideal.objective):
-        return text + "ends without contact"
-    share = abs(100 * ideal.loss)
-    text += f"is {share:.0f} % " if share >= 100 else f"is {share:.2g} % "
-    text += "worse" if ideal.loss >= 0 else "better"
-    return text if ideal.feasible else text + " and breaks a limit"
-
-
-def _sensitivities(design: GainDesign) -> Section:
-    """Return the inputs by their influence."""
-    ranked = sorted(design.sensitivities, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
-    largest = max(abs(s.gain_change_per_percent) for s in ranked)
-    rows = []
-    for s in ranked:
-        if abs(s.gain_change_per_percent) > 1e-6 * largest or (s.value == 0 and abs(s.gain_derivative) > 1e-9):
-            per_unit = f"N s per {s.unit}" if s.unit else "N s"
-            change = f"{s.gain_change_per_percent:+.2e} N s" if s.value else "-"
-            derivative = f"{s.gain_derivative:.4g} {per_unit}".replace("*", " ").replace("^2", "\u00b2")
-            rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
-    if not rows:
-        return Section(title="What moves the optimum", titled=True, blocks=(Paragraph(text=_HELD, brief=True),))
-    note = "Inputs without influence are left out; the scale of the sensor is one: it cancels in \u03be\u2032/\u03be."
-    caption = "How far the optimal gain moves when the magnitude of an input grows by 1 %; striped: less negative."
-    picture = Picture(figure="sensitivity", of=design, name="What moves the optimal gain", caption=caption)
-    head = ("input", "value", "gain change per +1 %", "dD_p / d input")
-    table = Table(head=head, rows=tuple(rows), note=note, brief=True)
-    return Section(title="What moves the optimum", titled=True, blocks=(picture, table))
 
 
 def impact_rows(impact: ImpactModel | None) -> Iterator[Row]:

@@ -31,10 +31,12 @@ def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, ty
         True
     """
     found: dict[str, type[SensorModel]] = {}
+    ours: set[str] = set()
     for curve in _below(SensorModel):  # type: ignore[type-abstract]
         own = curve.__module__.startswith(_HOME)
-        if vars(curve).get("name") and (own or (foreign and curve.name not in found)):
+        if vars(curve).get("name") and (own or (foreign and curve.name not in ours)):
             found[curve.name] = curve
+            ours |= {curve.name} if own else set()
     for composed in (CustomSensor, Recessed):
         found.pop(composed.name, None)
     return {name: curve for name, curve in found.items() if not fitted or _is_fitted(curve)}

@@ -13,6 +13,7 @@ from .blocks import (
     LINK,
     Block,
     Cell,
+    Chapter,
     Code,
     Download,
     Later,
@@ -22,8 +23,7 @@ from .blocks import (
     Page,
     Paragraph,
     Picture,
-    Section,
-    Table,
+    Rows,
     tables_of,
 )
 from .units import format_quantity, pretty_unit
@@ -64,10 +64,10 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
         The parts of the page, one below the other.
     """
     for block in blocks:
-        if isinstance(block, Section):
+        if isinstance(block, Chapter):
             yield f"<h{level}{_id(block.anchor)}>{_inline(block.title)}</h{level}>"
             yield from blocks_as_html(block.blocks, draw, min(level + 1, 4))
-        elif isinstance(block, Table):
+        elif isinstance(block, Rows):
             if block.rows:
                 yield f'<div class="scroll">{_table(block)}</div>'
             if block.note:
@@ -93,7 +93,7 @@ def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], leve
             yield f"<figcaption>{_inline(block.caption)}</figcaption>\n</figure>"
 
 
-def _table(table: Table) -> str:
+def _table(table: Rows) -> str:
     cell = '<td class="text">' if table.wraps else "<td>"
     head = "".join(f'<th scope="col">{cell_as_html(c)}</th>' for c in table.head)
     rows = (

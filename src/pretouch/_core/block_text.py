@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from .blocks import LINK, Block, Cell, Code, Listing, Measured, Named, Page, Paragraph, Section, Table
+from .blocks import LINK, Block, Cell, Chapter, Code, Listing, Measured, Named, Page, Paragraph, Rows
 from .text_table import aligned
 from .units import format_quantity
 
@@ -32,10 +32,10 @@ def _parts(blocks: Iterable[Block]) -> Iterator[str]:
     for block in blocks:
         if not block.brief:
             continue
-        if isinstance(block, Section):
+        if isinstance(block, Chapter):
             inner = "\n\n".join(_parts(block.blocks))
             yield f"{block.title[0].lower()}{block.title[1:]}\n{inner}" if block.titled else inner
-        elif isinstance(block, Table):
+        elif isinstance(block, Rows):
             rows = [block.head, *block.rows] if block.head else list(block.rows)
             yield "\n".join(aligned([[cell_as_text(cell) for cell in row] for row in rows], left=block.wraps))
         elif isinstance(block, Listing):

@@ -19,6 +19,7 @@ __all__ = [
     "LINK",
     "Block",
     "Cell",
+    "Chapter",
     "Code",
     "Download",
     "Later",
@@ -28,8 +29,7 @@ __all__ = [
     "Page",
     "Paragraph",
     "Picture",
-    "Section",
-    "Table",
+    "Rows",
     "named",
     "tables_of",
 ]
@@ -68,7 +68,7 @@ Cell: TypeAlias = str | Measured | Named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table(Value):
+class Rows(Value):
     """Rows of cells; the first cell of a row names it.
 
     Args:
@@ -155,7 +155,7 @@ class Download(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Section(Value):
+class Chapter(Value):
     """Blocks under a title; one that holds a brief block is part of the short text with just those.
 
     Args:
@@ -187,11 +187,11 @@ class Later(Value):
         make: returns it; None where there is nothing to show.
     """
 
-    make: Callable[[], Section | None]
+    make: Callable[[], Chapter | None]
     brief: ClassVar[bool] = False
 
 
-Block: TypeAlias = Section | Table | Paragraph | Listing | Picture | Code | Download | Later
+Block: TypeAlias = Chapter | Rows | Paragraph | Listing | Picture | Code | Download | Later
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,10 +234,10 @@ def named(name: str, *, magnitude: bool = False) -> Named:
     return Named(q.words, f"|{q.symbol}|" if magnitude and "|" not in q.symbol else q.symbol)
 
 
-def tables_of(blocks: Iterable[Block]) -> Iterator[Table]:
+def tables_of(blocks: Iterable[Block]) -> Iterator[Rows]:
     """Yield all tables of blocks, those of their sections included."""
     for block in blocks:
-        if isinstance(block, Table):
+        if isinstance(block, Rows):
             yield block
-        elif isinstance(block, Section):
+        elif isinstance(block, Chapter):
             yield from tables_of(block.blocks)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["QUANTITIES", "Quantity", "in_short", "unit_of", "words_for"]
+__all__ = ["QUANTITIES", "Entry", "in_short", "unit_of", "words_for"]
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class Entry:
     """A quantity of an encounter.
 
     Args:
@@ -25,30 +25,30 @@ class Quantity:
     whole: bool = False
 
 
-QUANTITIES: Final[dict[str, Quantity]] = {
-    "time": Quantity("time of contact", "t", "s"),
-    "distance": Quantity("distance at contact", "l", "m"),
-    "position": Quantity("plant position at contact", "x", "m"),
-    "velocity": Quantity("plant velocity at contact", "x\u2032", "m/s"),
-    "acceleration": Quantity("plant acceleration at contact", "x\u2033", "m/s^2"),
-    "displacement": Quantity("deviation from the reference at contact", "x \u2212 x_d", "m"),
-    "relative_velocity": Quantity("relative velocity at contact", "l\u2032", "m/s"),
-    "virtual_force": Quantity("virtual force at contact", "F_p", "N"),
-    "largest_excursion": Quantity("largest excursion", "max |x \u2212 x_d|", "m", whole=True),
-    "largest_travel": Quantity("largest travel from the start", "max |x \u2212 x(0)|", "m", whole=True),
-    "largest_speed": Quantity("largest plant speed", "max |x\u2032|", "m/s", whole=True),
-    "largest_acceleration": Quantity("largest plant acceleration", "max |x\u2033|", "m/s^2", whole=True),
-    "largest_virtual_force": Quantity("largest virtual force", "max |F_p|", "N", whole=True),
-    "closest_distance": Quantity("smallest distance", "min l", "m", whole=True),
-    "settling_distance": Quantity("distance at rest in the end", "l(\u221e)", "m", whole=True),
-    "impulse_residual": Quantity("residual of the impulse balance", "", "", whole=True),
-    "drive_force": Quantity("largest drive force", "m max |x\u2033|", "N", whole=True),
-    "impact_force": Quantity("peak impact force", "F", "N"),
-    "peak_force": Quantity("peak contact force", "max F", "N", whole=True),
-    "impulse": Quantity("impulse of all contacts", "\u222bF dt", "N*s", whole=True),
-    "rebound_velocity": Quantity("relative velocity after impact", "l\u2032", "m/s"),
-    "gain": Quantity("gain", "D_p", "N*s"),
-    "objective": Quantity("objective", "f", ""),
+QUANTITIES: Final[dict[str, Entry]] = {
+    "time": Entry("time of contact", "t", "s"),
+    "distance": Entry("distance at contact", "l", "m"),
+    "position": Entry("plant position at contact", "x", "m"),
+    "velocity": Entry("plant velocity at contact", "x\u2032", "m/s"),
+    "acceleration": Entry("plant acceleration at contact", "x\u2033", "m/s^2"),
+    "displacement": Entry("deviation from the reference at contact", "x \u2212 x_d", "m"),
+    "relative_velocity": Entry("relative velocity at contact", "l\u2032", "m/s"),
+    "virtual_force": Entry("virtual force at contact", "F_p", "N"),
+    "largest_excursion": Entry("largest excursion", "max |x \u2212 x_d|", "m", whole=True),
+    "largest_travel": Entry("largest travel from the start", "max |x \u2212 x(0)|", "m", whole=True),
+    "largest_speed": Entry("largest plant speed", "max |x\u2032|", "m/s", whole=True),
+    "largest_acceleration": Entry("largest plant acceleration", "max |x\u2033|", "m/s^2", whole=True),
+    "largest_virtual_force": Entry("largest virtual force", "max |F_p|", "N", whole=True),
+    "closest_distance": Entry("smallest distance", "min l", "m", whole=True),
+    "settling_distance": Entry("distance at rest in the end", "l(\u221e)", "m", whole=True),
+    "impulse_residual": Entry("residual of the impulse balance", "", "", whole=True),
+    "drive_force": Entry("largest drive force", "m max |x\u2033|", "N", whole=True),
+    "impact_force": Entry("peak impact force", "F", "N"),
+    "peak_force": Entry("peak contact force", "max F", "N", whole=True),
+    "impulse": Entry("impulse of all contacts", "\u222bF dt", "N*s", whole=True),
+    "rebound_velocity": Entry("relative velocity after impact", "l\u2032", "m/s"),
+    "gain": Entry("gain", "D_p", "N*s"),
+    "objective": Entry("objective", "f", ""),
 }
 """Every quantity that results, objectives, limits and sweeps speak of, by its name in code."""
 

@@ -11,7 +11,7 @@ from pretouch._core.errors import CalibrationDataError
 from .cells import TextTable, shortened
 from .headers import is_length, split_title
 
-__all__ = ["Choice", "Chosen", "chosen_labels", "read_choice", "remedy"]
+__all__ = ["Chosen", "ColumnChoice", "chosen_labels", "read_choice", "remedy"]
 
 _SHOWN = 20  # headers that a message lists
 _KEYS = ("distance", "output")
@@ -58,7 +58,7 @@ class Chosen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class ColumnChoice:
     """What was said about the columns of distances and outputs; either may be left open."""
 
     distance: Chosen | None = None
@@ -90,7 +90,7 @@ class Choice:
         return any(c.number is None and c.name and {c.text.casefold(), c.name.casefold()} & titles for c in self.given)
 
 
-def read_choice(columns: Mapping[str, object] | None) -> Choice:
+def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:
     """Read what somebody says about the columns.
 
     Args:
@@ -121,7 +121,7 @@ def read_choice(columns: Mapping[str, object] | None) -> Choice:
             )
         number = int(name) if re.fullmatch(r"\d{1,6}", name) else None
         found[key] = Chosen(key=key, text=text, number=number, name="" if number is not None else name, unit=unit)
-    return Choice(**found)
+    return ColumnChoice(**found)
 
 
 def chosen_labels(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:

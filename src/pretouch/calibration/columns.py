@@ -10,7 +10,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import parse_unit
 
 from .cells import Column, Layout, Pair, TextTable, is_missing, is_number, shortened
-from .choice import Choice, Chosen, remedy
+from .choice import Chosen, ColumnChoice, remedy
 from .headers import (
     is_count,
     is_distance_name,
@@ -29,7 +29,7 @@ _SHOWN = 8  # columns that a message lists
 _FEW = 3  # distances of a curve, without which a setting is no label
 
 
-def long_layout(table: TextTable, choice: Choice) -> Layout:
+def long_layout(table: TextTable, choice: ColumnChoice) -> Layout:
     """Decide which column is the distance, which the output, and which tell curves apart.
 
     Args:
@@ -58,7 +58,7 @@ def long_layout(table: TextTable, choice: Choice) -> Layout:
     )
 
 
-def _columns(table: TextTable, choice: Choice) -> tuple[int, list[int]]:
+def _columns(table: TextTable, choice: ColumnChoice) -> tuple[int, list[int]]:
     """Find the distance and the output, of which there are several where their headers are numbers of repeats."""
     said = choice.output.index(table) if choice.output else None
     distance = _distance(table, choice.distance, said)

@@ -14,7 +14,7 @@ from typing import TypeAlias
 from pretouch._core.errors import CalibrationDataError
 
 from .cells import TextTable, is_number, is_row, shortened, uses_commas
-from .choice import Choice, remedy
+from .choice import ColumnChoice, remedy
 from .headers import is_length, names_a_distance
 
 __all__ = ["read_table"]
@@ -31,7 +31,7 @@ _UP_TO_UNIT = re.compile(rf"[^\[\](){_BLANK}\t][^\[\]()]*{_BRACKETED}|\S.*")
 _ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)
 
 
-def read_table(path: str | os.PathLike[str], choice: Choice | None = None) -> TextTable:
+def read_table(path: str | os.PathLike[str], choice: ColumnChoice | None = None) -> TextTable:
     """Split a text file into header and rows.
 
     Args:
@@ -44,7 +44,7 @@ def read_table(path: str | os.PathLike[str], choice: Choice | None = None) -> Te
     Raises:
         CalibrationDataError: the file cannot be read, holds no table, or a row has another number of cells.
     """
-    path, choice = Path(path), choice or Choice()
+    path, choice = Path(path), choice or ColumnChoice()
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -126,7 +126,7 @@ def _lines(text: str) -> tuple[Lines, Lines]:
     return lines, remark
 
 
-def _header_at(file: str, lines: Lines, remark: Lines, choice: Choice) -> tuple[int, Lines, tuple[str, ...]]:
+def _header_at(file: str, lines: Lines, remark: Lines, choice: ColumnChoice) -> tuple[int, Lines, tuple[str, ...]]:
     """Find the header; -1 where there is none and none is needed.
 
     Returns:
@@ -157,7 +157,7 @@ def _header_at(file: str, lines: Lines, remark: Lines, choice: Choice) -> tuple[
     return found, lines, (f"{which} above the header and {'is' if found == 1 else 'are'} not read.",)
 
 
-def _certain_header(lines: Lines, choice: Choice) -> int | None:
+def _certain_header(lines: Lines, choice: ColumnChoice) -> int | None:
     """Find the line that names a distance, or what was chosen, and has as many cells as the first row below it."""
     width: int | None = None
     wanted: list[int] = []
@@ -175,7 +175,7 @@ def _certain_header(lines: Lines, choice: Choice) -> int | None:
     return wanted[-1] if wanted else None
 
 
-def _is_header(line: str, width: int, choice: Choice) -> bool:
+def _is_header(line: str, width: int, choice: ColumnChoice) -> bool:
     """Tell whether a line names a distance, or what was chosen, in so many cells."""
     delimiter = _delimiter(line)
     header = _header_cells(line, delimiter, width)
@@ -185,7 +185,7 @@ def _is_header(line: str, width: int, choice: Choice) -> bool:
     return named or names_a_distance(header, declared=choice.declares_distances, in_words=delimiter == _BLANK)
 
 
-def _uncertain_header(file: str, lines: Lines, choice: Choice) -> tuple[int, Lines]:
+def _uncertain_header(file: str, lines: Lines, choice: ColumnChoice) -> tuple[int, Lines]:
     """Take the first line for the header where nothing speaks against it."""
     data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
     if data is None:

@@ -13,7 +13,7 @@ from pretouch._core.units import parse_unit
 from .cells import is_no_object, is_number
 
 __all__ = [
-    "Mark",
+    "UnitMark",
     "distance_mark",
     "is_count",
     "is_distance_name",
@@ -60,7 +60,7 @@ _AT = re.compile(
 _AT_INFINITY = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)
 
 
-class Mark(NamedTuple):
+class UnitMark(NamedTuple):
     """A header that is a distance: its number as written, None where it says that no object is there, and its unit."""
 
     number: str | None
@@ -134,17 +134,17 @@ def output_unit(text: str | None) -> tuple[str, float]:
     return text or "", 1.0
 
 
-def distance_mark(title: str) -> Mark | None:
+def distance_mark(title: str) -> UnitMark | None:
     """Read a header such as `5 mm`, `d=5mm`, `0.5` or `inf` as a distance; None where it is none."""
     if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title[:_LONGEST])):
-        return Mark(None, None)
+        return UnitMark(None, None)
     match = _AT.fullmatch(title) if len(title) <= _LONGEST else None
     if match is None:
         return None
     name, unit = match["name"], match["unit"]
     if (unit is not None and not is_length(unit)) or (name and (unit is None or _plain(name) not in _DISTANCES)):
         return None
-    return Mark(match["number"].replace("\N{MINUS SIGN}", "-").replace(",", "."), unit)
+    return UnitMark(match["number"].replace("\N{MINUS SIGN}", "-").replace(",", "."), unit)
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from pretouch._core.blocks import Cell, Code, Listing, Measured, Page, Paragraph, Picture, Section, Table
+from pretouch._core.blocks import Cell, Chapter, Code, Listing, Measured, Page, Paragraph, Picture, Rows
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 
@@ -37,8 +37,8 @@ def calibration_page(report: CalibrationReport) -> Page:
         )
         blocks = (
             _ranking(report),
-            Section(title="Parameters", titled=True, blocks=parameters),
-            Section(title="For the scenario file", blocks=(Code(text=_scenario_text(best)), note)),
+            Chapter(title="Parameters", titled=True, blocks=parameters),
+            Chapter(title="For the scenario file", blocks=(Code(text=_scenario_text(best)), note)),
         )
     return Page(
         kind="Sensor calibration",
@@ -47,7 +47,7 @@ def calibration_page(report: CalibrationReport) -> Page:
         status=f"verdict: {report.verdict}",
         good=usable,
         warnings=() if usable else report.reasons,
-        blocks=(_picture(report), *first, *blocks, Section(title="Provenance", blocks=tuple(_provenance(report)))),
+        blocks=(_picture(report), *first, *blocks, Chapter(title="Provenance", blocks=tuple(_provenance(report)))),
     )
 
 
@@ -106,10 +106,10 @@ def _picture(report: CalibrationReport) -> Picture:
     return Picture(figure="calibration", of=report, name=name, caption=caption)
 
 
-def _readings(report: CalibrationReport) -> Section:
+def _readings(report: CalibrationReport) -> Chapter:
     rows = tuple(_reading_rows(report))
-    table = Table(head=("", "value", "why, or from where"), rows=rows, wraps=True, brief=True)
-    return Section(title="Window, offset and noise", blocks=(table,))
+    table = Rows(head=("", "value", "why, or from where"), rows=rows, wraps=True, brief=True)
+    return Chapter(title="Window, offset and noise", blocks=(table,))
 
 
 def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
@@ -144,7 +144,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         yield "left out", "", text
 
 
-def _ranking(report: CalibrationReport) -> Section:
+def _ranking(report: CalibrationReport) -> Chapter:
     head = (
         "model",
         "RMSE ln \u03be",
@@ -160,10 +160,10 @@ def _ranking(report: CalibrationReport) -> Section:
         "the letter and hides an offset left in. A small p of the runs test means that the residuals follow a pattern "
         "that the curve does not."
     )
-    table = Table(head=head, rows=tuple(map(_ranking_row, report.fits)), note=note, brief=True)
+    table = Rows(head=head, rows=tuple(map(_ranking_row, report.fits)), note=note, brief=True)
     missing = tuple(f"{model}: not fitted. {reason}" for model, reason in report.not_fitted.items())
     others = Listing(items=missing, brief=True) if missing else None
-    return Section(title="Ranking", blocks=(table if report.fits else None, others))
+    return Chapter(title="Ranking", blocks=(table if report.fits else None, others))
 
 
 def _ranking_row(fit: SensorFit) -> Row:
@@ -176,7 +176,7 @@ def _parameters(fit: SensorFit, report: CalibrationReport | None) -> tuple[Any, 
     unit, first = "" if report is None else report.calibration.unit, report is None or fit is report.best
     rows = [_parameter_row(name, estimate, unit) for name, estimate in fit.parameters.items()]
     rows.append(_parameter_row("slope g in the middle of the window", fit.middle_slope, ""))
-    table = Table(head=(fit.model, "value", "standard error", "95 % interval"), rows=tuple(rows), brief=first)
+    table = Rows(head=(fit.model, "value", "standard error", "95 % interval"), rows=tuple(rows), brief=first)
     notes = (*fit.identifiable, *(w for w in fit.warnings if w not in fit.identifiable))
     return (table, Listing(items=notes, brief=first)) if notes else (table,)
 
@@ -209,7 +209,7 @@ def _scenario_text(fit: SensorFit) -> str:
 
 def _provenance(report: CalibrationReport) -> Iterator[Any]:
     source = report.calibration.source
-    yield Table(rows=tuple(_source_rows(report)), wraps=True)
+    yield Rows(rows=tuple(_source_rows(report)), wraps=True)
     if source is not None and source.notes:
         yield Listing(items=tuple(source.notes))
 

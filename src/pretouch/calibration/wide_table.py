@@ -11,10 +11,10 @@ from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit
 
 from .cells import Column, Layout, Pair, TextTable, is_missing, is_no_object, is_number, shortened
-from .choice import Choice, remedy
+from .choice import ColumnChoice, remedy
 from .columns import taken_as
 from .headers import (
-    Mark,
+    UnitMark,
     distance_mark,
     is_count,
     is_distance_name,
@@ -31,7 +31,7 @@ __all__ = ["wide_layout"]
 _BRACKETS = re.compile(r"([^\[\]()]*)[\[(]\s*([^\[\]()]*)\s*[\])]")
 
 
-def wide_layout(table: TextTable, choice: Choice) -> Layout | None:
+def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
     """Read the headers of a table as distances.
 
     Args:
@@ -75,7 +75,7 @@ def wide_layout(table: TextTable, choice: Choice) -> Layout | None:
     )
 
 
-def _refuse_doubt(table: TextTable, marks: dict[int, Mark], others: list[int]) -> None:
+def _refuse_doubt(table: TextTable, marks: dict[int, UnitMark], others: list[int]) -> None:
     """Refuse bare numbers beside a column of distances: they may number the repeats of a table turned the other way."""
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
@@ -91,7 +91,7 @@ def _refuse_doubt(table: TextTable, marks: dict[int, Mark], others: list[int]) -
         )
 
 
-def _distance_unit(table: TextTable, choice: Choice, marks: dict[int, Mark], others: list[int]) -> str:
+def _distance_unit(table: TextTable, choice: ColumnChoice, marks: dict[int, UnitMark], others: list[int]) -> str:
     """Find the unit of bare numbers: that of the other headers, what was said, or what stands in the corner."""
     own = {mark.unit for mark in marks.values() if mark.unit}
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
@@ -133,7 +133,7 @@ def _of_distance(name: str) -> bool:
 
 
 def _output_unit(
-    table: TextTable, choice: Choice, marks: dict[int, Mark], others: list[int]
+    table: TextTable, choice: ColumnChoice, marks: dict[int, UnitMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
     """Find the unit of the cells: what was said, or what stands in the corner; else integers are counts."""
     said = choice.output.unit if choice.output else None
@@ -170,7 +170,7 @@ def _is_number_of_repeat(cell: str) -> bool:
     return is_number(cell) or is_missing(cell) or is_count(re.sub(r"\d+$", "", cell))
 
 
-def _distance(table: TextTable, mark: Mark, unit: str) -> float:
+def _distance(table: TextTable, mark: UnitMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))

@@ -10,14 +10,14 @@ import math
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import positive
 
-from .structures import Section
+from .structures import FilterSection
 
 __all__ = ["HIGHEST_ORDER", "design_low_pass"]
 
 HIGHEST_ORDER = 8
 
 
-def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[Section, ...]:
+def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:
     """Design the low-pass for a sensor's rate.
 
     Args:
@@ -50,15 +50,15 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[S
     return tuple(sections + [_second_order(warped, damping) for damping in reversed(dampings)])
 
 
-def _first_order(warped: float) -> Section:
+def _first_order(warped: float) -> FilterSection:
     """Return the section of the real pole, by the bilinear transform."""
     b = warped / (1 + warped)
-    return Section(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
+    return FilterSection(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
 
 
-def _second_order(warped: float, damping: float) -> Section:
+def _second_order(warped: float, damping: float) -> FilterSection:
     """Return the section of a pair of poles on the unit circle, by the bilinear transform."""
     square = warped * warped
     size = 1 + 2 * damping * warped + square
     b = square / size
-    return Section(b, 2 * b, b, 2 * (square - 1) / size, (1 - 2 * damping * warped + square) / size)
+    return FilterSection(b, 2 * b, b, 2 * (square - 1) / size, (1 - 2 * damping * warped + square) / size)

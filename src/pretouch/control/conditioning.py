@@ -8,7 +8,7 @@ from pretouch._core.declared import ONE_ROBOT, OUTPUT, check_declared, count, qu
 from pretouch._core.errors import InvalidInputError
 
 from .butterworth import design_low_pass
-from .structures import Section, SensingNumbers
+from .structures import FilterSection, SensingNumbers
 
 __all__ = ["LONGEST_WINDOW", "Conditioning"]
 
@@ -112,7 +112,7 @@ class Conditioning:
             largest_rate=_ANY_RATE if self.largest_rate is None else self.largest_rate,
             median_length=self.median_window,
             sections=len(low_pass),
-            low_pass=(Section * 4)(*low_pass),
+            low_pass=(FilterSection * 4)(*low_pass),
         )
 
     def fade_step(self, period: float) -> float:

@@ -16,14 +16,14 @@ __all__ = [
     "Delivery",
     "DriveNumbers",
     "DriveState",
+    "FilterSection",
     "MedianState",
-    "Motion",
     "MotionLimits",
+    "MotionState",
     "Observation",
     "Push",
     "RawOutput",
     "RawSample",
-    "Section",
     "SensingNumbers",
     "SensingState",
 ]
@@ -51,7 +51,7 @@ class RawOutput(Structure):
     )
 
 
-class Section(Structure):
+class FilterSection(Structure):
     """A second-order section of the low-pass."""
 
     _fields_ = numbers("b0", "b1", "b2", "a1", "a2")
@@ -63,7 +63,7 @@ class SensingNumbers(Structure):
     _fields_ = (
         *numbers("period", "sensor_period", "offset", "floor", "saturation", "timeout", "largest_rate"),
         *_integers("median_length", "sections"),
-        ("low_pass", Section * _SECTIONS),
+        ("low_pass", FilterSection * _SECTIONS),
     )
 
 
@@ -171,7 +171,7 @@ class Delivery(Structure):
     _fields_ = numbers("steady", "rest", "ahead", "fading")
 
 
-class Motion(Structure):
+class MotionState(Structure):
     """The virtual object's motion relative to the reference: x~ [m] and x~' [m/s]."""
 
     _fields_ = numbers("position", "velocity")
@@ -180,7 +180,7 @@ class Motion(Structure):
 class DriveState(Structure):
     """What `drive` remembers: the impulse on its way, the motion, the last reference position."""
 
-    _fields_ = (("delivery", Delivery), ("motion", Motion), *numbers("reference"))
+    _fields_ = (("delivery", Delivery), ("motion", MotionState), *numbers("reference"))
 
 
 class ControllerNumbers(Structure):

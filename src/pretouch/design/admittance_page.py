@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pretouch._core.blocks import Cell, Measured, Page, Paragraph, Picture, Section, Table
+from pretouch._core.blocks import Cell, Chapter, Measured, Page, Paragraph, Picture, Rows
 
 from .admittance_result import AdmittanceDesign
 from .page import gain_page
@@ -38,12 +38,12 @@ def admittance_page(design: AdmittanceDesign) -> Page:
         caption="The best objective over the gains, for the admittances of the search grid; the chosen point is the "
         "minimum that was found from there.",
     )
-    own = Section(
+    own = Chapter(
         title="The admittance",
         blocks=(
-            Table(head=head, rows=tuple(_rows(design)), brief=True),
+            Rows(head=head, rows=tuple(_rows(design)), brief=True),
             picture if design.certificate is not None else None,
-            Table(rows=evidence, wraps=True, brief=True) if evidence else None,
+            Rows(rows=evidence, wraps=True, brief=True) if evidence else None,
             follows,
         ),
     )

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Measured, Paragraph, Picture, Section, Table
+from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, Rows
 from pretouch._core.units import format_quantity, format_range
 from pretouch.motion.describing import solved_on
 
@@ -28,19 +28,19 @@ _AT: Final = {
 }
 
 
-def evidence_section(design: GainDesign) -> Section:
+def evidence_section(design: GainDesign) -> Chapter:
     """Return why a design is believed."""
     known = design.certificate
     note = "The scan covers the whole range, so the optimum does not depend on a starting point."
     if solved_on(design) != "loop":
         note += " The impulse balance is an identity of L(1) and L(2) for every sensor curve: it certifies the motion."
-    found = Table(rows=tuple(_certificate_rows(design)), wraps=True, brief=known is not None, note=note)
+    found = Rows(rows=tuple(_certificate_rows(design)), wraps=True, brief=known is not None, note=note)
     minima = () if known is None or len(known.local_minima) < 2 else known.local_minima
-    others = Table(
+    others = Rows(
         head=("local minimum at D_p", "objective"),
         rows=tuple((Measured(gain, "N*s"), Measured(value, "", 5)) for gain, value in minima),
     )
-    return Section(title="How this is known", titled=True, blocks=(found, others if minima else None))
+    return Chapter(title="How this is known", titled=True, blocks=(found, others if minima else None))
 
 
 def _certificate_rows(design: GainDesign) -> Iterator[Row]:
@@ -87,7 +87,7 @@ def ideal_in_words(ideal: IdealDesign) -> str:
     return text if ideal.feasible else text + " and breaks a limit"
 
 
-def sensitivity_section(design: GainDesign) -> Section:
+def sensitivity_section(design: GainDesign) -> Chapter:
     """Return the inputs by their influence."""
     ranked = sorted(design.sensitivities, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
     largest = max(abs(s.gain_change_per_percent) for s in ranked)
@@ -99,10 +99,10 @@ def sensitivity_section(design: GainDesign) -> Section:
             derivative = f"{s.gain_derivative:.4g} {per_unit}".replace("*", " ").replace("^2", "\u00b2")
             rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
     if not rows:
-        return Section(title="What moves the optimum", titled=True, blocks=(Paragraph(text=_HELD, brief=True),))
+        return Chapter(title="What moves the optimum", titled=True, blocks=(Paragraph(text=_HELD, brief=True),))
     note = "Inputs without influence are left out; the scale of the sensor is one: it cancels in \u03be\u2032/\u03be."
     caption = "How far the optimal gain moves when the magnitude of an input grows by 1 %; striped: less negative."
     picture = Picture(figure="sensitivity", of=design, name="What moves the optimal gain", caption=caption)
     head = ("input", "value", "gain change per +1 %", "dD_p / d input")
-    table = Table(head=head, rows=tuple(rows), note=note, brief=True)
-    return Section(title="What moves the optimum", titled=True, blocks=(picture, table))
+    table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
+    return Chapter(title="What moves the optimum", titled=True, blocks=(picture, table))

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Measured, Named, Page, Paragraph, Picture, Section, Table, named
+from pretouch._core.blocks import Cell, Chapter, Measured, Named, Page, Paragraph, Picture, Rows, named
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
@@ -114,7 +114,7 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
     yield words_for("time"), Measured(float(run.end.time), "s", 3)
 
 
-def _contact(design: GainDesign) -> Section:
+def _contact(design: GainDesign) -> Chapter:
     run = _shown(design)
     runs = [r for r in (design.no_mitigation, run) if r is not None]
     head: Row = ("", "without mitigation")
@@ -126,8 +126,8 @@ def _contact(design: GainDesign) -> Section:
         'l\u2032, and mitigation withdraws the plant toward negative x. "Largest" means over the whole motion until '
         "contact. Changes compare magnitudes."
     )
-    table = Table(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
-    return Section(title="The contact", blocks=(table,))
+    table = Rows(head=head, rows=tuple(_contact_rows(runs, design.impact)), note=note, brief=True)
+    return Chapter(title="The contact", blocks=(table,))
 
 
 def _contact_rows(runs: list[ContactResult], impact: ImpactModel | None) -> Iterator[Row]:
@@ -157,10 +157,10 @@ def _change(before: float, value: float) -> str:
     return f"{100 * (abs(value) / abs(before) - 1):+.1f} %"
 
 
-def _constraints(design: GainDesign) -> Section:
+def _constraints(design: GainDesign) -> Chapter:
     head = ("constraint", "value", "limit", "margin", "state", "least that any gain reaches")
     rows = tuple(map(_constraint_row, design.constraints))
-    return Section(title="Constraints", blocks=(Table(head=head, rows=rows, brief=True),))
+    return Chapter(title="Constraints", blocks=(Rows(head=head, rows=rows, brief=True),))
 
 
 def _constraint_row(o: ConstraintOutcome) -> Row:
@@ -174,7 +174,7 @@ def _constraint_row(o: ConstraintOutcome) -> Row:
     return o.name, *(Measured(v, o.unit) for v in (o.value, o.limit, o.margin)), state, least
 
 
-def _trade_off(design: GainDesign) -> Section:
+def _trade_off(design: GainDesign) -> Chapter:
     itemized = bool(design.objective_parts or not isinstance(design.definition, OwnObjective))
     caption = (
         f"Left: {'the objective and its terms' if itemized else 'the objective'} over the range of gains that was "
@@ -190,7 +190,7 @@ def _trade_off(design: GainDesign) -> Section:
     name = "Objective over the gain, and relative velocity at contact against its price"
     own = isinstance(design.definition, OwnObjective)
     note = _NOT_OURS if own else "Each term is weight \u00d7 (quantity / typical value)\u00b2, as in L(20) and L(22)."
-    terms = Table(
+    terms = Rows(
         head=("term of the objective", "typical value", "weight", "value"),
         rows=(
             *_valued_terms(design),
@@ -200,7 +200,7 @@ def _trade_off(design: GainDesign) -> Section:
         brief=design.objective is not None,
     )
     picture = Picture(figure="trade_off", of=design, name=name, caption=caption)
-    return Section(title="The trade-off", blocks=(picture, terms))
+    return Chapter(title="The trade-off", blocks=(picture, terms))
 
 
 def _valued_terms(design: GainDesign) -> Iterator[Row]:
@@ -246,14 +246,14 @@ def shows_equals(design: GainDesign) -> bool:
     return design.objective is not None and quantities == sorted((traded_quantity(design), "relative_velocity"))
 
 
-def _motion(design: GainDesign) -> Section:
+def _motion(design: GainDesign) -> Chapter:
     caption = "The motion until contact (dot), with the gain and without mitigation. Dotted lines are limits."
     name = "Distance, position, relative velocity and virtual force over time"
     caption += _WHOSE_MOTION.get(solved_on(design), "")
-    return Section(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
+    return Chapter(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
 
 
-def _together(design: GainDesign) -> Section | None:
+def _together(design: GainDesign) -> Chapter | None:
     """Say what the motion feels of gain and sensor together."""
     run = _shown(design)
     if run is None:
@@ -272,8 +272,8 @@ def _together(design: GainDesign) -> Section | None:
         "the force."
     )
     head = ("distance", "gain D_p", "sensor slope g", "damping D_p g")
-    table = Table(head=head, rows=tuple(rows), note=note, brief=True)
-    return Section(title="Gain and sensor together", blocks=(table,)) if rows else None
+    table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
+    return Chapter(title="Gain and sensor together", blocks=(table,)) if rows else None
 
 
 def impact_rows(impact: ImpactModel | None) -> Iterator[Row]:

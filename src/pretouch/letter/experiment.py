@@ -9,7 +9,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, 
 from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
-from pretouch._core.blocks import Section, Table
+from pretouch._core.blocks import Chapter, Rows
 from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
@@ -174,7 +174,7 @@ class Reproduction(Value):
     parameters: tuple[Parameter, ...]
     comparisons: tuple[Printed, ...] = ()
     findings: tuple[Finding, ...] = ()
-    tables: tuple[Section, ...] = ()
+    tables: tuple[Chapter, ...] = ()
     caption: str
     numbers: Mapping[str, Any]
     id: str = ""
@@ -289,10 +289,10 @@ def finding(number: int, title: str, place: str, statement: str, *steps: tuple[A
     return Finding(number, title, place, statement, tuple(Step(*step) for step in steps))
 
 
-def readings(title: str, columns: Mapping[str, tuple[Iterable[Any], str]], note: str = "") -> Section:
+def readings(title: str, columns: Mapping[str, tuple[Iterable[Any], str]], note: str = "") -> Chapter:
     """Make a table of numbers to read, each column by its head, with its values and how they are written."""
     cells = ([format(value, form) for value in values] for values, form in columns.values())
-    return Section(title=title, blocks=(Table(head=tuple(columns), rows=tuple(zip(*cells, strict=True)), note=note),))
+    return Chapter(title=title, blocks=(Rows(head=tuple(columns), rows=tuple(zip(*cells, strict=True)), note=note),))
 
 
 def _fields(thing: object, *names: str) -> dict[str, Any]:

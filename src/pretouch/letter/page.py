@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from pretouch._core.blocks import Cell, Code, Download, Listing, Page, Paragraph, Picture, Section, Table
+from pretouch._core.blocks import Cell, Chapter, Code, Download, Listing, Page, Paragraph, Picture, Rows
 from pretouch._core.json_text import as_json
 from pretouch._core.units import pretty_unit
 from pretouch.motion.describing import method_section
@@ -59,23 +59,23 @@ def letter_page(report: LetterReport) -> Page:
         warnings=tuple(_failures(report)),
         blocks=(
             _overview(report) if parts else None,
-            Section(title="What was found", anchor="findings", titled=True, blocks=found) if findings else None,
-            Section(title="Printed numbers that disagree with ours", titled=True, blocks=(listed,)) if off else None,
+            Chapter(title="What was found", anchor="findings", titled=True, blocks=found) if findings else None,
+            Chapter(title="Printed numbers that disagree with ours", titled=True, blocks=(listed,)) if off else None,
             *map(_part, parts),
-            Section(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
+            Chapter(title="All numbers", anchor="all-numbers", blocks=(numbers, Paragraph(text=_DATA))),
             method_section(_METHOD, others=legend),
         ),
     )
 
 
-def _overview(report: LetterReport) -> Table:
+def _overview(report: LetterReport) -> Rows:
     """Count the verdicts of each part, and lead to it; zeros are left out."""
     rows: list[tuple[Cell, ...]] = [
         (f"[{r.id}: {r.title}](#part-{r.id})", *(str(r.counts[a] or "") for a in Agreement))
         for r in report.reproductions
     ]
     total = ("all", *(str(count or "") for count in report.counts.values()))
-    return Table(head=("", *(a.words for a in Agreement)), rows=(*rows, total), brief=True)
+    return Rows(head=("", *(a.words for a in Agreement)), rows=(*rows, total), brief=True)
 
 
 def _title(finding: Finding) -> str:
@@ -111,17 +111,17 @@ def _disagreement(part: Reproduction, c: Printed) -> str:
     return f"[{part.id}](#part-{part.id}), {c.name} ({c.place}): {numbers}: {c.reason or 'NO REASON KNOWN'}"
 
 
-def _finding(finding: Finding, part: Reproduction) -> Section:
+def _finding(finding: Finding, part: Reproduction) -> Chapter:
     state = Agreement.AGREES if finding.holds else Agreement.DISAGREES
     origin = f"{state.shape} {_state(finding)}. {finding.place}; computed with [{part.title}](#part-{part.id})."
-    steps = Table(rows=tuple((step.name, str(step)) for step in finding.evidence), wraps=True)
+    steps = Rows(rows=tuple((step.name, str(step)) for step in finding.evidence), wraps=True)
     blocks = (Paragraph(text=finding.statement), Paragraph(text=origin, quiet=True), steps)
-    return Section(title=f"{finding.id}. {_title(finding)}", anchor=f"finding-{finding.id}", blocks=blocks)
+    return Chapter(title=f"{finding.id}. {_title(finding)}", anchor=f"finding-{finding.id}", blocks=blocks)
 
 
-def _part(part: Reproduction) -> Section:
+def _part(part: Reproduction) -> Chapter:
     links = "; ".join(f"[{f.id}. {_title(f)}](#finding-{f.id})" for f in part.findings)
-    inputs = Table(
+    inputs = Rows(
         head=("input", "symbol", "value", "place"),
         rows=tuple(
             (p.name.replace("_", " "), p.symbol, f"{p.printed} {pretty_unit(p.unit)}".strip(), p.place)
@@ -132,16 +132,16 @@ def _part(part: Reproduction) -> Section:
     blocks = (
         Paragraph(text=part.summary),
         Paragraph(text=f"Findings from it: {links}", quiet=True) if links else None,
-        Section(title="Inputs, as the letter gives them", blocks=(inputs,)) if part.parameters else None,
-        Section(title="Printed numbers beside ours", blocks=tuple(_compared(part))) if part.comparisons else None,
+        Chapter(title="Inputs, as the letter gives them", blocks=(inputs,)) if part.parameters else None,
+        Chapter(title="Printed numbers beside ours", blocks=tuple(_compared(part))) if part.comparisons else None,
         *part.tables,
         picture,
         Code(text=part.code, title="The code that makes this figure, as one program"),
     )
-    return Section(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
+    return Chapter(title=f"{part.place}: {part.title}", anchor=f"part-{part.id}", blocks=blocks)
 
 
-def _compared(part: Reproduction) -> Iterator[Table | Listing | Paragraph]:
+def _compared(part: Reproduction) -> Iterator[Rows | Listing | Paragraph]:
     """Yield the numbers beside ours, and each reason once, with the names of all numbers that it explains."""
     head = ("number", "place", "printed", "ours", "difference", "ours over the rounding of the inputs", "verdict")
     rows = [
@@ -152,7 +152,7 @@ def _compared(part: Reproduction) -> Iterator[Table | Listing | Paragraph]:
         for c in part.comparisons
     ]
     shown = [i for i in range(len(head)) if i != 5 or any(c.over_inputs for c in part.comparisons)]
-    yield Table(head=tuple(head[i] for i in shown), rows=tuple(tuple(row[i] for i in shown) for row in rows))
+    yield Rows(head=tuple(head[i] for i in shown), rows=tuple(tuple(row[i] for i in shown) for row in rows))
     names: dict[str, list[str]] = {}
     for c in part.comparisons:
         if c.reason or c.unexplained:

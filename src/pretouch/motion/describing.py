@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any, Final, Protocol
 
-from pretouch._core.blocks import Block, Cell, Listing, Measured, Paragraph, Section, Table
+from pretouch._core.blocks import Block, Cell, Chapter, Listing, Measured, Paragraph, Rows
 from pretouch._core.vocabulary import words_for
 from pretouch.sensors import SensorModel
 
@@ -109,7 +109,7 @@ def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
     yield "valid to", Measured(high, "m")
 
 
-def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Section:
+def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Chapter:
     """Return the section of a page that lists its inputs.
 
     Args:
@@ -120,13 +120,13 @@ def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Sec
     Returns:
         The section.
     """
-    encounter = Table(rows=(*scenario_rows(scenario), *others))
-    curve = Table(rows=tuple(sensor_rows(sensor)), wraps=True)
-    blocks = (Section(title="Encounter", blocks=(encounter,)), Section(title="Sensor", blocks=(curve,)))
-    return Section(title="Inputs", blocks=blocks)
+    encounter = Rows(rows=(*scenario_rows(scenario), *others))
+    curve = Rows(rows=tuple(sensor_rows(sensor)), wraps=True)
+    blocks = (Chapter(title="Encounter", blocks=(encounter,)), Chapter(title="Sensor", blocks=(curve,)))
+    return Chapter(title="Inputs", blocks=blocks)
 
 
-def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> Section:
+def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> Chapter:
     """Return the section of a page that says how its encounters were solved, and what that assumes.
 
     Args:
@@ -140,4 +140,4 @@ def method_section(method: str, *, solved_on: str = "motion", others: Iterable[B
     of = {"motion": _OF_THE_MOTION, "loop": _OF_THE_LOOP}.get(solved_on, _OF_A_FUNCTION)
     known = Paragraph(text=METHODS.get(method, method))
     blocks = (*others, known, Listing(items=(*of, *_OF_ALL)), Paragraph(text=_INTEGRATOR, quiet=True))
-    return Section(title="Method and assumptions", blocks=blocks)
+    return Chapter(title="Method and assumptions", blocks=blocks)

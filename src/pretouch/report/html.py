@@ -15,7 +15,7 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.block_html import blocks_as_html, page_top
-from pretouch._core.blocks import Code, Page, Paragraph, Picture, Section
+from pretouch._core.blocks import Chapter, Code, Page, Paragraph, Picture
 from pretouch._core.described import Described, page_of
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import sign, write_text
@@ -101,12 +101,12 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
 
     left = None if calibration.best is None else reservations_of(calibration, answer)
     told = fitted_blocks(calibration, () if left is None else left.lines)
-    section = Section(title=f"The calibration of its sensor: {calibration.calibration.name}", blocks=told)
+    section = Chapter(title=f"The calibration of its sensor: {calibration.calibration.name}", blocks=told)
     opening = (left.headline,) if left is not None and left.headline else ()
     return replace(page.with_blocks(section), open=(*opening, *page.open))
 
 
-def _provenance(page: Page, source: object) -> tuple[Section | None, ...]:
+def _provenance(page: Page, source: object) -> tuple[Chapter | None, ...]:
     given = _source(source)
     if given is None:
         known: tuple[Any, ...] = ()
@@ -115,7 +115,7 @@ def _provenance(page: Page, source: object) -> tuple[Section | None, ...]:
         known = (file, Code(text=given["text"]) if given["text"] else None)
     if page.source:  # of a calibration, which says itself where it comes from
         return ()
-    return (Section(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *known)),)
+    return (Chapter(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *known)),)
 
 
 @lru_cache(maxsize=1)

@@ -18,7 +18,7 @@ from .style import Scale, minus, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Run", "motion", "runs_of"]
+__all__ = ["DrawnMotion", "motion", "runs_of"]
 
 _PANELS: Final = (
     ("distance", "distance l", "m"),
@@ -31,7 +31,7 @@ _FAR: Final = 4.0  # limits farther off than this many times the largest magnitu
 _DOT: Final = " "  # a dot at the end of a curve, without a text
 
 
-class Run(NamedTuple):
+class DrawnMotion(NamedTuple):
     """One motion to be drawn, with its name and its place in the palette."""
 
     label: str
@@ -54,7 +54,7 @@ def motion(design: GainDesign) -> Figure:
     return panel_figure(*(_panel(design, runs, clock, what) for what in _PANELS), height=2.4)
 
 
-def runs_of(design: GainDesign) -> list[Run]:
+def runs_of(design: GainDesign) -> list[DrawnMotion]:
     """Solve the motions that a design is about: with the gain, or the nearest one, and without mitigation.
 
     Args:
@@ -75,12 +75,12 @@ def runs_of(design: GainDesign) -> list[Run]:
     chosen = _solve(design, gain, design.method, horizon)
     still = _solve(design, 0.0, design.no_mitigation.method, horizon)
     return [
-        Run("no mitigation", still, 1),
-        Run(minus(label.format(gain)), chosen, 0),
+        DrawnMotion("no mitigation", still, 1),
+        DrawnMotion(minus(label.format(gain)), chosen, 0),
     ]
 
 
-def _panel(design: GainDesign, runs: list[Run], clock: Scale, what: tuple[str, str, str]) -> Panel:
+def _panel(design: GainDesign, runs: list[DrawnMotion], clock: Scale, what: tuple[str, str, str]) -> Panel:
     name, label, unit = what
     values = np.concatenate([getattr(run.motion, name) for run in runs])
     levels = _worth_drawing(_limits(design, name), values)
@@ -97,7 +97,7 @@ def _panel(design: GainDesign, runs: list[Run], clock: Scale, what: tuple[str, s
     )
 
 
-def _curve(run: Run, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
+def _curve(run: DrawnMotion, name: str, clock: Scale, scale: Scale, largest: float) -> Curve:
     """Return a motion, named in the first panel, with the value at its end beside it in the others."""
     time, values, ended = run.motion.time, np.asarray(getattr(run.motion, name)), _reached(run.motion.result)
     label, end = "", scale.text(float(values[-1]), largest=largest)

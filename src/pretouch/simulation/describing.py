@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 
 from pretouch._core.block_text import cell_as_text
-from pretouch._core.blocks import Cell, Measured, Section, Table
+from pretouch._core.blocks import Cell, Chapter, Measured, Rows
 from pretouch._core.units import format_quantity
 from pretouch.control import Controller, VirtualDamper
 
@@ -20,7 +20,7 @@ __all__ = ["chain_rows", "contact_rows", "controller_rows", "loop_rows", "loop_s
 Row = tuple[str, Cell]
 
 
-def loop_section(loop: ClosedLoop, *first: Row) -> Section:
+def loop_section(loop: ClosedLoop, *first: Row) -> Chapter:
     """Return the section of a page that says what a loop is made of, after rows of the page's own."""
     parts = (
         ("Sensor chain", chain_rows(loop.chain)),
@@ -28,8 +28,8 @@ def loop_section(loop: ClosedLoop, *first: Row) -> Section:
         ("Robot", loop.plant.rows()),
         ("Contact", contact_rows(loop.contact)),
     )
-    sections = (Section(title=title, blocks=(Table(rows=tuple(rows), wraps=True),)) for title, rows in parts)
-    return Section(title="The loop", blocks=(Table(rows=(*first, *loop_rows(loop))), *sections))
+    sections = (Chapter(title=title, blocks=(Rows(rows=tuple(rows), wraps=True),)) for title, rows in parts)
+    return Chapter(title="The loop", blocks=(Rows(rows=(*first, *loop_rows(loop))), *sections))
 
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:

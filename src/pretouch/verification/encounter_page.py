@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from pretouch._core.blocks import Cell, Listing, Measured, Page, Paragraph, Picture, Section, Table, named
+from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.design.page import impact_rows
@@ -103,8 +103,8 @@ def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
         yield f"{words_for('time')}, on the loop", Measured(run.time, "s", 3)
 
 
-def _comparison(e: SimulatedEncounter) -> Section:
-    table = Table(head=_HEAD, rows=tuple(_comparison_rows(e)), note=_COMPARED, brief=True)
+def _comparison(e: SimulatedEncounter) -> Chapter:
+    table = Rows(head=_HEAD, rows=tuple(_comparison_rows(e)), note=_COMPARED, brief=True)
     loop, contact = e.loop, e.loop.contact
     model = "no contact model" if contact is None else type(contact).__name__
     made = (
@@ -113,7 +113,7 @@ def _comparison(e: SimulatedEncounter) -> Section:
         f"{e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
-    return Section(title="Loop and prediction", blocks=(table, Paragraph(text=made, brief=True), elastic))
+    return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=made, brief=True), elastic))
 
 
 def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
@@ -127,17 +127,17 @@ def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
             yield named(one.name), *cells[:2], difference, *cells[2:]
 
 
-def _course(e: SimulatedEncounter) -> Section:
+def _course(e: SimulatedEncounter) -> Chapter:
     shown = " The last panel shows the first contact, from its touch on." if e.has_contact_force else ""
     name = "Distance, relative velocity, virtual force, sensor reading and contact force over time"
-    return Section(title="The run", blocks=(Picture(figure="simulation", of=e, name=name, caption=_COURSE + shown),))
+    return Chapter(title="The run", blocks=(Picture(figure="simulation", of=e, name=name, caption=_COURSE + shown),))
 
 
-def _contacts(e: SimulatedEncounter) -> Section | None:
+def _contacts(e: SimulatedEncounter) -> Chapter | None:
     if not (e.has_contact_force and e.contacts):
         return None
     head = ("touch", "l'", "peak force", "impulse", "l' after", "duration")
-    return Section(title="Contacts", blocks=(Table(head=head, rows=tuple(map(_contact_row, e.contacts)), brief=True),))
+    return Chapter(title="Contacts", blocks=(Rows(head=head, rows=tuple(map(_contact_row, e.contacts)), brief=True),))
 
 
 def _contact_row(contact: LoopContact) -> Row:
@@ -152,12 +152,12 @@ def _contact_row(contact: LoopContact) -> Row:
     )
 
 
-def _detection(e: SimulatedEncounter) -> Section:
+def _detection(e: SimulatedEncounter) -> Chapter:
     said = "The law never saw the object." if e.detection is None else e.detection.sentence
     head = ("the law reported", "which means", "since", "in all", "before contact")
-    flags = Table(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
+    flags = Rows(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
     seen = (Paragraph(text=said, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
-    return Section(title="Detection", blocks=(*seen, flags))
+    return Chapter(title="Detection", blocks=(*seen, flags))
 
 
 def _flag_row(flag: ReportedFlag) -> Row:
@@ -165,7 +165,7 @@ def _flag_row(flag: ReportedFlag) -> Row:
     return flag.name, flag.meaning, *times
 
 
-def _method(e: SimulatedEncounter) -> Section:
-    loop = Section(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
+def _method(e: SimulatedEncounter) -> Chapter:
+    loop = Chapter(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
     prediction = replace(method_section(e.prediction.method), title="Of the prediction")
-    return Section(title="Method and assumptions", blocks=(loop, prediction))
+    return Chapter(title="Method and assumptions", blocks=(loop, prediction))

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Measured, Paragraph, Picture, Section, Table
+from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, Rows
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.design.page import objective_rows
@@ -32,18 +32,18 @@ _HELPS: Final = (
 )
 
 
-def best_change_section(v: Verdict) -> Section | None:
+def best_change_section(v: Verdict) -> Chapter | None:
     """Describe the one change that helps most: each effect as it is, and with the change; None where none was tried."""
     if not v.changes:
         return None
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
         text = f"None of the changes that were tried helps by more than chance and 1 % of the objective. {rate}".strip()
-        return Section(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
+        return Chapter(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     title = "What would help most" + ("" if best.standing >= _KEPT else ", though it alone is not enough")
-    effects = Table(head=("", "as it is", "with the change"), rows=tuple(_effects(v, best)))
+    effects = Rows(head=("", "as it is", "with the change"), rows=tuple(_effects(v, best)))
     said = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
-    return Section(title=title, titled=True, blocks=(said, effects))
+    return Chapter(title=title, titled=True, blocks=(said, effects))
 
 
 def _rate_in_words(v: Verdict) -> str:
@@ -93,7 +93,7 @@ def _missed_most(v: Verdict) -> tuple[str, float | None]:
     return name, held
 
 
-def changes_section(v: Verdict) -> Section | None:
+def changes_section(v: Verdict) -> Chapter | None:
     """Describe every change that was tried, the most helpful first; None where none was."""
     if not v.changes:
         return None
@@ -102,8 +102,8 @@ def changes_section(v: Verdict) -> Section | None:
     note += f", the first of the {v.runs}; another gain on all {v.runs}" if n < v.runs else ""
     head = ("change", "objective", "limits kept", "margin", "what to do")
     rows = tuple(map(_change_row, v.changes))
-    table = Table(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
-    return Section(title="What was tried", titled=True, blocks=(table,))
+    table = Rows(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
+    return Chapter(title="What was tried", titled=True, blocks=(table,))
 
 
 def _change_row(change: LoopChange) -> Row:
@@ -138,7 +138,7 @@ def _percent_with_error(value: float, error: float) -> str:
     return f"{value:+.{digits}f}" + (f" \u00b1 {error:.{digits}f} %" if error else " %")
 
 
-def gain_section(v: Verdict) -> Section:
+def gain_section(v: Verdict) -> Chapter:
     """Describe the objective over the gain, and what the verified one costs beside the best one on this loop."""
     tried = v.loss is not None
     caption = "The objective of the nominal encounter in continuous time (ideal)"
@@ -148,18 +148,18 @@ def gain_section(v: Verdict) -> Section:
     name = "Objective over the gain, in the ideal world and on the loop"
     known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
     picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
-    terms = Table(head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition)))
+    terms = Rows(head=("term of the objective", "typical value", "weight"), rows=tuple(objective_rows(v.definition)))
     shown = picture if any(np.isfinite(objective).any() for objective in known) else None
     title = "The objective over the gain" if v.gain is None else "The gain on this loop"
-    return Section(title=title, blocks=(*_gain_blocks(v), shown, terms))
+    return Chapter(title=title, blocks=(*_gain_blocks(v), shown, terms))
 
 
-def _gain_blocks(v: Verdict) -> Iterator[Paragraph | Table]:
+def _gain_blocks(v: Verdict) -> Iterator[Paragraph | Rows]:
     if v.loss is not None:
         yield Paragraph(text=_loss_in_words(v, v.loss), brief=True)
     rows = tuple(_loss_rows(v))
     if rows:
-        yield Table(head=("", "gain D_p", f"objective ({v.definition.name})"), rows=rows, brief=v.loss is not None)
+        yield Rows(head=("", "gain D_p", f"objective ({v.definition.name})"), rows=rows, brief=v.loss is not None)
 
 
 def _loss_in_words(v: Verdict, loss: Loss) -> str:

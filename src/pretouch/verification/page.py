@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from pretouch._core.blocks import Cell, Listing, Measured, Page, Paragraph, Picture, Section, Table, named
+from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.motion.describing import inputs_section, method_section
@@ -135,11 +135,11 @@ def _rate(rate: float) -> Cell:
     return "none is enough" if math.isinf(rate) else Measured(rate, "Hz", 3)
 
 
-def _reasons(v: Verdict) -> Section | None:
+def _reasons(v: Verdict) -> Chapter | None:
     if not v.reasons:
         return None
     if v.gain is not None:
-        return Section(title=_WHY[v.status], titled=True, blocks=(Listing(items=v.reasons, brief=True),))
+        return Chapter(title=_WHY[v.status], titled=True, blocks=(Listing(items=v.reasons, brief=True),))
     tried = (
         "Nothing was run. What can be tried: a relaxed limit, a wider range of gains, an earlier detection, another "
         "admittance."
@@ -149,17 +149,17 @@ def _reasons(v: Verdict) -> Section | None:
         (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, "N*s"))
         for c in v.design.constraints
     )
-    limits = Table(head=head, rows=asked) if asked else None
+    limits = Rows(head=head, rows=asked) if asked else None
     blocks = (Listing(items=v.reasons, brief=True), Paragraph(text=tried), limits)
-    return Section(title=_WHY[v.status], titled=True, blocks=blocks)
+    return Chapter(title=_WHY[v.status], titled=True, blocks=blocks)
 
 
-def _comparison(v: Verdict) -> Section | None:
+def _comparison(v: Verdict) -> Chapter | None:
     if v.reached is None or v.mitigated is None or v.unmitigated is None:
         return None
     head = ("", "predicted", "mean of the runs", "5 % to 95 %", "worst", "predicted, D_p = 0", "mean, D_p = 0")
     note = _COMPARED.format(runs=_runs(v))
-    table = Table(head=head, rows=tuple(map(_comparison_row, v.comparisons)), note=note, brief=True)
+    table = Rows(head=head, rows=tuple(map(_comparison_row, v.comparisons)), note=note, brief=True)
     shares = Picture(
         figure="verdict", of=v, name="Share of runs in which each quantity stays below a value", caption=_SHARES
     )
@@ -167,7 +167,7 @@ def _comparison(v: Verdict) -> Section | None:
     runs = Picture(figure="verdict_run", of=v, name=name, caption=_TWO_RUNS)
     touched = v.mitigated.touched.any() or v.unmitigated.touched.any()
     blocks = (table, Paragraph(text=_reached(v)), shares if touched else None, runs)
-    return Section(title="Predicted and simulated", blocks=blocks)
+    return Chapter(title="Predicted and simulated", blocks=blocks)
 
 
 def _runs(v: Verdict) -> str:
@@ -210,7 +210,7 @@ def _reached(v: Verdict) -> str:
     return f"{text}."
 
 
-def _limits(v: Verdict) -> Section | None:
+def _limits(v: Verdict) -> Chapter | None:
     if not v.limits:
         return None
     head = (
@@ -226,8 +226,8 @@ def _limits(v: Verdict) -> Section | None:
     )
     sources = (f" {c.label.capitalize()}: {c.source}." for c in v.limits if c.source != "simulated")
     note = _OF_LIMITS.format(confidence=100 * v.confidence) + "".join(sources)
-    table = Table(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
-    return Section(title="Limits", blocks=(table,))
+    table = Rows(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
+    return Chapter(title="Limits", blocks=(table,))
 
 
 def _limit_row(check: LimitCheck) -> Row:
@@ -244,17 +244,17 @@ def _limit_row(check: LimitCheck) -> Row:
     )
 
 
-def _stability(v: Verdict) -> Section | None:
+def _stability(v: Verdict) -> Chapter | None:
     if not v.stability_text:
         return None
     check, title = v.stability, "Is the sensor fast enough?"
     text = Paragraph(text=v.stability_text, brief=True)
     if check is None:
-        return Section(title=title, blocks=(text,))
+        return Chapter(title=title, blocks=(text,))
     name = "Strongest stable gain over the distance"
     picture = Picture(figure="verdict_stability", of=v, name=name, caption=_STABLE)
     shown = picture if math.isfinite(check.strongest) and check.strongest != 0 else None
-    return Section(title=title, blocks=(text, Table(rows=tuple(_stability_rows(check))), shown))
+    return Chapter(title=title, blocks=(text, Rows(rows=tuple(_stability_rows(check))), shown))
 
 
 def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
@@ -269,7 +269,7 @@ def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
     yield "rate from which on it has a margin of 2", _rate(check.lowest_rate_with_margin)
 
 
-def _calibration(v: Verdict) -> Section | None:
+def _calibration(v: Verdict) -> Chapter | None:
     check = v.calibration_check
     if check is None:
         return None
@@ -282,22 +282,22 @@ def _calibration(v: Verdict) -> Section | None:
         ("no contact comes on", f"{check.missing} of {check.draws}"),
     )
     text = Paragraph(text=check.text, brief=check.is_good_enough)  # else it is one of the reasons
-    return Section(title="Is the calibration good enough?", blocks=(text, Table(rows=rows, note=_OF_CALIBRATION)))
+    return Chapter(title="Is the calibration good enough?", blocks=(text, Rows(rows=rows, note=_OF_CALIBRATION)))
 
 
-def _assumptions(v: Verdict) -> Section | None:
+def _assumptions(v: Verdict) -> Chapter | None:
     said = Listing(items=v.assumptions, brief=True)
-    return Section(title="What this rests on", titled=True, blocks=(said,)) if v.assumptions else None
+    return Chapter(title="What this rests on", titled=True, blocks=(said,)) if v.assumptions else None
 
 
-def _uncertain(v: Verdict) -> Section | None:
+def _uncertain(v: Verdict) -> Chapter | None:
     rows = tuple(uncertainty_in_words(v.uncertainty, v.sensor))
     note = "Encounter and sensor are listed above at their given values."
-    table = Table(head=("input", "what is known of it"), rows=rows, wraps=True, note=note)
-    return Section(title="What is uncertain", blocks=(table,)) if rows else None
+    table = Rows(head=("input", "what is known of it"), rows=rows, wraps=True, note=note)
+    return Chapter(title="What is uncertain", blocks=(table,)) if rows else None
 
 
-def _method(v: Verdict) -> Section:
-    runs = Section(title="Of the runs", blocks=(Listing(items=_OF_THE_RUNS),))
+def _method(v: Verdict) -> Chapter:
+    runs = Chapter(title="Of the runs", blocks=(Listing(items=_OF_THE_RUNS),))
     prediction = replace(method_section(v.design.method), title="Of the prediction")
-    return Section(title="Method and assumptions", blocks=(runs, prediction))
+    return Chapter(title="Method and assumptions", blocks=(runs, prediction))

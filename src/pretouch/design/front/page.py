@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from pretouch._core.blocks import Cell, Listing, Measured, Page, Paragraph, Picture, Section, Table, named
+from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.describing import inputs_section, method_section
@@ -75,7 +75,7 @@ def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:
             yield "times the least excursion of any robot", Measured(float(point.bound.ratio), "", 3)
 
 
-def _points(front: ParetoFront) -> Section:
+def _points(front: ParetoFront) -> Chapter:
     points = (*front.ends, *front.marked)
     caption = (
         "Of the points of the front none is better than another in every quantity; grey points were tried and are "
@@ -87,11 +87,11 @@ def _points(front: ParetoFront) -> Section:
     columns = zip(*(_column(front, point) for point in points), strict=True)
     rows = tuple((cells[0][0], *(cell for _, cell in cells)) for cells in columns)
     note = "" if front.comparison is None else _BESIDE
-    return Section(
+    return Chapter(
         title="The front",
         blocks=(
             Picture(figure="pareto", of=front, name=name, caption=caption),
-            Table(head=("", *map(_title, points)), rows=rows, note=note, brief=True),
+            Rows(head=("", *map(_title, points)), rows=rows, note=note, brief=True),
             Listing(items=sentences, brief=True) if sentences else None,
             Paragraph(text=_KNEE, quiet=True),
             Paragraph(text=_BOUND, quiet=True),
@@ -155,7 +155,7 @@ def _about_choice(front: ParetoFront, choice: FrontPoint) -> str:
     return f"{text}."
 
 
-def _evidence(front: ParetoFront) -> Section:
+def _evidence(front: ParetoFront) -> Chapter:
     pieces = int(front.piece.max()) + 1
     rows = (
         ("tried", f"{front.tried} encounters"),
@@ -166,7 +166,7 @@ def _evidence(front: ParetoFront) -> Section:
             "every quantity at once",
         ),
     )
-    return Section(title="How this is known", titled=True, blocks=(Table(rows=rows, wraps=True, brief=True),))
+    return Chapter(title="How this is known", titled=True, blocks=(Rows(rows=rows, wraps=True, brief=True),))
 
 
 def _count(number: int, noun: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Final
 
-from pretouch._core.blocks import Cell, Later, Measured, Page, Paragraph, Picture, Section, Table, named
+from pretouch._core.blocks import Cell, Chapter, Later, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion.describing import inputs_section, method_section, solved_on
@@ -86,9 +86,9 @@ def robust_page(design: RobustDesign) -> Page:
     )
 
 
-def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> Section:
-    table = Table(head=head, rows=tuple(rows), note=note, brief=True, wraps=wraps)
-    return Section(title=title, blocks=(table,), titled=not head)
+def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bool = False) -> Chapter:
+    table = Rows(head=head, rows=tuple(rows), note=note, brief=True, wraps=wraps)
+    return Chapter(title=title, blocks=(table,), titled=not head)
 
 
 def _key_figures(design: RobustDesign, v: Validation) -> Iterator[tuple[str, Cell]]:
@@ -110,7 +110,7 @@ def _loss(v: Validation) -> str:
     return f"{100 * v.loss.relative:+.3g}{spread} %"
 
 
-def _outcome(design: RobustDesign, v: Validation) -> Section:
+def _outcome(design: RobustDesign, v: Validation) -> Chapter:
     ideal = ", in continuous time and without noise" if design.on_evaluator else ""
     note = (
         f"{v.samples} fresh, independent encounters that the design has not seen. The {design.nominal_name} is optimal "
@@ -138,7 +138,7 @@ def _outcome_rows(design: RobustDesign, v: Validation) -> Iterator[Row]:
             yield f"{words_for(name)}, {words}", *(Measured(value, unit_of(name), 3) for value in values)
 
 
-def _constraints(v: Validation) -> Section:
+def _constraints(v: Validation) -> Chapter:
     note = (
         '"At least" is the exact lower bound (Clopper and Pearson) of the probability that the constraint holds, with '
         f'a confidence of {100 * v.confidence:g} %. "Shown": that bound is no less than what is required; "within '
@@ -163,7 +163,7 @@ def _limit_row(outcome: LimitOutcome, v: Validation) -> Row:
     )
 
 
-def _worst(design: RobustDesign) -> Section | None:
+def _worst(design: RobustDesign) -> Chapter | None:
     """Say what the worst encounter is and why none is worse, where it was searched for."""
     w, units = design.worst, input_units(design.sensor)
     if w is None:
@@ -180,7 +180,7 @@ def _worst(design: RobustDesign) -> Section | None:
     return _section("The worst encounter", (), rows, note, wraps=True)
 
 
-def _uncertain(design: RobustDesign) -> Section:
+def _uncertain(design: RobustDesign) -> Chapter:
     rows = uncertainty_in_words(design.uncertainty, design.sensor)
     if design.on_evaluator:
         of = "of the sampled loop" if design.method == "loop" else "of the function that was given, if it has any"
@@ -193,7 +193,7 @@ def _uncertain(design: RobustDesign) -> Section:
     return _section("What is uncertain", head, rows, note, wraps=True)
 
 
-def _measure(design: RobustDesign) -> Section:
+def _measure(design: RobustDesign) -> Chapter:
     caption = (
         f"Left: the {design.measure.label} of the objective over the samples of the design, beside the objective of "
         f"the {'ideal' if design.on_evaluator else 'nominal'} encounter. Thin and grey: gains that break a constraint. "
@@ -201,12 +201,12 @@ def _measure(design: RobustDesign) -> Section:
     )
     name = "Measure of the objective over the gain, and distribution of the objective"
     rows = tuple(objective_rows(design.definition))
-    terms = Table(head=("term of the objective", "typical value", "weight"), rows=rows)
+    terms = Rows(head=("term of the objective", "typical value", "weight"), rows=rows)
     picture = Picture(figure="robust", of=design, name=name, caption=caption)
-    return Section(title="The measure over the gain", blocks=(picture, terms))
+    return Chapter(title="The measure over the gain", blocks=(picture, terms))
 
 
-def _encounters(design: RobustDesign) -> Section | None:
+def _encounters(design: RobustDesign) -> Chapter | None:
     caption = (
         "In how many of the fresh encounters a quantity stays below a value. A curve that ends below 100 %: the others "
         "end without contact. Dotted: limits, and the share that is required of them. A curve that is missing is zero "
@@ -214,10 +214,10 @@ def _encounters(design: RobustDesign) -> Section | None:
     )
     picture = Picture(figure="outcome", of=design, name="Distributions of contact quantities", caption=caption)
     known = design.status is not DesignStatus.NO_CONTACT
-    return Section(title="What encounters come to", blocks=(picture,)) if known else None
+    return Chapter(title="What encounters come to", blocks=(picture,)) if known else None
 
 
-def _evidence(design: RobustDesign) -> Section:
+def _evidence(design: RobustDesign) -> Chapter:
     note = (
         "Every gain meets the same encounters, so that gains are compared and not samples. The gain is the best for "
         "these encounters; what it promises for others is what the fresh ones say."

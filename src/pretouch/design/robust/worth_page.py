@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Picture, Section, Table
+from pretouch._core.blocks import Cell, Chapter, Picture, Rows
 from pretouch._core.units import format_quantity, format_range
 
 from .importance import InputImportance
@@ -16,7 +16,7 @@ from .result import RobustDesign
 __all__ = ["importance_section", "price_section"]
 
 
-def importance_section(importance: tuple[InputImportance, ...]) -> Section | None:
+def importance_section(importance: tuple[InputImportance, ...]) -> Chapter | None:
     """Say what share of the variance each input has.
 
     Args:
@@ -40,11 +40,11 @@ def importance_section(importance: tuple[InputImportance, ...]) -> Section | Non
         "better."
     )
     head = ("uncertain input", "alone", "with all interactions", "to first order")
-    table = Table(head=head, rows=tuple(rows), note=note, brief=True)
-    return Section(title="What the objective varies with", titled=True, blocks=(table,))
+    table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
+    return Chapter(title="What the objective varies with", titled=True, blocks=(table,))
 
 
-def price_section(design: RobustDesign) -> Section | None:
+def price_section(design: RobustDesign) -> Chapter | None:
     """Say what knowing one input exactly would have gained.
 
     Args:
@@ -66,9 +66,9 @@ def price_section(design: RobustDesign) -> Section | None:
     )
     name = "Price of robustness over each uncertain input"
     head = ("input", "range", "best gains", "largest loss", "median loss")
-    table = Table(head=head, rows=tuple(map(_price_row, design.prices)), note=note)
+    table = Rows(head=head, rows=tuple(map(_price_row, design.prices)), note=note)
     picture = Picture(figure="price", of=design, name=name, caption=caption)
-    return Section(title="What knowing one input would gain", blocks=(picture, table))
+    return Chapter(title="What knowing one input would gain", blocks=(picture, table))
 
 
 def _price_row(price: Price) -> tuple[Cell, ...]:

@@ -16,7 +16,7 @@ from pretouch._core.chebyshev import chebyshev_basis, chebyshev_sum
 from pretouch._core.numbers import FloatArray
 
 from .constraints import Constraint
-from .criteria import Criterion, along, magnitude
+from .criteria import Criterion, along, ratio
 from .problem import GainProblem
 
 __all__ = ["Shift", "follow_optimum", "has_gradients"]
@@ -41,7 +41,7 @@ class Shift:
 
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
     """Tell whether encounters, objective and the active constraint, if any, have gradients."""
-    limited = constraint is None or magnitude(constraint.quantity, problem.impact).has_gradients
+    limited = constraint is None or ratio(constraint, problem.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
 
@@ -74,7 +74,7 @@ def follow_optimum(
     stretch = np.hypot(gains, axis.scale)
     result = problem.run(gains)
     velocity = problem.scenario.obstacle.velocity
-    limited = None if constraint is None else magnitude(constraint.quantity, problem.impact)
+    limited = None if constraint is None else ratio(constraint, problem.impact)
 
     def by(name: str, criterion: Criterion) -> FloatArray:
         return criterion.slope(result.end, along(result.gradients.of, name, velocity))

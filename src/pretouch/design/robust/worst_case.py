@@ -160,7 +160,7 @@ def _function(
         found = value(points)
         if not np.isfinite(found).all():
             return found, np.full(points.shape, np.nan)
-        if problem.criterion(which)[0].has_gradients:
+        if problem.criterion(which).has_gradients:
             inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
             result = inner.ensemble.contacts(gain)
             return found, np.stack([inner.slope(result, name, which) for name in names], axis=1)

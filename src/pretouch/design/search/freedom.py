@@ -87,6 +87,16 @@ class Freedom:
         )
         return replace(self.scenario, admittance=admittance)
 
+    def choice(self, at: FloatArray) -> tuple[Scenario, float]:
+        """Return the encounter and the gain [N s] at one point, shape (size,)."""
+        scenario = self.scenario
+        if self.size > 1:
+            frequency, ratio = (float(v[0]) for v in self.admittance(at[None]))
+            mass = scenario.admittance.mass
+            admittance = Admittance.from_natural_frequency(mass=mass, natural_frequency=frequency, damping_ratio=ratio)
+            scenario = replace(scenario, admittance=admittance)
+        return scenario, float(self.gain(at[None])[0])
+
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
         """Return how inputs of the encounter follow each coordinate at one point, shape (size,).
 

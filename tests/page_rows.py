@@ -14,7 +14,7 @@ class _Tables(HTMLParser):
         self._title = ""
         self._into: str | None = None
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:  # noqa: ARG002
         if tag == "tr":
             self.rows.append((self._title, []))
         elif tag in {"th", "td"}:

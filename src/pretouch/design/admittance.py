@@ -82,7 +82,7 @@ def design_admittance(
 
     Examples:
         >>> from pretouch.design import Constraint, excursion_objective
-        >>> from pretouch.motion import Obstacle
+        >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import ExponentialFirstOrder
         >>> design = design_admittance(
         ...     Scenario(

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import Any, Final
 
+from pretouch.design.robust.wording import share_in_words, uncertainty_in_words
 from pretouch.simulation import ClosedLoop
-from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 from pretouch.verification import (
     CalibrationCheck,
     Comparison,

@@ -1,14 +1,7 @@
 """Inputs that are not known exactly: distributions as values, seeded samples of them, and the encounters they make."""
 
-from .distributions import (
-    CorrelatedNormal,
-    Distribution,
-    Empirical,
-    Interval,
-    Normal,
-    TruncatedNormal,
-    Uniform,
-)
+from .correlated import CorrelatedNormal
+from .distributions import Distribution, Empirical, Interval, Normal, TruncatedNormal, Uniform
 from .ensemble import Ensemble, make_ensemble
 from .fitted import parameter_distribution
 from .reservations import Reservations, reservations_of

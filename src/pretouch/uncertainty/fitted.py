@@ -9,7 +9,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch.motion.inputs import sensor_with
 
-from .distributions import CorrelatedNormal
+from .correlated import CorrelatedNormal
 
 if TYPE_CHECKING:
     from pretouch.calibration import SensorFit

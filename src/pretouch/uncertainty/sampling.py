@@ -10,7 +10,8 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-from .distributions import CorrelatedNormal, Distribution
+from .correlated import CorrelatedNormal
+from .distributions import Distribution
 
 __all__ = ["MOST_SAMPLES", "SAMPLINGS", "Uncertainty", "check_draw", "names_of", "sample_inputs"]
 

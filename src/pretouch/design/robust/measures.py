@@ -245,8 +245,8 @@ class Required:
         probability: with which it must hold, in (0, 1]; 1 asks for every encounter that is sampled.
 
     Examples:
-        >>> Required(constraint=Constraint(name="relative_velocity", limit=0.1), probability=0.99).label
-        'relative_velocity <= 0.1 m/s with probability 0.99'
+        >>> Required(constraint=Constraint(name="relative_velocity", limit=0.1), probability=0.6).share([0.5, 0.9, 1.2])
+        0.9
     """
 
     constraint: Constraint
@@ -259,13 +259,6 @@ class Required:
     def share(self, ratios: Any) -> Any:
         """Return the ratio |quantity| / limit that is not exceeded with the probability, along the last axis."""
         return float_or_array(np.max(ratios, axis=-1)) if self.probability == 1 else _quantile(ratios, self.probability)
-
-    @property
-    def label(self) -> str:
-        """What it is called in reports."""
-        c = self.constraint
-        often = "always" if self.probability == 1 else f"with probability {self.probability:g}"
-        return f"{c.name} <= {c.limit:g} {c.unit} {often}"
 
 
 def _quantile(values: Any, probability: float) -> Any:

@@ -66,10 +66,10 @@ def robust_page(design: RobustDesign) -> Page:
         warnings=design.warnings,
         blocks=(
             None if way_out is None else Paragraph(text=way_out),
-            _uncertain(design),
             None if v is None else _outcome(design, v),
             None if v is None or not v.limits else _constraints(v),
             _worst(design),
+            _uncertain(design),
             _measure(design),
             _encounters(design),
             importance_section(design.importance),
@@ -108,19 +108,6 @@ def _loss(v: Validation) -> str:
     error = v.loss.standard_error
     spread = f" \u00b1 {100 * error:.1g}" if math.isfinite(error) else ""
     return f"{100 * v.loss.relative:+.3g}{spread} %"
-
-
-def _uncertain(design: RobustDesign) -> Section:
-    rows = uncertainty_in_words(design.uncertainty, design.sensor)
-    if design.on_evaluator:
-        of = "of the sampled loop" if design.method == "loop" else "of the function that was given, if it has any"
-        rows.append(("noise", f"that {of}, another run in each encounter"))
-    note = (
-        "Inputs are independent of each other where nothing else is said. All other inputs have their given values, "
-        "which stand below."
-    )
-    head = ("uncertain input", "what is known of it")
-    return _section("What is uncertain", head, rows, note, wraps=True)
 
 
 def _outcome(design: RobustDesign, v: Validation) -> Section:
@@ -185,11 +172,25 @@ def _worst(design: RobustDesign) -> Section | None:
     rows: tuple[Row, ...] = (
         *((n, Measured(x, units.get(n, ""), beside=ways.get(w.monotone.get(n, 0), ""))) for n, x in w.inputs.items()),
         ("objective there", Measured(w.value, "", 6)),
-        ("none exceeds", Measured(w.bound, "", 6, f", for which {w.boxes} boxes of inputs were told apart")),
+        ("none exceeds", Measured(w.bound, "", 6)),
         ("no gain gets below", Measured(w.lower, "", 6)),
+        ("boxes of inputs that were told apart", str(w.boxes)),
     )
     note = "Searched for and bounded, not sampled: no possible encounter exceeds that bound."
     return _section("The worst encounter", (), rows, note, wraps=True)
+
+
+def _uncertain(design: RobustDesign) -> Section:
+    rows = uncertainty_in_words(design.uncertainty, design.sensor)
+    if design.on_evaluator:
+        of = "of the sampled loop" if design.method == "loop" else "of the function that was given, if it has any"
+        rows.append(("noise", f"that {of}, another run in each encounter"))
+    note = (
+        "Inputs are independent of each other where nothing else is said. All other inputs have their given values, "
+        "which stand below."
+    )
+    head = ("uncertain input", "what is known of it")
+    return _section("What is uncertain", head, rows, note, wraps=True)
 
 
 def _measure(design: RobustDesign) -> Section:

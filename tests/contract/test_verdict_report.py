@@ -6,12 +6,12 @@ import re
 from pathlib import Path
 
 import pytest
+from pretouch.design.robust.wording import share_in_words
 
 import pretouch as pt
 from page_checks import EVIL, assert_sound, parse
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
-from pretouch.design.robust.wording import share_in_words
 from pretouch.report import (
     verdict_report_html,
     write_verdict_report,

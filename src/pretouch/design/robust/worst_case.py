@@ -99,14 +99,14 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
 
 
 def search_worst_case(
-    uncertainty: Uncertainty, make: Callable[[Mapping[str, Any]], Ensemble], common: Mapping[str, Any]
+    uncertainty: Uncertainty, make: Callable[[Mapping[str, Any]], Ensemble], pose: Callable[..., RobustProblem]
 ) -> WorstSearch:
     """Find the gain whose worst encounter is the mildest.
 
     Args:
         uncertainty: what is known of the inputs.
         make: makes encounters of values of the inputs.
-        common: what a RobustProblem takes beside its encounters.
+        pose: makes the problem of encounters.
 
     Returns:
         The last round of the search.
@@ -115,7 +115,7 @@ def search_worst_case(
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
     points = _first_points(box)
     for _ in range(_ROUNDS):
-        problem = RobustProblem(ensemble=make(dict(zip(box, points.T, strict=True))), **common)
+        problem = pose(ensemble=make(dict(zip(box, points.T, strict=True))))
         scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
         if not minima:
             return WorstSearch(problem, scanned, minima, None)

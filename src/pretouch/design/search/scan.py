@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-__all__ = ["EXACT", "HELD", "Effort", "Evaluate", "Landscape", "Scan", "predict", "scan"]
+__all__ = ["EXACT", "HELD", "SAMPLED", "Effort", "Evaluate", "Landscape", "Scan", "predict", "scan"]
 
 HELD: Final = 1 - 1e-11
 """Of a limit: so that the encounter at the chosen gain, solved again, holds it, too."""
@@ -51,6 +51,13 @@ class Effort:
 
 EXACT: Final = Effort()
 """For a function that is known to rounding."""
+
+SAMPLED: Final = Effort(resolved=3e-3, largest=257, relevant=2.0, most=4, finest=1e-3)
+"""For a measure over samples or runs that somebody else solves, the same for every coordinate (common random numbers).
+
+It has jumps, so that neighbors never predict each other, and what is twice the lowest need not be known; a thousandth
+of the gain is far below what another set of samples changes.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

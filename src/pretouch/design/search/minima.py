@@ -137,7 +137,7 @@ def _polish(function: Function, left: float, right: float) -> tuple[float, float
 def minimize_polynomials(values: FloatArray, fit: float = _FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
     """Minimize functions by the polynomials that meet them at the nodes, between the neighbors of the lowest node.
 
-    Newton's steps for df/dz = 0, and halving where they leave the bracket: at a minimum that is flatter than a parabola.
+    Newton's steps for df/dz = 0, and halving where they leave the bracket: at minima that are flatter than a parabola.
 
     Args:
         values: the functions at NODES, shape (m, 17).

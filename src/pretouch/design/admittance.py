@@ -129,7 +129,7 @@ def design_admittance(
         gain = chosen.gain
         if gain is None or chosen.objective is None or chosen.objective > found[0].objective * (1 - _BETTER):
             break
-        found = search.also(np.append(freedom.coordinate(float(gain), 0.0, 0.0)[:1], found[0].at[1:]))
+        found = search.also(np.append(freedom.coordinate(gain), found[0].at[1:]))
     if not found:
         reached = np.isfinite(search.rows).all(axis=1).any()
         status = DesignStatus.INFEASIBLE if reached else DesignStatus.NO_CONTACT

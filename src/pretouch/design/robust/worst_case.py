@@ -151,9 +151,11 @@ def _function(
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 
+    def at(points: FloatArray) -> RobustProblem:
+        return replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+
     def value(points: FloatArray) -> FloatArray:
-        inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
-        objective, ratios = inner.values(gain)
+        objective, ratios = at(points).values(gain)
         return objective if which < 0 else ratios[which]
 
     def both(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -161,7 +163,7 @@ def _function(
         if not np.isfinite(found).all():
             return found, np.full(points.shape, np.nan)
         if problem.criterion(which).has_gradients:
-            inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+            inner = at(points)
             result = inner.ensemble.contacts(gain)
             return found, np.stack([inner.slope(result, name, which) for name in names], axis=1)
         slopes = []

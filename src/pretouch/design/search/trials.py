@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import ContactResult
 
@@ -106,12 +105,9 @@ class Trials:
         """Return exact derivatives, NaN where there are none."""
         criteria = self.criteria
         found = np.full((len(criteria), len(at)), np.nan)
-        try:
-            gradients = result.gradients if self.encounters.evaluator is None else None
-        except ResultUnavailableError:
-            gradients = None
-        if gradients is None:
+        if not self.encounters.is_differentiable or not any(one.has_gradients for one in criteria):
             return found
+        gradients = result.gradients
         chain = self.freedom.chain(at)
         for i, one in enumerate(criteria):
             if one.has_gradients:

@@ -216,6 +216,18 @@ def test_a_users_own_evaluator_is_designed_with(letter_encounter: Scenario, lett
     assert design.gain == pytest.approx(-0.7463451 / 2, rel=1e-6)
 
 
+def test_a_minimum_flatter_than_a_parabola_is_no_corner(letter_encounter: Scenario, letter_power: InversePower) -> None:
+    """Beside it (l' + 0.1)^4 is below the rounding of 1e-3 within some 3e-5 m/s: the place is known no better."""
+    design = design_gain(
+        letter_encounter, letter_power, lambda state: (state.relative_velocity + 0.1) ** 4 + 1e-3, bounds=BOUNDS
+    )
+    assert design.certificate is not None
+    assert design.certificate.at == "interior"
+    assert design.objective == pytest.approx(1e-3, rel=1e-14)
+    assert design.result is not None
+    assert design.result.end.relative_velocity == pytest.approx(-0.1, abs=1e-4)
+
+
 def test_impact_forces_follow_energy_balance() -> None:
     """Both peak forces against the deflection at which the contact has taken up the kinetic energy."""
     spring = SpringImpact(robot_mass=2.0, obstacle_mass=3.0, stiffness=5e4)

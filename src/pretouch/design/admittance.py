@@ -10,7 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
-from pretouch.motion import Admittance, Scenario
+from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
@@ -82,7 +82,7 @@ def design_admittance(
 
     Examples:
         >>> from pretouch.design import Constraint, excursion_objective
-        >>> from pretouch.motion import Obstacle
+        >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import ExponentialFirstOrder
         >>> design = design_admittance(
         ...     Scenario(
@@ -118,29 +118,29 @@ def design_admittance(
     )
     trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
-    def gain_at(admittance: Admittance, axis: GainAxis = problem.axis) -> GainDesign:
-        return design(replace(problem, scenario=replace(scenario, admittance=admittance), axis=axis))
+    def gain_at(encounter: Scenario, axis: GainAxis = problem.axis) -> GainDesign:
+        return design(replace(problem, scenario=encounter, axis=axis))
 
-    as_it_is = gain_at(scenario.admittance)
+    as_it_is = gain_at(scenario)
     search = _AdmittanceSearch(trials)
     found = search.minima()
     for _ in range(_ROUNDS if found else 0):
-        chosen = gain_at(_admittance(trials, found[0].at))
+        chosen = gain_at(freedom.choice(found[0].at)[0])
         gain = chosen.gain
         if gain is None or chosen.objective is None or chosen.objective > found[0].objective * (1 - _BETTER):
             break
-        found = search.also(np.append(freedom.coordinate(float(gain), 0.0, 0.0)[:1], found[0].at[1:]))
+        found = search.also(np.append(freedom.coordinate(gain), found[0].at[1:]))
     if not found:
         reached = np.isfinite(search.rows).all(axis=1).any()
         status = DesignStatus.INFEASIBLE if reached else DesignStatus.NO_CONTACT
         return _design(search, as_it_is, None, None, status)
-    admittance = _admittance(trials, found[0].at)
-    chosen = gain_at(admittance)
+    best, _ = freedom.choice(found[0].at)
+    chosen = gain_at(best)
     for share in _NARROW:
         if chosen.status is DesignStatus.OPTIMAL:
             break
         ends = np.clip(found[0].at[0] + np.array([-share, share]), 0.0, 1.0)  # feasible where the scan has no gain
-        chosen = gain_at(admittance, GainAxis.between(freedom.gain(ends[:, None]).tolist()))
+        chosen = gain_at(best, GainAxis.between(freedom.gain(ends[:, None]).tolist()))
     return _design(search, as_it_is, chosen, found, chosen.status)
 
 
@@ -215,7 +215,7 @@ class _AdmittanceSearch:
             frequency, ratio = (float(v[0]) for v in trials.freedom.admittance(at[None]))
             self.known.append(
                 AdmittanceMinimum(
-                    gain=float(trials.freedom.gain(at[None])[0]),
+                    gain=trials.freedom.choice(at)[1],
                     natural_frequency=frequency,
                     damping_ratio=ratio,
                     objective=value,
@@ -266,10 +266,3 @@ class _AdmittanceSearch:
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None
         return float(worst.min()) if worst.min() > HELD else None
-
-
-def _admittance(trials: Trials, at: FloatArray) -> Admittance:
-    frequency, ratio = (float(v[0]) for v in trials.freedom.admittance(at[None]))
-    return Admittance.from_natural_frequency(
-        mass=trials.freedom.scenario.admittance.mass, natural_frequency=frequency, damping_ratio=ratio
-    )

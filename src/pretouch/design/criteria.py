@@ -15,12 +15,13 @@ from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion.contact import ContactResult, ContactState
 
+from .constraints import Constraint
 from .impact import ImpactModel
 from .objectives import OBSTACLE_SPEED, Objective
 from .own_objective import appraise
 from .quantities import quantity_of
 
-__all__ = ["Criterion", "along", "magnitude", "merit"]
+__all__ = ["Criterion", "along", "magnitude", "merit", "ratio"]
 
 Slope: TypeAlias = Callable[[str], Any]
 """From a quantity at contact to its derivative by some input."""
@@ -85,14 +86,19 @@ def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
     return slope
 
 
-def magnitude(quantity: str, impact: ImpactModel | None) -> Criterion:
-    """Make the criterion |quantity|."""
+def ratio(constraint: Constraint, impact: ImpactModel | None) -> Criterion:
+    """Make the criterion |quantity| / limit."""
+    return magnitude(constraint.quantity, impact, constraint.limit)
+
+
+def magnitude(quantity: str, impact: ImpactModel | None, unit: float = 1.0) -> Criterion:
+    """Make the criterion |quantity|, by a unit of it."""
 
     def rates(state: ContactState) -> Rates:
-        return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)), state, impact)]
+        return [_at_contact(quantity, np.sign(quantity_of(quantity, state, impact)) / unit, state, impact)]
 
     return Criterion(
-        value=lambda result: np.abs(quantity_of(quantity, result.end, impact)),
+        value=lambda result: np.abs(quantity_of(quantity, result.end, impact)) / unit,
         rates=rates,
         has_gradients=quantity in _WITH_GRADIENTS,
     )

@@ -17,7 +17,7 @@ from pretouch.motion import ContactResult
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
 from .constraints import Constraint
 from .problem import GainProblem
-from .search import HELD, GainAxis, Minimum, Scan, refine, scan
+from .search import HELD, Minimum, Scan, refine, scan
 from .search.compiled import search_compiled
 from .search.many import Found, design_many, settle_one
 from .sensitivity import gain_gradient, gain_sensitivities
@@ -171,7 +171,7 @@ class GainEvidence(Value):
         active = next((o.name for o in self.constraints if o.active), None)
         if active is not None:
             return active
-        if _at_bound(self.problem.axis, self.best.coordinate):
+        if self.problem.axis.is_end(self.best.coordinate):
             return "bound"
         reached = self.problem.landscape(np.array(self.best.bracket)).reached
         return "corner" if reached.all() else "edge of contact"
@@ -289,11 +289,6 @@ def find_evidence_of_many(problem: GainProblem) -> ArrayEvidence:
 
     status, gain, objective = design_many(problem, search_one)
     return ArrayEvidence(problem=problem, status=status, gain=gain, objective=objective)
-
-
-def _at_bound(axis: GainAxis, coordinate: float) -> bool:
-    low, high = axis.span
-    return min(abs(coordinate - low), abs(coordinate - high)) <= 1e-9 * (high - low)
 
 
 def _stationarity(problem: GainProblem, best: Minimum) -> float | None:

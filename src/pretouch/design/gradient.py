@@ -16,7 +16,7 @@ from pretouch._core.chebyshev import chebyshev_basis, chebyshev_sum
 from pretouch._core.numbers import FloatArray
 
 from .constraints import Constraint
-from .criteria import Criterion, along, magnitude
+from .criteria import Criterion, along, ratio
 from .problem import GainProblem
 
 __all__ = ["Shift", "follow_optimum", "has_gradients"]
@@ -41,7 +41,7 @@ class Shift:
 
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
     """Tell whether encounters, objective and the active constraint, if any, have gradients."""
-    limited = constraint is None or magnitude(constraint.quantity, problem.impact).has_gradients
+    limited = constraint is None or ratio(constraint, problem.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
 
@@ -73,18 +73,18 @@ def follow_optimum(
     gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)
     stretch = np.hypot(gains, axis.scale)
     result = problem.run(gains)
-    velocity = problem.scenario.obstacle.velocity
-    limited = None if constraint is None else magnitude(constraint.quantity, problem.impact)
+    merit, velocity = problem.merit, problem.scenario.obstacle.velocity
+    limited = None if constraint is None else ratio(constraint, problem.impact)
 
     def by(name: str, criterion: Criterion) -> FloatArray:
         return criterion.slope(result.end, along(result.gradients.of, name, velocity))
 
-    slope = by("gain", problem.merit) * stretch  # f_u
+    slope = by("gain", merit) * stretch  # f_u
     free = limited is None and not held
     place = _root(slope) if free else np.zeros(len(gain))
     found = {}
     for name in names:
-        by_input = by(name, problem.merit)
+        by_input = by(name, merit)
         if limited is not None and not held:
             shift = -_value(by(name, limited), place) / _value(by("gain", limited) * stretch, place)
         elif held:

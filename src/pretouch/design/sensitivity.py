@@ -25,7 +25,6 @@ _FIRST: Final = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 _SECOND: Final = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
 _BLOCK: Final = 4096  # designs at a time: nine encounters each
 _ACTIVE: Final = 1e-6  # of a limit, as in Certificate
-_ON_BOUND: Final = 1e-9  # of the range of u
 _INSIDE, _BOUND, _UNKNOWN = -1, -2, -3
 
 
@@ -226,11 +225,7 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, f
 
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
     """Tell where each optimum sits: the number of the active constraint, or one of the three above."""
-    axis = problem.axis
-    kinds = np.full(len(gain), _INSIDE)
-    ends = np.array(axis.span)
-    near = np.abs(axis.coordinate(gain)[:, None] - ends) <= _ON_BOUND * (ends[1] - ends[0])
-    kinds[near.any(axis=1)] = _BOUND
+    kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
     if problem.constraints:
         end = problem.run(gain[:, None]).end
         for i, constraint in enumerate(problem.constraints):

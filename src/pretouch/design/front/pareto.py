@@ -134,12 +134,12 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
     maker = _Plane(trials, names, found)
     reached = np.isfinite(found.scanned_values).all(axis=1)
     known = len(found.at) > 0
-    status = FrontStatus.FOUND if known else _why_empty(trials, found)
+    contact = known or trials.rows(found.scanned)[1].any()
     result = trials.run(found.at) if known else None
     knee = find_knee(trials, found.at, found.values, found.scanned, found.scanned_values) if known else None
     gain, (frequency, ratio) = freedom.gain(found.at), freedom.admittance(found.at)
     return ParetoFront(
-        status=status,
+        status=FrontStatus.FOUND if known else FrontStatus.INFEASIBLE if contact else FrontStatus.NO_CONTACT,
         quantities=names,
         free=freedom.names,
         gain=gain,
@@ -147,7 +147,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
         damping_ratio=ratio,
         values=found.values,
         piece=found.piece,
-        knee=None if knee is None else maker.point("knee", *maker.choice_at(knee[0]), depth=knee[1]),
+        knee=None if knee is None else maker.point("knee", *freedom.choice(knee[0]), depth=knee[1]),
         choice=None if choice is None else maker.chosen(choice),
         ends=maker.ends(found.at),
         comparison=None if result is None else compare_with_bound(trials, freedom.scenarios(found.at), gain, result),
@@ -165,11 +165,6 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
         impact=trials.encounters.impact,
         result=result,
     )
-
-
-def _why_empty(trials: Trials, found: FoundFront) -> FrontStatus:
-    _, reached = trials.rows(found.scanned)
-    return FrontStatus.INFEASIBLE if reached.any() else FrontStatus.NO_CONTACT
 
 
 def _why_no_bound(trials: Trials) -> str:
@@ -197,21 +192,11 @@ class _Plane:
         self.trials, self.names, self.front = trials, names, found.values
         self.extent = extent_of(found.values)
 
-    def choice_at(self, at: FloatArray) -> tuple[Scenario, float]:
-        """Return the encounter and the gain at coordinates."""
-        freedom = self.trials.freedom
-        scenario = freedom.scenario
-        if freedom.size > 1:
-            every = freedom.scenarios(at[None]).admittance
-            one = {f.name: float(np.reshape(getattr(every, f.name), -1)[0]) for f in dataclasses.fields(every)}
-            scenario = dataclasses.replace(scenario, admittance=dataclasses.replace(every, **one))
-        return scenario, float(freedom.gain(at[None])[0])
-
     def ends(self, at: FloatArray) -> tuple[FrontPoint, ...]:
         """Return the points of the front at which each quantity is least."""
         if not len(at):
             return ()
-        least = [self.choice_at(at[i]) for i in np.argmin(self.front, axis=0)]
+        least = [self.trials.freedom.choice(at[i]) for i in np.argmin(self.front, axis=0)]
         points = [self.point(f"least {name}", *one) for name, one in zip(self.names, least, strict=True)]
         return tuple(p for p in points if p is not None)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
@@ -20,7 +20,7 @@ from ..gain import design
 from ..impact import ImpactModel
 from ..own_objective import AnyObjective, as_objective
 from ..problem import GainProblem
-from ..search import EXACT, Effort, GainAxis, Minimum, Scan, search_axis
+from ..search import EXACT, SAMPLED, GainAxis, search_axis
 from .evidence import RobustEvidence
 from .importance import rank_uncertain_inputs
 from .measures import Expected, Measure, Required, WorstCase, checked_measure
@@ -35,9 +35,6 @@ __all__ = ["design_robust_gain"]
 _FRESH: Final = 1  # what is added to the seed for the samples of the validation
 _SAMPLES: Final = 4096
 _SAMPLES_OF_OTHERS: Final = 256  # where somebody else solves the encounters: a loop takes a hundred times as long
-# a sampled measure with jumps never lets neighbors predict each other, and what is twice the lowest need not
-# be known; a thousandth of the gain is far below what another set of samples changes
-_EFFORT_OF_OTHERS: Final = Effort(resolved=3e-3, largest=257, relevant=2.0, most=4, finest=1e-3)
 
 
 def design_robust_gain(
@@ -118,23 +115,18 @@ def design_robust_gain(
     if validation is None:
         validation = _SAMPLES if evaluate is None else 4 * samples
     make = partial(make_ensemble, scenario, sensor, method=method, horizon=horizon, evaluate=evaluate)
-    common: dict[str, Any] = {
-        "objective": objective,
-        "measure": chosen,
-        "limits": limits,
-        "impact": impact,
-        "axis": axis,
-    }
+    pose = partial(RobustProblem, objective=objective, measure=chosen, limits=limits, impact=impact, axis=axis)
     unseen = _draw(uncertainty, validation, seed + _FRESH, "random", evaluate)
     later = None if evaluate is None else with_noise_after(evaluate, samples)
-    fresh = RobustProblem(ensemble=make(unseen, count=validation, evaluate=later), **common)
+    fresh = pose(ensemble=make(unseen, count=validation, evaluate=later))
     worst: WorstEncounter | None = None
     if isinstance(chosen, WorstCase):
-        problem, searched, minima, worst = search_worst_case(uncertainty, make, common)
+        problem, searched, minima, worst = search_worst_case(uncertainty, make, pose)
     else:
         drawn = _draw(uncertainty, samples, seed, sampling, evaluate)
-        problem = RobustProblem(ensemble=make(drawn, count=samples), **common)
-        searched, minima = _search(problem)
+        problem = pose(ensemble=make(drawn, count=samples))
+        effort = EXACT if evaluate is None else SAMPLED
+        searched, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], effort)
     ideal = GainProblem(
         scenario=scenario,
         sensor=sensor,
@@ -184,12 +176,6 @@ def _draw(
         return sample_inputs(uncertainty, count, seed=seed, sampling=sampling)
     check_draw(count, seed=seed, sampling=sampling)
     return {}
-
-
-def _search(problem: RobustProblem) -> tuple[Scan, list[Minimum]]:
-    """Scan the gains that may be the optimum until neighbors predict each other, and refine the minima."""
-    effort = EXACT if problem.ensemble.evaluator is None else _EFFORT_OF_OTHERS
-    return search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1], effort)
 
 
 def _check(

@@ -140,7 +140,7 @@ def _linear_shares(
     gain: float,
 ) -> dict[str, float] | None:
     """Return the share of each input to first order, about the means."""
-    if problem.ensemble.evaluator is not None or not problem.criterion(-1)[0].has_gradients:
+    if problem.ensemble.evaluator is not None or not problem.criterion(-1).has_gradients:
         return None
     center: dict[str, float] = {}
     for name, known in uncertainty.items():

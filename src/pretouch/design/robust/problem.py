@@ -15,7 +15,7 @@ from pretouch.motion import ContactResult
 from pretouch.uncertainty import Ensemble
 
 from ..bound import least_objective, premises_hold, touches_later
-from ..criteria import Criterion, along, magnitude, merit
+from ..criteria import Criterion, along, merit, ratio
 from ..impact import ImpactModel
 from ..objectives import Objective
 from ..own_objective import appraise
@@ -70,12 +70,11 @@ class RobustProblem(Value):
         objective, ratios, _ = self._raw(np.array([gain]))
         return objective[0], ratios[:, 0]
 
-    def criterion(self, which: int) -> tuple[Criterion, float]:
-        """Return the objective (-1) or the magnitude that a constraint limits, and what it is measured by."""
+    def criterion(self, which: int) -> Criterion:
+        """Return the objective (-1), or |quantity| / limit of a constraint."""
         if which < 0:
-            return merit(self.objective, self.ensemble.speed, self.impact), 1.0
-        constraint = self.limits[which].constraint
-        return magnitude(constraint.quantity, self.impact), constraint.limit
+            return merit(self.objective, self.ensemble.speed, self.impact)
+        return ratio(self.limits[which].constraint, self.impact)
 
     def slope(self, result: ContactResult, name: str, which: int = -1) -> FloatArray:
         """Differentiate the objective, or |quantity| / limit of a constraint, by an input.
@@ -88,9 +87,8 @@ class RobustProblem(Value):
         Returns:
             The derivative in SI, shape (n,).
         """
-        criterion, limit = self.criterion(which)
         of = along(partial(self.ensemble.slope, result), name, self.ensemble.scenario.obstacle.velocity)
-        return criterion.slope(result.end, of) / limit
+        return self.criterion(which).slope(result.end, of)
 
     def lowest_needed(self) -> float:
         """Return the coordinate beyond which no stronger gain can be the optimum, or that of the strongest gain.

@@ -99,14 +99,14 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
 
 
 def search_worst_case(
-    uncertainty: Uncertainty, make: Callable[[Mapping[str, Any]], Ensemble], common: Mapping[str, Any]
+    uncertainty: Uncertainty, make: Callable[[Mapping[str, Any]], Ensemble], pose: Callable[..., RobustProblem]
 ) -> WorstSearch:
     """Find the gain whose worst encounter is the mildest.
 
     Args:
         uncertainty: what is known of the inputs.
         make: makes encounters of values of the inputs.
-        common: what a RobustProblem takes beside its encounters.
+        pose: makes the problem of encounters.
 
     Returns:
         The last round of the search.
@@ -115,7 +115,7 @@ def search_worst_case(
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
     points = _first_points(box)
     for _ in range(_ROUNDS):
-        problem = RobustProblem(ensemble=make(dict(zip(box, points.T, strict=True))), **common)
+        problem = pose(ensemble=make(dict(zip(box, points.T, strict=True))))
         scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
         if not minima:
             return WorstSearch(problem, scanned, minima, None)
@@ -151,17 +151,19 @@ def _function(
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 
+    def at(points: FloatArray) -> RobustProblem:
+        return replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+
     def value(points: FloatArray) -> FloatArray:
-        inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
-        objective, ratios = inner.values(gain)
+        objective, ratios = at(points).values(gain)
         return objective if which < 0 else ratios[which]
 
     def both(points: FloatArray) -> tuple[FloatArray, FloatArray]:
         found = value(points)
         if not np.isfinite(found).all():
             return found, np.full(points.shape, np.nan)
-        if problem.criterion(which)[0].has_gradients:
-            inner = replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+        if problem.criterion(which).has_gradients:
+            inner = at(points)
             result = inner.ensemble.contacts(gain)
             return found, np.stack([inner.slope(result, name, which) for name in names], axis=1)
         slopes = []

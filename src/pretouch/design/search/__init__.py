@@ -7,6 +7,18 @@ grid by local steps (`local`); `box_maximum` certifies the largest value on a bo
 
 from .axis import GainAxis
 from .minima import Minimum, refine, search_axis
-from .scan import EXACT, HELD, Effort, Landscape, Scan, scan
+from .scan import EXACT, HELD, SAMPLED, Effort, Landscape, Scan, scan
 
-__all__ = ["EXACT", "HELD", "Effort", "GainAxis", "Landscape", "Minimum", "Scan", "refine", "scan", "search_axis"]
+__all__ = [
+    "EXACT",
+    "HELD",
+    "SAMPLED",
+    "Effort",
+    "GainAxis",
+    "Landscape",
+    "Minimum",
+    "Scan",
+    "refine",
+    "scan",
+    "search_axis",
+]

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import BoolArray, FloatArray, finite
 
 __all__ = ["GainAxis"]
 
 _ROUNDING = 16 * np.finfo(np.float64).eps  # of u: its inverse function is good to 4 units by whichever processor
+
+_AT_END = 1e-9  # of the range of u
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +66,11 @@ class GainAxis:
         for bound, end in zip(self.ends, self.span, strict=True):
             gain = np.where(np.abs(coordinate - end) <= _ROUNDING * max(1.0, abs(end)), bound, gain)
         return gain
+
+    def is_end(self, coordinate: FloatArray | float) -> BoolArray:
+        """Tell which u are those of a bound, to 1e-9 of the range."""
+        low, high = self.span
+        return np.asarray(np.minimum(np.abs(coordinate - low), np.abs(coordinate - high)) <= _AT_END * (high - low))
 
     def stretch(self, gain: float) -> float:
         """Return d D_p / du [N s] at a gain."""

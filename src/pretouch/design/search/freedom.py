@@ -52,15 +52,10 @@ class Freedom:
         low, high = self.axis.span
         return self.axis.gain(low + (high - low) * at[:, 0])
 
-    def coordinate(self, gain: float, natural_frequency: float, damping_ratio: float) -> FloatArray:
-        """Return the coordinates of one choice; those of parameters that are not free are left out."""
+    def coordinate(self, gain: float) -> float:
+        """Return the coordinate of a gain [N s]."""
         low, high = self.axis.span
-        found = [float((self.axis.coordinate(gain) - low) / (high - low))]
-        for value, bounds in ((natural_frequency, self.natural_frequency), (damping_ratio, self.damping_ratio)):
-            if bounds is not None:
-                ends, where = (np.log(bounds), np.log(value)) if _is_log(bounds) else (np.array(bounds), value)
-                found.append(float((where - ends[0]) / (ends[1] - ends[0])))
-        return np.clip(found, 0.0, 1.0)
+        return float(np.clip((self.axis.coordinate(gain) - low) / (high - low), 0.0, 1.0))
 
     def admittance(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return natural frequency [rad/s] and damping ratio at coordinates, each of shape (n,)."""
@@ -86,6 +81,16 @@ class Freedom:
             mass=np.full(len(at), mass), natural_frequency=frequency, damping_ratio=ratio
         )
         return replace(self.scenario, admittance=admittance)
+
+    def choice(self, at: FloatArray) -> tuple[Scenario, float]:
+        """Return the encounter and the gain [N s] at one point, shape (size,)."""
+        scenario = self.scenario
+        if self.size > 1:
+            frequency, ratio = (float(v[0]) for v in self.admittance(at[None]))
+            mass = scenario.admittance.mass
+            admittance = Admittance.from_natural_frequency(mass=mass, natural_frequency=frequency, damping_ratio=ratio)
+            scenario = replace(scenario, admittance=admittance)
+        return scenario, float(self.gain(at[None])[0])
 
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
         """Return how inputs of the encounter follow each coordinate at one point, shape (size,).

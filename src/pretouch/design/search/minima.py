@@ -25,6 +25,7 @@ _NARROWEST: Final = 1e-9  # an interval in which a polynomial says more than rou
 _WIDEST: Final = 0.1  # of u, that a polynomial may span
 _SMOOTH: Final = chebyshev_basis(_COUNT, 8)  # few terms, for a derivative without the rounding of the nodes
 _TO_MISS: Final = (_SMOOTH.values @ _SMOOTH.to_terms - np.eye(_COUNT)).T
+_ENDS: Final = np.concatenate([[1.0], _SMOOTH.nodes, [-1.0]])
 _ORDERS: Final = np.arange(8.0)[:, None]
 _THROUGH: Final = chebyshev_basis(_COUNT)  # all, for the value
 NODES: Final = _SMOOTH.nodes
@@ -134,7 +135,9 @@ def _polish(function: Function, left: float, right: float) -> tuple[float, float
 
 
 def minimize_polynomials(values: FloatArray, fit: float = _FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
-    """Minimize each function by the polynomial that meets it at the nodes, by Newton's steps from the lowest node.
+    """Minimize functions by the polynomials that meet them at the nodes, between the neighbors of the lowest node.
+
+    Newton's steps for df/dz = 0, and halving where they leave the bracket: at minima that are flatter than a parabola.
 
     Args:
         values: the functions at NODES, shape (m, 17).
@@ -144,22 +147,29 @@ def minimize_polynomials(values: FloatArray, fit: float = _FIT, *, steps: int = 
     Returns:
         The places in [-1, 1], and where there is a minimum inside that is certain, each shape (m,).
     """
-    z = NODES[np.argmin(values, axis=1)]
+    lowest = np.argmin(values, axis=1)
+    z, low, high = NODES[lowest], _ENDS[lowest + 2], _ENDS[lowest]
     settled: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
     values = np.where(settled[:, None], values, 0.0)
-    settled &= np.abs(values @ _TO_MISS).max(axis=1) <= fit * np.ptp(values, axis=1)
+    values = values - values.min(axis=1, keepdims=True)  # exact, and what is left keeps the digits of sums
+    allowed = fit * np.ptp(values, axis=1)
+    settled &= np.abs(values @ _TO_MISS).max(axis=1) <= allowed
     if not settled.any():
         return z, settled
-    slopes, bends = _SMOOTH.to_slope @ values.T, _SMOOTH.to_bend @ values.T  # df/dz and its derivative
+    terms, slopes, bends = (to @ values.T for to in (_SMOOTH.to_terms, _SMOOTH.to_slope, _SMOOTH.to_bend))
+    first = chebyshev_sum(terms, z)
     with np.errstate(all="ignore"):
         for _ in range(steps):
             powers = np.cos(_ORDERS * np.arccos(z))  # the polynomials themselves
-            bend = (bends * powers[:-1]).sum(axis=0)
-            step = (slopes * powers).sum(axis=0) / bend
-            z = np.clip(z - step, -1.0, 1.0)
-            if (np.abs(step) < 1e-13).all():
+            slope = (slopes * powers).sum(axis=0)
+            falls = slope < 0
+            low, high = np.where(falls, z, low), np.where(falls, high, z)
+            at = z - slope / (bends * powers[:-1]).sum(axis=0)
+            at = np.where((at >= low) & (at <= high), at, 0.5 * (low + high))
+            step, z = np.abs(at - z), at
+            if (step < 1e-13).all():
                 break
-    return z, settled & (np.abs(step) < 1e-10) & (bend > 0) & (np.abs(z) < 1)
+    return z, settled & (step < 1e-10) & (np.abs(z) < 1) & (chebyshev_sum(terms, z) <= first + allowed)
 
 
 def interpolate(values: FloatArray, z: FloatArray) -> FloatArray:

@@ -7,12 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import ContactResult
 
 from ..constraints import Constraint
-from ..criteria import Criterion, along, magnitude
+from ..criteria import Criterion, along, ratio
 from ..problem import Encounters
 from .freedom import Freedom
 from .scan import HELD
@@ -41,6 +40,11 @@ class Trials:
     def constraints(self) -> tuple[Constraint, ...]:
         """The limits."""
         return self.encounters.constraints
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """The measures, then |quantity| / limit of every constraint."""
+        return (*self.measures, *(ratio(c, self.encounters.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
         """Solve the encounters at coordinates, shape (n, size)."""
@@ -84,7 +88,7 @@ class Trials:
         """
         result = self.run(at[None])
         if not np.asarray(result.reached).all():
-            count = len(self.measures) + len(self.constraints)
+            count = len(self.criteria)
             return np.full(count, np.inf), np.zeros((count, len(at)))
         rows = np.reshape(self.rows_of(result), -1)
         slopes = self._exact(result, at)
@@ -95,27 +99,20 @@ class Trials:
 
     def rows_of(self, result: ContactResult) -> FloatArray:
         """Return the rows of a result, its runs along the first axis."""
-        columns = [m.value(result) for m in self.measures]
-        columns += [c.magnitude(result.end, self.encounters.impact) / c.limit for c in self.constraints]
-        return np.stack([np.asarray(c, dtype=np.float64) for c in columns], axis=-1)
+        return np.stack([np.asarray(c.value(result), dtype=np.float64) for c in self.criteria], axis=-1)
 
     def _exact(self, result: ContactResult, at: FloatArray) -> FloatArray:
         """Return exact derivatives, NaN where there are none."""
-        limited = [(magnitude(c.quantity, self.encounters.impact), c.limit) for c in self.constraints]
-        every = [*((m, 1.0) for m in self.measures), *limited]
-        found = np.full((len(every), len(at)), np.nan)
-        try:
-            gradients = result.gradients if self.encounters.evaluator is None else None
-        except ResultUnavailableError:
-            gradients = None
-        if gradients is None:
+        criteria = self.criteria
+        found = np.full((len(criteria), len(at)), np.nan)
+        if not self.encounters.is_differentiable or not any(one.has_gradients for one in criteria):
             return found
+        gradients = result.gradients
         chain = self.freedom.chain(at)
-        for i, (measure, scale) in enumerate(every):
-            if measure.has_gradients:
-                by = {name: measure.slope(result.end, along(gradients.of, name)) for one in chain for name, _ in one}
-                for j, inputs in enumerate(chain):
-                    found[i, j] = sum(rate * by[name].item() for name, rate in inputs) / scale
+        for i, one in enumerate(criteria):
+            if one.has_gradients:
+                by = {name: one.slope(result.end, along(gradients.of, name)) for some in chain for name, _ in some}
+                found[i] = [sum(rate * by[name].item() for name, rate in inputs) for inputs in chain]
         return found
 
     def _differences(self, at: FloatArray) -> FloatArray:

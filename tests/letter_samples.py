@@ -8,7 +8,7 @@ import numpy as np
 
 from pretouch.letter.experiment import Finding, LetterReport, Reproduction, Step, readings
 from pretouch.letter.printed import Agreement, Parameter, Printed
-from pretouch.report.style import new_figure
+from pretouch.report.new_figure import new_figure
 
 CODE = '''\
 """Makes the figure."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,46 +12,10 @@ from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray
 from pretouch._core.values import Value
 
-if TYPE_CHECKING:
-    from .gradients import ContactGradients
+from .gradients import ContactGradients, gradients_of
+from .status import ContactStatus
 
 __all__ = ["Columns", "ContactResult", "ContactState", "ContactStatus"]
-
-
-class ContactStatus(IntEnum):
-    """How a run ended. `label` is the word for it in files and JSON.
-
-    A distance that comes down to zero and turns there has touched: within 1e-12 of the terms that it is the difference
-    of, a smallest distance is zero, and the run ends in CONTACT with l' = 0, by every method. A distance that only
-    decays to zero never arrives: NEVER, with a settling distance of 0.
-    """
-
-    CONTACT = 0
-    NEVER = 1
-    HORIZON = 2
-    LEFT_RANGE = 3
-    UNRESOLVED = 4
-    NO_UNIFORM_MOTION = 5
-
-    @property
-    def label(self) -> str:
-        """The word for this status in files and JSON."""
-        return _LABELS[self][0]
-
-    @property
-    def meaning(self) -> str:
-        """One sentence for a person."""
-        return _LABELS[self][1]
-
-
-_LABELS = {
-    ContactStatus.CONTACT: ("contact", "The distance reached zero."),
-    ContactStatus.NEVER: ("never-in-contact", "The distance never reaches zero, however long one waits."),
-    ContactStatus.HORIZON: ("not-within-horizon", "The distance did not reach zero within the horizon."),
-    ContactStatus.LEFT_RANGE: ("left-valid-range", "The distance left the range in which the sensor curve holds."),
-    ContactStatus.UNRESOLVED: ("unresolved", "The motion is too fast beside its duration to be followed to its end."),
-    ContactStatus.NO_UNIFORM_MOTION: ("no-uniform-motion", "L(17) has no root with 0 <= |A| <= |v_o| that approaches."),
-}
 
 
 class Columns(Protocol):
@@ -212,7 +175,7 @@ class ContactResult(Value):
         Raises:
             ResultUnavailableError: the result does not come from a motion of L(1), or not from `find_contact`.
         """
-        found: ContactGradients | None = getattr(self.columns, "gradients", None)
+        found: ContactGradients | None = gradients_of(self.columns)
         if found is None:
             raise ResultUnavailableError(
                 f"gradients: there are none of a result by {self.method}; solve the encounter by find_contact with "

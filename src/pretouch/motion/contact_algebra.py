@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from pretouch._core.numbers import FloatArray
 
-if TYPE_CHECKING:
-    from .solution import Solution
+from .solution import Solution
 
 __all__ = ["DERIVATIVES", "Change"]
 

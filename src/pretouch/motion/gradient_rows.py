@@ -8,7 +8,7 @@ algebra on these two rows (`gradients`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,17 +17,14 @@ from pretouch._core.values import Travels
 from pretouch.sensors.change import SlopeChange
 
 from .closed_form import OPEN, find_contacts
-from .contact import ContactStatus
 from .curve import curve_reach
 from .curve_changes import changed_pieces
 from .native_lanes import contact_times
 from .native_series import follow_gradients
 from .parallel import for_stretches
-from .solution import STIFF
+from .solution import STIFF, Solution
+from .status import ContactStatus
 from .windows import alone, curve_windows, farthest, reach_of
-
-if TYPE_CHECKING:
-    from .solution import Solution
 
 __all__ = ["RELATIVE_INPUTS", "GradientRows"]
 

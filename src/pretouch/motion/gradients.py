@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,14 +24,12 @@ from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import CurveChange, curve_change
 
-from .contact import ContactStatus
 from .contact_algebra import DERIVATIVES, Change
 from .curve_changes import bend_at_contact
 from .gradient_rows import RELATIVE_INPUTS, GradientRows
 from .inputs import SCENARIO_INPUTS
-
-if TYPE_CHECKING:
-    from .solution import Solution
+from .solution import Solution
+from .status import ContactStatus
 
 __all__ = ["ContactGradients", "ManyGradients", "input_names"]
 
@@ -73,6 +71,28 @@ def input_names(sensor: SensorModel) -> tuple[str, ...]:
         The names, the gain first.
     """
     return (*_INPUTS, *(f"sensor.{name}" for name in sensor.parameter_units))
+
+
+def gradients_of(columns: Any) -> Any:
+    """Return the derivatives of what a result is made of.
+
+    Args:
+        columns: of a result.
+
+    Returns:
+        ContactGradients, or what has its members; None of the uniform motion, which is none of the equation of motion,
+        and of columns that know no derivatives.
+    """
+    if not isinstance(columns, Solution):
+        return getattr(columns, "gradients", None)
+    if columns.derivatives is None and columns.request.method != "uniform-motion":
+        many = columns.request.many
+        columns.derivatives = (
+            ContactGradients(columns)
+            if many is None
+            else ManyGradients([ContactGradients(Solution(many.alone(columns.request, i))) for i in range(len(many))])
+        )
+    return columns.derivatives
 
 
 @dataclass(frozen=True, slots=True, repr=False)

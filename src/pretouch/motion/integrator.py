@@ -9,11 +9,11 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .contact import ContactStatus
 from .curve import curve_pieces, curve_reach
 from .layout import COLUMNS
 from .native_series import solve_series
 from .request import Request, Which
+from .status import ContactStatus
 
 __all__ = ["integrate", "trace_integration"]
 

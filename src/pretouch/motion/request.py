@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,15 +16,34 @@ from pretouch.sensors import SensorModel
 
 from .scenario import Scenario
 
-if TYPE_CHECKING:
-    from .many_curves import ManyCurves
-
-__all__ = ["METHODS", "Request", "Which", "checked_method", "make_request"]
+__all__ = ["METHODS", "Request", "SeveralCurves", "Which", "checked_method", "make_request"]
 
 Which: TypeAlias = slice | IntArray
 """A stretch of encounters, or the indices of some."""
 
 METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
+
+
+class SeveralCurves(Protocol):
+    """A sensor curve for each encounter along the last axis: ManyCurves, as a request sees them."""
+
+    def __len__(self) -> int:
+        """Return how many curves there are."""
+
+    def slope_at_contact(self) -> FloatArray:
+        """Return g of each curve at l = 0 [1/m]."""
+
+    def log_output(self, distance: FloatArray) -> FloatArray:
+        """Return ln xi of each curve at distances [m]."""
+
+    def check(self, scenario: Scenario) -> None:
+        """Refuse encounters that a curve does not cover."""
+
+    def windows(self, reach: float) -> Any:
+        """Return the tables of the curves up to a distance [m]."""
+
+    def alone(self, request: Any, index: int) -> Any:
+        """Return the request of the encounters of one curve."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +68,7 @@ class Request(Value):
     columns: tuple[FloatArray, ...]
     horizon: float
     method: str
-    many: ManyCurves | None = None
+    many: SeveralCurves | None = None
 
     @property
     def size(self) -> int:
@@ -164,7 +183,7 @@ def make_request(
     method: str,
     horizon: float,
     *,
-    many: ManyCurves | None = None,
+    many: SeveralCurves | None = None,
 ) -> Request:
     """Check a call and flatten it; choose its method where that is left open."""
     if many is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +12,13 @@ from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 
 from .closed_form import solve_closed_form
-from .contact import ContactStatus
 from .fast_path import DEMANDS, QUICK, FastPath, is_worth_it
 from .integrator import integrate
 from .layout import COLUMNS
 from .parallel import for_stretches
-from .request import Request
+from .request import Request, SeveralCurves
+from .status import ContactStatus
 from .uniform_motion import solve_uniform_motion
-
-if TYPE_CHECKING:
-    from .gradients import ContactGradients, ManyGradients
-    from .many_curves import ManyCurves
 
 __all__ = ["STIFF", "Solution"]
 
@@ -43,17 +39,20 @@ class Solution(Value):
     Args:
         request: the encounters.
         whole: whether the whole motion will be asked for, so that the guaranteed path is taken at once.
+
+    Attributes:
+        derivatives: what `gradients_of` has made of it, kept here.
     """
 
     __slots__ = (
         "_fast",
-        "_gradients",
         "_known",
         "_open",
         "_open_rows",
         "_path",
         "_rows",
         "_status",
+        "derivatives",
         "request",
     )
 
@@ -61,7 +60,7 @@ class Solution(Value):
         self.request = request
         self._known: dict[str, Any] = {}
         self._rows: FloatArray | None = None
-        self._gradients: ContactGradients | ManyGradients | None = None
+        self.derivatives: Any = None
         self._status: NDArray[Any]
         self._fast: dict[str, FloatArray] = {}
         if whole or not request.holds_at_contact or not is_worth_it(request):
@@ -97,20 +96,6 @@ class Solution(Value):
                 found.setflags(write=False)
                 self._known[name] = found
         return self._known[name]
-
-    @property
-    def gradients(self) -> ContactGradients | ManyGradients | None:
-        """The derivatives at contact; None for the uniform motion, which is none of the equation of motion."""
-        if self._gradients is None and self.request.method != "uniform-motion":
-            from .gradients import ContactGradients, ManyGradients  # noqa: PLC0415 - few results are differentiated
-
-            many = self.request.many
-            self._gradients = (
-                ContactGradients(self)
-                if many is None
-                else ManyGradients([ContactGradients(Solution(many.alone(self.request, i))) for i in range(len(many))])
-            )
-        return self._gradients
 
     def raw(self, name: str) -> FloatArray:
         """Return one of layout.COLUMNS, shape (n,)."""
@@ -203,7 +188,7 @@ def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatA
     return rows, status.astype(np.int8)
 
 
-def _guaranteed_of_many(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
+def _guaranteed_of_many(request: Request, many: SeveralCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
     """Solve encounters of which each has a curve of its own, curve after curve."""
     rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int8)
     place, curve = np.divmod(which, len(many))

@@ -10,8 +10,8 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 
-from .contact import ContactStatus
 from .layout import COLUMNS
+from .status import ContactStatus
 
 __all__ = ["second_order_parameters", "solve_uniform_motion", "uniform_motion"]
 

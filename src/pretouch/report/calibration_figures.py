@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .style import drawing, new_figure
+from .new_figure import new_figure
+from .style import drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

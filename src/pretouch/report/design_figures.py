@@ -8,7 +8,8 @@ from pretouch._core.units import format_quantity, pretty_unit
 from pretouch.design.certificate import Sensitivity
 from pretouch.design.result import GainDesign
 
-from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, minus, new_figure, scale_for
+from .new_figure import new_figure
+from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, minus, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

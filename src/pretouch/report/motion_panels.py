@@ -12,7 +12,8 @@ from pretouch.motion import ContactResult, Motion, solve_motion
 from pretouch.simulation import ClosedLoop
 
 from .loop_motion import LoopMotion, loop_motion
-from .panels import Curve, Panel, panel_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Panel
 from .style import Scale, minus, scale_for
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +12,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 
 from .style import CURVES
-
-if TYPE_CHECKING:
-    from .panels import Panel
 
 __all__ = [
     "as_column",
@@ -107,7 +104,7 @@ def check_style(style: Any, who: str) -> None:
         )
 
 
-def check_axis(panel: Panel, axis: str) -> None:
+def check_axis(panel: Any, axis: str) -> None:
     """Check that what has a name can be seen, and that a logarithmic axis gets positive numbers only."""
     ends = getattr(panel, f"{axis}_limits")
     if getattr(panel, f"{axis}_log"):
@@ -126,7 +123,7 @@ def check_axis(panel: Panel, axis: str) -> None:
             )
 
 
-def _numbers(panel: Panel, axis: str) -> Iterator[tuple[str, FloatArray]]:
+def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:
     """Yield everything that is drawn along an axis, with what it is called in a message."""
     for curve in panel.curves:
         for name, column in curve.columns():

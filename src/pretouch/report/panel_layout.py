@@ -15,8 +15,8 @@ from matplotlib.transforms import Affine2D, Bbox, ScaledTranslation
 from pretouch._core.numbers import FloatArray
 
 from .labels import label_inside, label_near
+from .new_figure import new_figure
 from .panel_drawing import Name, draw_panel, names_of
-from .style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,12 +25,9 @@ from .panel_checks import (
     check_ends,
     check_style,
 )
-from .style import CURVES, drawing
+from .style import CURVES
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["Curve", "Mark", "Panel", "Span", "panel_figure"]
+__all__ = ["Curve", "Mark", "Panel", "Span"]
 
 _UNIT: Final = re.compile(r"\[[^\]]+\]")
 _KINDS: Final = ("line", "points", "both")
@@ -228,51 +225,3 @@ class Panel(Value):
     def __repr__(self) -> str:
         size = f"{len(self.curves)} curve{'s' if len(self.curves) > 1 else ''}"
         return f"<Panel {self.title or self.y_label} over {self.x_label}: {size}>"
-
-
-def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figure:
-    """Draw panels beside each other, with the name of every curve beside the curve.
-
-    A name that finds no place in its panel where it covers neither text nor curve stands in a line above it. Where
-    the numbers of an axis are tiny or huge, a power of ten joins the unit in its label.
-
-    Args:
-        panels: what to draw, row by row.
-        columns: how many panels stand side by side, 1 to 4.
-        height: height of a row [inch], at least 1; rows grow where labels would leave less than half of it.
-
-    Returns:
-        A figure, 7.4 inch wide (5.2 where `columns` has room for more than the only panel); it shows itself in a
-        notebook, and `savefig` writes the same bytes each time.
-
-    Raises:
-        InvalidInputError: there is no panel, or a number of columns or a height that cannot be drawn.
-
-    Examples:
-        >>> import numpy as np
-        >>> distance = np.linspace(1.0, 80.0, 40)
-        >>> figure = panel_figure(
-        ...     Panel(
-        ...         x_label="distance l [mm]",
-        ...         y_label="slope g [1/m]",
-        ...         curves=[
-        ...             Curve(x=distance, y=-3320.0 / (distance + 41.9), label="inverse power", end="far end"),
-        ...             Curve(x=distance, y=np.full(40, -63.46), label="exponential"),
-        ...         ],
-        ...         levels={"no slope": 0.0},
-        ...     )
-        ... )
-        >>> figure.axes[0].get_ylabel()
-        'slope g [1/m]'
-    """
-    shown = as_values(panels, Panel, "panels")
-    if not shown:
-        raise InvalidInputError("panels: found none, expected at least one Panel")
-    if isinstance(columns, bool) or columns not in {1, 2, 3, 4}:
-        raise InvalidInputError(f"columns: found {columns!r}, expected 1, 2, 3 or 4")
-    if not as_number(height, "height") >= 1:
-        raise InvalidInputError(f"height: found {height:g} inch, expected at least 1 inch for a row of panels")
-    from .panel_layout import draw_figure  # noqa: PLC0415 - drawing is loaded when it is asked for
-
-    with drawing():
-        return draw_figure(shown, int(columns), float(height))

@@ -15,7 +15,8 @@ from pretouch.design.admittance_result import AdmittanceDesign
 from pretouch.design.front.domination import shortfall
 from pretouch.design.front.result import FrontPoint, ParetoFront
 
-from .panels import Curve, Mark, Panel, panel_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel
 from .style import Scale, scale_for
 
 if TYPE_CHECKING:

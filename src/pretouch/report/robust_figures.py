@@ -14,7 +14,8 @@ from pretouch.design.robust.evidence import RobustOutcomes
 from pretouch.design.robust.price import Price
 from pretouch.design.robust.result import RobustDesign
 
-from .panels import Curve, Mark, Panel, panel_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel
 from .share_panels import share_panel
 from .style import Scale, scale_for
 

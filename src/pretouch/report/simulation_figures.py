@@ -12,7 +12,8 @@ from pretouch.motion import ContactResult, ContactStatus
 from pretouch.simulation import LoopTrace, SimulationResult
 from pretouch.verification import SimulatedEncounter
 
-from .panels import Curve, Mark, Panel, panel_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel
 from .style import Scale, scale_for
 
 if TYPE_CHECKING:

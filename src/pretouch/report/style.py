@@ -35,7 +35,6 @@ __all__ = [
     "log_ticks",
     "minus",
     "minus_signs",
-    "new_figure",
     "scale_for",
     "span",
 ]
@@ -176,13 +175,6 @@ def drawing() -> Iterator[None]:
     settings: Any = {**plain, **_SETTINGS}
     with rc_context(settings):
         yield
-
-
-def new_figure(width: float, height: float) -> Figure:
-    """Make an empty figure of a size in inches, without pyplot and without a display."""
-    from .canvas import ReportFigure  # noqa: PLC0415 - matplotlib is loaded when a figure is drawn
-
-    return ReportFigure(figsize=(width, height))
 
 
 def draw_svg(figure: Figure, name: str) -> str:

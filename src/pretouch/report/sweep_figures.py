@@ -11,8 +11,10 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import QUANTITIES, words_for
 
-from .panels import Curve, Panel, panel_figure
-from .style import CURVES, Scale, drawing, new_figure, scale_for
+from .new_figure import new_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Panel
+from .style import CURVES, Scale, drawing, scale_for
 
 if TYPE_CHECKING:
     import xarray as xr

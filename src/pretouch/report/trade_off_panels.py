@@ -15,7 +15,8 @@ from pretouch.design.page import shows_equals, traded_quantity
 from pretouch.design.quantities import quantity_of
 from pretouch.design.result import GainDesign
 
-from .panels import Curve, Mark, Panel, Span, panel_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel, Span
 from .style import Scale, minus, scale_for
 
 if TYPE_CHECKING:

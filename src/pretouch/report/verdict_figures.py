@@ -15,7 +15,8 @@ from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
 from pretouch.verification.appraisal import simulated_quantity
 
-from .panels import Curve, Mark, Panel, panel_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel
 from .share_panels import share_panel
 from .style import Scale, scale_for
 

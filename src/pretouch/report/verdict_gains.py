@@ -12,7 +12,8 @@ from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.verification import StabilityCheck, Verdict
 
-from .panels import Curve, Mark, Panel, panel_figure
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel
 from .style import Scale, scale_for
 
 if TYPE_CHECKING:

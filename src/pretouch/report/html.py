@@ -73,10 +73,12 @@ def report_html(result: Any, *, calibration: CalibrationReport | None = None, so
     """
     if not isinstance(result, Described):
         raise InvalidInputError(f"result: found {result!r}, expected what one of the verbs returned")
-    page = page_of(result)
+    page, given = page_of(result), _source(source)
     if calibration is not None:
         page = _with_calibration(page, calibration, result)
-    return page_html(page.with_blocks(*_provenance(page, source)))
+    if given is not None or not page.source:  # a calibration says itself where it comes from
+        page = replace(page.with_blocks(_provenance(given)), source=page.source if given is None else given["name"])
+    return page_html(page)
 
 
 def page_html(page: Page) -> str:
@@ -106,16 +108,12 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
     return replace(page.with_blocks(section), open=(*opening, *page.open))
 
 
-def _provenance(page: Page, source: object) -> tuple[Chapter | None, ...]:
-    given = _source(source)
-    if given is None:
-        known: tuple[Any, ...] = ()
-    else:
+def _provenance(given: dict[str, str] | None) -> Chapter:
+    known: tuple[Any, ...] = ()
+    if given is not None:
         file = Paragraph(text=f"Scenario file `{given['name']}`, SHA-256 `{given['sha256']}`")
         known = (file, Code(text=given["text"]) if given["text"] else None)
-    if page.source:  # of a calibration, which says itself where it comes from
-        return ()
-    return (Chapter(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *known)),)
+    return Chapter(title="Provenance", blocks=(Paragraph(text=_METHOD, quiet=True), *known))
 
 
 @lru_cache(maxsize=1)

@@ -112,7 +112,7 @@ def _plane(design: GainDesign) -> Panel:
     levels, positions = _limits(design, name, across, up)
     return Panel(
         x_label=f"{words_for(name)} [{across.unit}]",
-        y_label=f"relative speed at contact [{up.unit}]",
+        y_label=f"{words_for('relative_velocity')} |l\u2032| [{up.unit}]",
         title="What the gain trades",
         curves=[path, *([Curve(x=x, y=kept, style=0)] if np.isfinite(kept).any() else []), *equal],
         marks=marks,

@@ -100,7 +100,7 @@ def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float]:
     sensor = pt.Recessed(sensor=best.sensor, recess=recess) if recess > 0 else best.sensor
     start = last - recess
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=start, velocity=-SPEED))
-    design = pt.design_gain(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3))
+    design = pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3)))
     if not bool(np.all(design.result.reached)):
         return np.nan, np.nan
     promised = -float(design.result.end.relative_velocity)

@@ -107,13 +107,15 @@ def seconds(sensor: pt.SensorModel, uncertainty: dict[str, object], count: int) 
     """Time a design, by the clock and by the processors."""
     start, used = time.perf_counter(), time.process_time()
     pt.robust.design_robust_gain(
-        SCENARIO,
-        sensor,
-        OBJECTIVE,
-        bounds=(-10.0, -0.01),
-        uncertainty={"obstacle.velocity": COMMON["obstacle.velocity"], **uncertainty},
-        samples=count,
-        validation=count,
+        pt.Task(
+            SCENARIO,
+            sensor,
+            OBJECTIVE,
+            bounds=(-10.0, -0.01),
+            uncertainty={"obstacle.velocity": COMMON["obstacle.velocity"], **uncertainty},
+            samples=count,
+            validation=count,
+        )
     )
     return time.perf_counter() - start, time.process_time() - used
 
@@ -145,15 +147,17 @@ def designs() -> None:
             for _ in range(3):
                 start = time.perf_counter()
                 design = pt.robust.design_robust_gain(
-                    SCENARIO,
-                    sensor,
-                    OBJECTIVE,
-                    bounds=(-10.0, -0.01),
-                    uncertainty={**COMMON, **own},
-                    measure=measure,
-                    constraints=[LIMIT],
-                    samples=COUNT,
-                    validation=COUNT,
+                    pt.Task(
+                        SCENARIO,
+                        sensor,
+                        OBJECTIVE,
+                        bounds=(-10.0, -0.01),
+                        uncertainty={**COMMON, **own},
+                        measure=measure,
+                        constraints=[LIMIT],
+                        samples=COUNT,
+                        validation=COUNT,
+                    )
                 )
                 shortest = min(shortest, time.perf_counter() - start)
             print(f"{name:15s}  {measure.label:24s}  {shortest:6.2f} s  D_p = {design.gain:.4f} N s")

@@ -82,11 +82,11 @@ def main() -> None:
         each = (time.perf_counter() - start) / len(gains)
         print(f"{name + ', each of 2,000':30s} {each * 1e6:7.1f} us {theirs * 1e6:9.1f} us {theirs / each:7.1f}x")
         ours, theirs, ratio = measure(
-            lambda s=sensor: pt.design_gain(SCENARIO, s, OBJECTIVE, bounds=(-10.0, -0.01)),
+            lambda s=sensor: pt.design_gain(pt.Task(SCENARIO, s, OBJECTIVE, bounds=(-10.0, -0.01))),
             lambda s=sensor: scipy_design(s),
             3,
         )
-        gain = pt.design_gain(SCENARIO, sensor, OBJECTIVE, bounds=(-10.0, -0.01)).gain
+        gain = pt.design_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=(-10.0, -0.01))).gain
         off = abs(scipy_design(sensor) / gain - 1)
         print(f"{name + ', one design':30s} {ours * 1e3:7.1f} ms {theirs * 1e3:9.1f} ms {ratio:7.1f}x  D_p: {off:.0e}")
 

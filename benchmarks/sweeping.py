@@ -18,7 +18,6 @@ import numpy as np
 import pretouch as pt
 from pretouch.sweep import Progress
 from pretouch.sweep.executors import run_block
-from pretouch.sweep.held import Held
 from pretouch.sweep.plan import Plan, make_plan
 from pretouch.sweep.stores import MemoryStore, ZarrStore
 
@@ -64,7 +63,11 @@ def sweep_row(sensor: str, results: tuple[str, ...], count: int, folder: Path) -
     with tempfile.TemporaryDirectory(dir=folder) as place:
         start = time.perf_counter()
         dataset = pt.sweep(
-            SCENARIO, SENSORS[sensor], axes, results=results, output=Path(place, "out.zarr"), progress=last.append
+            pt.Task(SCENARIO, SENSORS[sensor]),
+            axes,
+            results=results,
+            output=Path(place, "out.zarr"),
+            progress=last.append,
         )
         wall = time.perf_counter() - start
         _sync()
@@ -92,7 +95,7 @@ def shortest(work: Callable[[], object], rounds: int = 20) -> float:
 
 def tiny(blocks: int) -> Plan:
     """Return a plan whose blocks hold a single encounter."""
-    held = Held(scenario=SCENARIO, sensor=SENSORS["exponential-1"], gain=-0.5)
+    held = pt.Task(SCENARIO, SENSORS["exponential-1"], gain=-0.5)
     axes = {"obstacle.velocity": np.linspace(-1.0, -0.05, blocks)}
     return make_plan(held, axes, results=["relative_velocity"], chunk_size=1)
 
@@ -142,10 +145,10 @@ def designs(count: int) -> list[str]:
     rows = []
     for name, sensor in SENSORS.items():
         axes = {"obstacle.velocity": np.linspace(-1.0, -0.05, count), "admittance.mass": [1.0]}
-        options = {"objective": OBJECTIVE, "bounds": (-10.0, -0.01), "results": ["gain"]}
-        pt.sweep(SCENARIO, sensor, axes, **options)
+        task = pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=(-10.0, -0.01))
+        pt.sweep(task, axes, results=["gain"])
         start = time.perf_counter()
-        pt.sweep(SCENARIO, sensor, axes, **options)
+        pt.sweep(task, axes, results=["gain"])
         rows.append(f"{name:14s} {count:12,d} designs {(time.perf_counter() - start) / count * 1e6:8.2f} us each")
     return rows
 
@@ -160,7 +163,7 @@ def main() -> None:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     print(f"{cores} cores; plain: files of 8 MB with as many bytes, and nothing else")
     for sensor in SENSORS:  # the kernels are compiled once
-        pt.sweep(SCENARIO, SENSORS[sensor], grid(1000), results=QUICK)
+        pt.sweep(pt.Task(SCENARIO, SENSORS[sensor]), grid(1000), results=QUICK)
     print("\nsensor         results   encounters     ended   on disk   computing    writing", end="")
     print("  comp/write       size    plain  to plain")
     for sensor, results in CASES:

@@ -54,11 +54,14 @@ def verdict_times(runs: int, most: int) -> list[str]:
             for count in (2, runs):  # the first one compiles
                 start = time.perf_counter()
                 pt.verify_gain(
-                    *(SCENARIO, SENSOR, OBJECTIVE, which),
-                    bounds=BOUNDS,
-                    constraints=LIMITS,
-                    uncertainty=uncertainty,
-                    runs=count,
+                    pt.Task(
+                        *(SCENARIO, SENSOR, OBJECTIVE),
+                        loop=which,
+                        bounds=BOUNDS,
+                        constraints=LIMITS,
+                        uncertainty=uncertainty or {},
+                        runs=count,
+                    ),
                     changes=changes,
                 )
             seconds.append(time.perf_counter() - start)
@@ -72,7 +75,7 @@ def designs(samples: int, most: int) -> list[str]:
     for name, which in list(DESIGNS.items())[:most]:
         start = time.perf_counter()
         found = pt.robust.design_robust_gain(
-            *(SCENARIO, SENSOR, OBJECTIVE), bounds=BOUNDS, uncertainty={}, evaluate=which, samples=samples
+            pt.Task(*(SCENARIO, SENSOR, OBJECTIVE), bounds=BOUNDS, uncertainty={}, evaluate=which, samples=samples)
         )
         seconds, loss = time.perf_counter() - start, found.loss_of_nominal
         lost = "-" if loss is None else f"{100 * loss.relative:.2f} +- {100 * loss.standard_error:.2f} %"

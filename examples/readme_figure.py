@@ -8,7 +8,7 @@ import pretouch as pt
 
 def main(target: str) -> None:
     """Draw the figure to a PNG file."""
-    design = pt.load_scenario(Path(__file__).parent / "approach.toml").design()
+    design = pt.design_gain(pt.load_scenario(Path(__file__).parent / "approach.toml"))
     pt.plots.motion(design).savefig(target, dpi=110, metadata={"Software": None})
 
 

@@ -61,20 +61,29 @@ def contact(sensor: pt.SensorModel, gain: Any, scenario: pt.Scenario | None = No
 
 
 def design(sensor: pt.SensorModel, **options: Any) -> dict[str, Any]:
-    found = pt.design_gain(scene(), sensor, F_1, bounds=BOUNDS, **options)
+    found = pt.design_gain(pt.Task(scene(), sensor, F_1, bounds=BOUNDS, **options))
     curve = found.trade_off
     return {**found.to_dict(), "curve": [curve.gain, curve.objective], "sensitivities": str(found.sensitivities)}
 
 
 def designs(scenario: pt.Scenario, sensor: pt.SensorModel) -> dict[str, Any]:
-    found = pt.design_gain(scenario, sensor, F_1, bounds=BOUNDS)
+    found = pt.design_gain(pt.Task(scenario, sensor, F_1, bounds=BOUNDS))
     return {"gain": found.gain, "objective": found.objective, "slope": found.gradient("obstacle.velocity")}
 
 
 def robust(sensor: pt.SensorModel, **own: Any) -> dict[str, Any]:
     limit = pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.15), probability=0.9)
     found = pt.robust.design_robust_gain(
-        scene(), sensor, F_1, bounds=BOUNDS, uncertainty=DRAWN | own, constraints=[limit], samples=128, validation=128
+        pt.Task(
+            scene(),
+            sensor,
+            F_1,
+            bounds=BOUNDS,
+            uncertainty=DRAWN | own,
+            constraints=[limit],
+            samples=128,
+            validation=128,
+        )
     )
     return {**found.to_dict(), "outcomes": found.outcomes(found.gain).objective}
 
@@ -96,13 +105,13 @@ def run() -> dict[str, Any]:
 
 def verified(**own: Any) -> dict[str, Any]:
     return pt.verify_gain(
-        scene(), POWER, F_1, loop(), bounds=BOUNDS, runs=60, uncertainty=DRAWN | own, changes=False
+        pt.Task(scene(), POWER, F_1, loop=loop(), bounds=BOUNDS, runs=60, uncertainty=DRAWN | own), changes=False
     ).to_dict()
 
 
 def swept() -> Any:
     axes = {"obstacle.velocity": MANY[:500], "gain": np.array([-0.7, -0.2])}
-    return pt.sweep(scene(), LINE, axes, results=["time", "largest_speed"])["time"].to_numpy()
+    return pt.sweep(pt.Task(scene(), LINE), axes, results=["time", "largest_speed"])["time"].to_numpy()
 
 
 MANY = np.linspace(-1.0, -0.05, 3000)
@@ -123,19 +132,21 @@ CALLS: dict[str, Callable[[], Any]] = {
     "designs, many": lambda: designs(scene(MANY[:300], np.linspace(10.0, 12.0, 300)), POWER),
     "designs, a family": lambda: designs(scene(MANY), LINE),
     "admittance": lambda: pt.design_admittance(
-        scene(), LINE, F_2, bounds=BOUNDS, natural_frequency=(2.0, 10.0), damping_ratio=(1.0, 2.0)
+        pt.Task(scene(), LINE, F_2, bounds=BOUNDS, natural_frequency=(2.0, 10.0), damping_ratio=(1.0, 2.0))
     ).to_dict(),
-    "front": lambda: pt.pareto_front(scene(), POWER, bounds=BOUNDS).to_dict(),
+    "front": lambda: pt.pareto_front(pt.Task(scene(), POWER, bounds=BOUNDS)).to_dict(),
     "robust": lambda: robust(POWER, **{"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)}),
     "robust, many curves": lambda: robust(MITTAG_LEFFLER, **{"sensor.order": pt.robust.Uniform(low=0.75, high=0.85)}),
     "robust, closed form": lambda: robust(LINE),
     "sweep": swept,
     "fit and ranking": fitted,
     "loop": run,
-    "design on the loop": lambda: pt.design_gain(scene(), POWER, F_1, bounds=BOUNDS, evaluate=loop()).to_dict(),
+    "design on the loop": lambda: pt.design_gain(
+        pt.Task(scene(), POWER, F_1, bounds=BOUNDS, evaluate=loop())
+    ).to_dict(),
     "verdict": verified,
     "verdict, many curves": lambda: verified(**{"sensor.exponent": pt.robust.Normal(mean=3.32, deviation=0.1)}),
-    "a file": lambda: pt.load_scenario(EXAMPLES / "tradeoff.toml").design().to_dict(),
+    "a file": lambda: pt.design_gain(pt.load_scenario(EXAMPLES / "tradeoff.toml")).to_dict(),
 }
 
 

@@ -49,7 +49,7 @@ def _report() -> pt.CalibrationReport:
 
 def _robust(**options: Any) -> pt.robust.RobustDesign:
     given = {"bounds": BOUNDS, "uncertainty": SPEED, "samples": 64, "validation": 64} | options
-    return pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, **given)
+    return pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **given))
 
 
 def _signals(law: control.Controller) -> tuple[Any, ...]:
@@ -92,26 +92,40 @@ RESULTS: dict[str, Callable[[], Any]] = {
         uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}).contacts(-0.7).gradients
     ),
     "motion": lambda: pt.solve_motion(SCENARIO, SENSOR, [-0.7, -0.5], samples=20),
-    "design": lambda: pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=LIMITS, impact=IMPACT),
-    "design, settled": lambda: pt.design_gain(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS),
+    "design": lambda: pt.design_gain(
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=LIMITS, impact=IMPACT)
+    ),
+    "design, settled": lambda: pt.design_gain(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS)),
     "design, infeasible": lambda: pt.design_gain(
-        SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, constraints=[pt.Constraint(name="relative_velocity", limit=1e-5)]
+        pt.Task(
+            SCENARIO,
+            CONSTANT,
+            OBJECTIVE,
+            bounds=BOUNDS,
+            constraints=[pt.Constraint(name="relative_velocity", limit=1e-5)],
+        )
     ),
-    "design on a loop": lambda: pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, -0.5), evaluate=NOISY),
-    "design on a function": lambda: pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=half),
-    "designs": lambda: pt.design_gain(SEVERAL, SENSOR, OBJECTIVE, bounds=BOUNDS),
+    "design on a loop": lambda: pt.design_gain(
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, -0.5), evaluate=NOISY)
+    ),
+    "design on a function": lambda: pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=half)),
+    "designs": lambda: pt.design_gain(pt.Task(SEVERAL, SENSOR, OBJECTIVE, bounds=BOUNDS)),
     "designs on a loop": lambda: pt.design_gain(
-        replace(SEVERAL, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2]))),
-        SENSOR,
-        OBJECTIVE,
-        bounds=(-1.0, -0.5),
-        evaluate=NOISY,
+        pt.Task(
+            replace(SEVERAL, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2]))),
+            SENSOR,
+            OBJECTIVE,
+            bounds=(-1.0, -0.5),
+            evaluate=NOISY,
+        )
     ),
-    "admittance": lambda: pt.design_admittance(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, **FREE),
+    "admittance": lambda: pt.design_admittance(pt.Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS, **FREE)),
     "front": lambda: pt.pareto_front(
-        SCENARIO, CONSTANT, bounds=BOUNDS, choice=-0.8, constraints=[pt.Constraint(name="acceleration", limit=3.0)]
+        pt.Task(
+            SCENARIO, CONSTANT, bounds=BOUNDS, choice=-0.8, constraints=[pt.Constraint(name="acceleration", limit=3.0)]
+        )
     ),
-    "front with admittance": lambda: pt.pareto_front(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE),
+    "front with admittance": lambda: pt.pareto_front(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
     "bound": lambda: find_physical_bound(SCENARIO, acceleration_limit=2.0),
     "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.robust.Quantile(probability=0.9)),
     "robust, worst case": lambda: _robust(measure=pt.robust.WorstCase()),
@@ -125,7 +139,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "simulation": lambda: TOUCHING.run(SCENARIO, SENSOR, -0.7),
     "simulations": lambda: NOISY.run(SEVERAL, SENSOR, -0.7),
     "trace": lambda: NOISY.run(SCENARIO, SENSOR, -0.7).trace(),
-    "encounter": lambda: pt.simulate_encounter(SCENARIO, SENSOR, TOUCHING, -0.7, impact=IMPACT),
+    "encounter": lambda: pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=TOUCHING, gain=-0.7, impact=IMPACT)),
     "verdict": lambda: verdict(NOISY, constraints=[velocity_limit(0.1)], runs=12),
     "verdict, uncertain sensor": lambda: verdict(
         NOISY, uncertainty={"sensor.exponent": pt.robust.Uniform(low=3.2, high=3.4)}, runs=4, changes=False

@@ -48,9 +48,9 @@ def noted(log: Path) -> list[int]:
     return [int(line) for line in log.read_text().split()] if log.exists() else []
 
 
-def sweep_to(output: str | Path | None, **given: Any) -> Any:
+def sweep_to(output: str | Path | None, *, method: str = "auto", **how: Any) -> Any:
     """The sweep of these samples."""
-    return pt.sweep(SCENARIO, CURVED, AXES, results=RESULTS, output=output, **given)
+    return pt.sweep(pt.Task(SCENARIO, CURVED, method=method), AXES, results=RESULTS, output=output, **how)
 
 
 def sweep_until_killed(output: str, log: str, moment: str, count: int) -> None:

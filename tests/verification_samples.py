@@ -39,10 +39,10 @@ NOISY = loop_of(exposure=170e-6, delay=120e-6, noise=1e-3, relative_noise=2e-3, 
 QUICK = replace(loop_of(period=1e-4, rate=1e4), seed=3)
 
 
-def verdict(loop: ClosedLoop, **options: Any) -> pt.Verdict:
+def verdict(loop: ClosedLoop, *, changes: bool = True, **options: Any) -> pt.Verdict:
     """Judge the letter's encounter."""
     given = {"bounds": BOUNDS, "runs": 60} | options
-    return pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop, **given)
+    return pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=changes)
 
 
 def velocity_limit(limit: float, probability: float = 1.0) -> pt.robust.Required:

@@ -60,7 +60,7 @@ def _design(encounter: Any, sensor: Any) -> Any:
     import pretouch as pt  # noqa: PLC0415
 
     objective = pt.excursion_objective(position_scale=POSITION_SCALE, velocity_scale=VELOCITY_SCALE)
-    return pt.design_gain(encounter, sensor, objective, bounds=BOUNDS).gain
+    return pt.design_gain(pt.Task(encounter, sensor, objective, bounds=BOUNDS)).gain
 
 
 @lru_cache(maxsize=1)

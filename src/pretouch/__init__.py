@@ -10,7 +10,7 @@ margins and the evidence:
     ...     obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
     ... )
     >>> objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    >>> design = pt.design_gain(scenario, sensor, objective, bounds=(-10.0, -0.01))
+    >>> design = pt.design_gain(pt.Task(scenario, sensor, objective, bounds=(-10.0, -0.01)))
     >>> round(design.gain, 4)
     -0.7463
 

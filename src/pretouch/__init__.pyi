@@ -22,6 +22,7 @@ from .design import HertzImpact as HertzImpact
 from .design import Objective as Objective
 from .design import ParetoFront as ParetoFront
 from .design import SpringImpact as SpringImpact
+from .design import Task as Task
 from .design import Term as Term
 from .design import design_admittance as design_admittance
 from .design import design_gain as design_gain

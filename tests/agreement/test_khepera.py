@@ -109,12 +109,12 @@ def test_a_real_sensor_comes_to_a_verdict_on_its_loop(tmp_path, sensor):
     """The readings of the loop stand on the plateau, scatter and step as those of the calibration."""
     (tmp_path / "loop.toml").write_text(LOOP.format(file=FILE.as_posix(), sensor=sensor))
     problem = pt.load_scenario(tmp_path / "loop.toml")
-    fit, chain = problem.calibration.best, problem.loop.loop.chain
+    fit, chain = problem.calibration.best, problem.loop.chain
     assert (chain.noise, chain.relative_noise, chain.offset) == (fit.noise.output, fit.noise.relative, fit.offset.value)
-    run = problem.simulate_encounter()
+    run = pt.simulate_encounter(problem)
     assert set(np.mod(run.trace.reading, 4)) == {0.0}  # steps of 4 counts
-    verdict = problem.verify(runs=200)
-    assert verdict.gain == problem.design().gain
+    verdict = pt.verify_gain(problem.replace(runs=200))
+    assert verdict.gain == pt.design_gain(problem).gain
     speed = verdict.comparison("relative_velocity")
     assert verdict.reached.simulated == 1
     assert speed.simulated.mean < 0.5 * speed.unmitigated.mean == pytest.approx(0.15, rel=1e-6)

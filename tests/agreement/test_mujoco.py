@@ -46,7 +46,7 @@ def controller(gain: float, period: float = 1e-3) -> control.Controller:
 def gain_of(name: str, strength: str) -> float:
     scenario, curve, objective, strong = ENCOUNTERS[name]
     if strength == "optimum":
-        return float(pt.design_gain(scenario, curve, objective, bounds=(-20.0, -0.01)).gain)
+        return float(pt.design_gain(pt.Task(scenario, curve, objective, bounds=(-20.0, -0.01))).gain)
     return {"none": 0.0, "strong": strong}[strength]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import pretouch as pt
 from pretouch.config import load_scenario
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Scenario, find_contact, solve_motion
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel, Table
@@ -159,7 +160,7 @@ def test_designs_with_stiff_motions_resolve_every_gain(tmp_path, old: str, new: 
     assert old in text
     path = tmp_path / "approach.toml"
     path.write_text(text.replace(old, new), encoding="utf-8")
-    design = load_scenario(path).design()
+    design = pt.design_gain(load_scenario(path))
     assert "unresolved" not in str(design)
     if "1e-50" in new:
         assert design.status.value == "no-contact"

@@ -35,7 +35,7 @@ def test_every_contact_is_the_one_of_its_encounter(sensor: pt.SensorModel) -> No
         "reference.velocity": [-0.05, 0.0],
     }
     names = ("time", "relative_velocity", "position", "largest_excursion", "closest_distance", "virtual_force")
-    found = pt.sweep(SCENARIO, sensor, axes, results=names, horizon=5.0)
+    found = pt.sweep(pt.Task(SCENARIO, sensor, horizon=5.0), axes, results=names)
     assert found.sizes == {name: len(values) for name, values in axes.items()}
     for index, (v, stiffness, gain, drift) in zip(
         np.ndindex(*found["status"].shape), product(*axes.values()), strict=True
@@ -65,7 +65,7 @@ def test_what_the_solver_takes_once_may_be_an_axis_too() -> None:
         "sensor.recess": [0.0, 0.02],
         "impact.robot_mass": [1, 3],
     }
-    found = pt.sweep(SCENARIO, sensor, axes, results=["impact_force", "time"], impact=impact)
+    found = pt.sweep(pt.Task(SCENARIO, sensor, impact=impact), axes, results=["impact_force", "time"])
     for index, (exponent, gain, recess, mass) in zip(
         np.ndindex(*found["time"].shape), product(*axes.values()), strict=True
     ):
@@ -83,7 +83,7 @@ def test_inputs_side_by_side_are_one_axis() -> None:
         "obstacle.position": rng.uniform(0.03, 0.05, 6),
         "sensor.exponent": rng.uniform(3.0, 3.6, 6),
     }
-    found = pt.sweep(SCENARIO, CURVED, {"sample": sample, "gain": [-0.7, -0.5]}, results=["time"], seed=7)
+    found = pt.sweep(pt.Task(SCENARIO, CURVED), {"sample": sample, "gain": [-0.7, -0.5]}, results=["time"], seed=7)
     for i, (v, p, n) in enumerate(zip(*sample.values(), strict=True)):
         scenario = replace(SCENARIO, obstacle=pt.Obstacle(position=p, velocity=v))
         for k, gain in enumerate((-0.7, -0.5)):
@@ -93,7 +93,7 @@ def test_inputs_side_by_side_are_one_axis() -> None:
 
 def test_a_natural_frequency_holds_damping_ratio_and_mass() -> None:
     axes = {"admittance.natural_frequency": [3.0, 8.0], "admittance.mass": [0.5, 2.0]}
-    found = pt.sweep(SCENARIO, CONSTANT, axes, results=["time"], gain=-0.5)
+    found = pt.sweep(pt.Task(SCENARIO, CONSTANT, gain=-0.5), axes, results=["time"])
     for i, omega in enumerate(axes["admittance.natural_frequency"]):
         for k, mass in enumerate(axes["admittance.mass"]):
             same = pt.Admittance.from_natural_frequency(mass=mass, natural_frequency=omega, damping_ratio=1.0)
@@ -112,14 +112,14 @@ def test_every_design_is_the_one_of_its_encounter(sensor: pt.SensorModel) -> Non
     options: dict[str, Any] = {"bounds": (-2.0, -0.01), "horizon": 5.0}
     limits = [pt.Constraint(name="relative_velocity", limit=1.0)]
     names = ("gain", "objective", "time")
-    found = pt.sweep(SCENARIO, sensor, axes, objective=OBJECTIVE, constraints=limits, results=names, **options)
+    found = pt.sweep(pt.Task(SCENARIO, sensor, objective=OBJECTIVE, constraints=limits, **options), axes, results=names)
     words = found["status"].attrs["flag_meanings"].split()
     seen = set()
     for index, (v, limit, weight) in zip(np.ndindex(*found["gain"].shape), product(*axes.values()), strict=True):
         objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3, position_weight=weight)
         scenario = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, velocity=v))
         limited = [pt.Constraint(name="relative_velocity", limit=limit)]
-        one = pt.design_gain(scenario, sensor, objective, constraints=limited, **options)
+        one = pt.design_gain(pt.Task(scenario, sensor, objective, constraints=limited, **options))
         seen.add(one.status.value)
         assert words[int(found["status"].values[index])] == one.status.value
         gain, time = (one.gain, one.result.contact.time) if one.result else (np.nan, np.nan)
@@ -141,8 +141,10 @@ def test_numbers_do_not_depend_on_blocks_threads_or_store(
     for i, (chunks, cores) in enumerate([(1, 1), (1, 3), (3, 2), (10, 1)]):
         cut_small(monkeypatch.setattr, encounters=4000, chunks=chunks)
         monkeypatch.setattr(parallel, "_cores", lambda cores=cores: cores)
-        found.append(pt.sweep(SCENARIO, sensor, axes, results=RESULTS[:2]))
-        found.append(pt.sweep(SCENARIO, sensor, axes, results=RESULTS[:2], output=tmp_path / f"{i}.zarr").load())
+        found.append(pt.sweep(pt.Task(SCENARIO, sensor), axes, results=RESULTS[:2]))
+        found.append(
+            pt.sweep(pt.Task(SCENARIO, sensor), axes, results=RESULTS[:2], output=tmp_path / f"{i}.zarr").load()
+        )
     for other in found[1:]:
         xr.testing.assert_identical(found[0], other)
 
@@ -150,12 +152,12 @@ def test_numbers_do_not_depend_on_blocks_threads_or_store(
 @pytest.mark.parametrize("shape", [(7,), (100, 3), (3, 100), (5, 4, 3), (1, 1), (50, 7, 2)])
 @pytest.mark.parametrize("most", [1, 10, 64, 10_000])
 def test_chunks_cover_the_grid_once(shape: tuple[int, ...], most: int) -> None:
-    from pretouch.sweep.held import Held
+
     from pretouch.sweep.plan import make_plan
 
     names = ("obstacle.velocity", "plant.velocity", "reference.velocity")
     axes = {name: np.linspace(-1.0, -0.1, n) for name, n in zip(names, shape, strict=False)}
-    plan = make_plan(Held(scenario=SCENARIO, sensor=CONSTANT, gain=-0.5), axes, results=["time"], chunk_size=most)
+    plan = make_plan(pt.Task(SCENARIO, CONSTANT, gain=-0.5), axes, results=["time"], chunk_size=most)
     count = np.zeros(shape, dtype=int)
     for i in range(plan.chunk_count):
         count[plan.region(i)] += 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,12 @@ import numpy as np
 import pytest
 from command_text import SCENARIO, command, lay_out, strict
 
+import pretouch as pt
 from figure_checks import assert_legible
 from pretouch import load_scenario, sweep
 from pretouch._core.errors import InvalidInputError
 from pretouch.config.axis_text import read_axis
+from pretouch.design import Task
 from pretouch.report import plots
 from sweep_samples import CURVED
 from sweep_samples import SCENARIO as ENCOUNTER
@@ -54,7 +57,7 @@ def test_designs_are_those_of_the_scenario_file(run: Any, folder: Path) -> None:
     assert told["dimensions"] == ["obstacle.velocity"]
     assert told["axes"]["obstacle.velocity"]["values"] == pytest.approx(np.linspace(-1, -0.01, 10))
     problem = load_scenario("approach.toml")
-    wanted = problem.sweep({"obstacle.velocity": np.linspace(-1, -0.01, 10)})
+    wanted = pt.sweep(problem, {"obstacle.velocity": np.linspace(-1, -0.01, 10)})
     assert told["results"]["gain"]["values"] == wanted["gain"].values.tolist()
     assert told["results"]["gain"]["unit"] == "N*s"
     assert told["inputs"]["constraints"] == {"excursion": 0.2}
@@ -148,7 +151,7 @@ def test_a_figure_is_written_once_and_what_cannot_be_drawn_is_refused_first(run:
         assert (code, err) == (0, "")
         assert out.splitlines()[-1] == f"Figure: {name}"
         assert Path(name).read_bytes().startswith(start)
-    monkeypatch.setattr("pretouch.config.problem.DesignProblem.sweep", None)  # not reached
+    monkeypatch.setattr(sys.modules["pretouch.sweep"], "sweep", None)  # not reached
     assert "a.png: this file exists and is not overwritten unasked" in run(*asked, "--figure", "a.png")[2]
     assert "expected a name that ends in .png" in run(*asked, "--figure", "a.jpg")[2]
     single = ("sweep", "approach.toml", "--axis", "obstacle.velocity=-1", "--figure", "b.png")
@@ -159,7 +162,7 @@ def test_an_interrupt_says_how_to_go_on(run: Any, monkeypatch: Any) -> None:
     def interrupt(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pretouch.config.problem.DesignProblem.sweep", interrupt)
+    monkeypatch.setattr(sys.modules["pretouch.sweep"], "sweep", interrupt)
     asked = ("sweep", "approach.toml", "--axis", SPEEDS)
     assert run(*asked) == (130, "", "")
     code, out, err = run(*asked, "--output", "out.zarr")
@@ -181,7 +184,7 @@ FIGURES: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("kind", FIGURES)
 @pytest.mark.parametrize("results", [("time",), ("relative_velocity", "largest_excursion", "time")])
 def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) -> None:
-    figure = plots.sweep(sweep(ENCOUNTER, CURVED, FIGURES[kind], results=results, horizon=20.0))
+    figure = plots.sweep(sweep(Task(ENCOUNTER, CURVED, horizon=20.0), FIGURES[kind], results=results))
     assert_legible(figure)
     assert len([axes for axes in figure.axes if axes.get_xlabel()]) == len(results)
     titles = " ".join(axes.get_title(loc="left") for axes in figure.axes)
@@ -191,8 +194,8 @@ def test_the_picture_of_a_sweep_is_legible(kind: str, results: tuple[str, ...]) 
 def test_what_cannot_be_drawn_is_refused() -> None:
     axes = {"obstacle.velocity": [-0.3, -0.2], "gain": [-0.5, -0.4], "admittance.mass": [1.0, 2.0]}
     with pytest.raises(InvalidInputError, match="found 3 axes of more than one value"):
-        plots.sweep(sweep(ENCOUNTER, CURVED, axes))
-    flat = sweep(ENCOUNTER, CURVED, {"obstacle.velocity": [0.3, 0.2]}, gain=-0.5, horizon=5.0)
+        plots.sweep(sweep(Task(ENCOUNTER, CURVED), axes))
+    flat = sweep(Task(ENCOUNTER, CURVED, gain=-0.5, horizon=5.0), {"obstacle.velocity": [0.3, 0.2]})
     with pytest.raises(InvalidInputError, match="time: found no encounter with a value"):
         plots.sweep(flat, ["time"])
     with pytest.raises(InvalidInputError, match="results: found nonsense, expected some of"):

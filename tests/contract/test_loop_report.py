@@ -39,7 +39,7 @@ def theirs(scenario: pt.Scenario, sensor: pt.SensorModel, gain: Any) -> pt.Conta
 
 
 def design(evaluate: Any) -> pt.GainDesign:
-    return pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), evaluate=evaluate)
+    return pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), evaluate=evaluate))
 
 
 def test_a_design_report_shows_the_loop() -> None:
@@ -85,7 +85,7 @@ def test_the_motion_of_a_loop_is_its_trace_up_to_contact() -> None:
 
 def test_a_robust_report_names_the_ideal_design() -> None:
     found = pt.robust.design_robust_gain(
-        SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-2.0, -0.2), uncertainty={}, evaluate=LOOP, samples=32)
     )
     page = report_html(found)
     assert table(page, "What the gain leads to")[0][1:] == ["robust gain", "gain of the ideal design", "no mitigation"]

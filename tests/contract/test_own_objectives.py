@@ -102,7 +102,7 @@ def page(write: Callable[..., Any], found: Any, folder: Path) -> str:
 
 def test_a_design_says_what_was_minimized(given: tuple[Any, str, set[str]], tmp_path: Path) -> None:
     objective, name, items = given
-    design = pt.design_gain(SCENARIO, SENSOR, objective, bounds=BOUNDS)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
     assert design.objective == pytest.approx(float(whole(design.result.end)), rel=1e-9)
     for gain in (0.9 * design.gain, 1.1 * design.gain):
         assert float(whole(pt.find_contact(SCENARIO, SENSOR, gain).contact)) > design.objective
@@ -127,22 +127,24 @@ def test_a_design_says_what_was_minimized(given: tuple[Any, str, set[str]], tmp_
 def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
     objective, name, _ = GIVEN[case]
     robust = pt.robust.design_robust_gain(
-        SCENARIO,
-        SENSOR,
-        objective,
-        bounds=BOUNDS,
-        uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-        samples=32,
-        validation=32,
+        pt.Task(
+            SCENARIO,
+            SENSOR,
+            objective,
+            bounds=BOUNDS,
+            uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
+            samples=32,
+            validation=32,
+        )
     )
     assert robust.to_dict()["objective_name"] == robust.definition.name == name
     assert row(page(write_report, robust, tmp_path), f"{name}: an objective of the user's own") == ["", ""]
     assert str(robust).startswith("Robust gain")
-    together = pt.design_admittance(SCENARIO, SENSOR, objective, bounds=BOUNDS, damping_ratio=(0.7, 1.3))
+    together = pt.design_admittance(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS, damping_ratio=(0.7, 1.3)))
     assert together.to_dict()["objective_name"] == name
     assert line(str(together), f"objective f ({name})") == f"{together.objective:.5g}"
-    assert together.objective <= pt.design_gain(SCENARIO, SENSOR, objective, bounds=BOUNDS).objective
-    front = pt.pareto_front(SCENARIO, SENSOR, bounds=BOUNDS, choice=together)
+    assert together.objective <= pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS)).objective
+    front = pt.pareto_front(pt.Task(SCENARIO, SENSOR, bounds=BOUNDS, choice=together))
     assert front.choice.gain == together.gain
     assert "knee" in page(write_report, front, tmp_path)
 
@@ -151,7 +153,7 @@ def test_other_verbs_say_it_too(case: str, tmp_path: Path) -> None:
 def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> None:
     """On a loop that is as good as ideal, what runs come to is what was predicted: to a step of the loop, 1e-4 s."""
     objective, called, _ = GIVEN[name]
-    found = pt.verify_gain(SCENARIO, SENSOR, objective, QUICK, bounds=BOUNDS, runs=2)
+    found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, objective, loop=QUICK, bounds=BOUNDS, runs=2))
     assert found.loss.objective == pytest.approx(found.loss.predicted, rel=5e-3)
     assert found.loss.predicted == pytest.approx(found.design.objective, rel=1e-9)
     assert found.to_dict()["objective_name"] == called
@@ -160,7 +162,7 @@ def test_a_verdict_is_given_by_the_same_objective(name: str, tmp_path: Path) -> 
 
 
 def test_a_sum_of_terms_stays_what_it_was(tmp_path: Path) -> None:
-    design = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     assert design.definition is OBJECTIVE
     assert design.to_dict()["objective_name"] == "excursion"
     assert "L(20) and L(22)" in page(write_report, design, tmp_path)
@@ -170,8 +172,8 @@ def test_a_sum_of_terms_stays_what_it_was(tmp_path: Path) -> None:
 
 def test_terms_without_a_weight_count_nothing_and_are_shown_as_that(tmp_path: Path) -> None:
     terms = (*OBJECTIVE.terms, pt.Term(quantity="time", scale=1.0, weight=0.0))
-    design = pt.design_gain(SCENARIO, SENSOR, pt.Objective(terms=terms, name="mine"), bounds=BOUNDS)
-    same = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, pt.Objective(terms=terms, name="mine"), bounds=BOUNDS))
+    same = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     assert design.gain == pytest.approx(same.gain, rel=1e-7)  # where f is flat to rounding, a gain is known to its root
     assert design.objective_parts["time"] == 0
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
@@ -185,8 +187,8 @@ def test_terms_without_a_weight_count_nothing_and_are_shown_as_that(tmp_path: Pa
 def test_two_terms_of_one_quantity_both_count(tmp_path: Path) -> None:
     twice = pt.Objective(terms=(*OBJECTIVE.terms, pt.Term(quantity="displacement", scale=0.25)))
     once = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3, position_weight=5.0)
-    design = pt.design_gain(SCENARIO, SENSOR, twice, bounds=BOUNDS)
-    same = pt.design_gain(SCENARIO, SENSOR, once, bounds=BOUNDS)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, twice, bounds=BOUNDS))
+    same = pt.design_gain(pt.Task(SCENARIO, SENSOR, once, bounds=BOUNDS))
     assert design.gain == pytest.approx(same.gain, rel=1e-7)
     assert sum(design.objective_parts.values()) == pytest.approx(design.objective, rel=1e-9)
     text = page(write_report, design, tmp_path)
@@ -198,7 +200,7 @@ def test_two_terms_of_one_quantity_both_count(tmp_path: Path) -> None:
 
 def test_a_term_of_ones_own_is_no_square(tmp_path: Path) -> None:
     objective = pt.Objective(terms=(Rough(quantity="displacement", scale=0.5), *OBJECTIVE.terms[1:]), name="rough")
-    design = pt.design_gain(SCENARIO, SENSOR, objective, bounds=BOUNDS)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
     assert design.definition.name == "rough"
     end = design.result.end
     assert design.objective == pytest.approx(abs(end.displacement) / 0.5 + (end.relative_velocity / 0.3) ** 2, rel=1e-9)
@@ -208,7 +210,7 @@ def test_a_term_of_ones_own_is_no_square(tmp_path: Path) -> None:
 
 def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) -> None:
     """Every gain is as good as any other: a design without a loss, not a division by 0."""
-    design = pt.design_gain(SCENARIO, SENSOR, lambda state: 0 * state.time, bounds=BOUNDS, evaluate=NOISY)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, lambda state: 0 * state.time, bounds=BOUNDS, evaluate=NOISY))
     assert design.objective == 0
     assert str(design)
     assert json.dumps(design.to_dict(), allow_nan=False)
@@ -230,19 +232,21 @@ def test_an_objective_that_is_nothing_at_its_best_is_designed(tmp_path: Path) ->
 )
 def test_what_is_no_objective_is_refused(objective: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        pt.design_gain(SCENARIO, SENSOR, objective, bounds=BOUNDS)
+        pt.design_gain(pt.Task(SCENARIO, SENSOR, objective, bounds=BOUNDS))
 
 
 def test_arrays_and_sweeps_of_designs_take_one() -> None:
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.25])))
-    designs = pt.design_gain(several, SENSOR, whole, bounds=BOUNDS)
-    assert designs.gain[0] == pytest.approx(pt.design_gain(SCENARIO, SENSOR, whole, bounds=BOUNDS).gain, rel=1e-6)
+    designs = pt.design_gain(pt.Task(several, SENSOR, whole, bounds=BOUNDS))
+    assert designs.gain[0] == pytest.approx(
+        pt.design_gain(pt.Task(SCENARIO, SENSOR, whole, bounds=BOUNDS)).gain, rel=1e-6
+    )
     pytest.importorskip("xarray")
-    swept = pt.sweep(SCENARIO, SENSOR, {"obstacle.velocity": [-0.3, -0.25]}, objective=whole, bounds=BOUNDS)
+    swept = pt.sweep(pt.Task(SCENARIO, SENSOR, objective=whole, bounds=BOUNDS), {"obstacle.velocity": [-0.3, -0.25]})
     assert swept.gain.to_numpy() == pytest.approx(designs.gain, rel=1e-6)
     inputs = json.loads(swept.attrs["inputs"])["objective"]
     assert inputs["name"] == "whole"
-    other = pt.sweep(SCENARIO, SENSOR, {"obstacle.velocity": [-0.3, -0.25]}, objective=Own(2.0), bounds=BOUNDS)
+    other = pt.sweep(pt.Task(SCENARIO, SENSOR, objective=Own(2.0), bounds=BOUNDS), {"obstacle.velocity": [-0.3, -0.25]})
     assert json.loads(other.attrs["inputs"])["objective"]["values"] != inputs["values"]
 
 
@@ -264,10 +268,12 @@ class OwnWorst(pt.robust.WorstCase):
 def test_a_measure_that_would_be_told_as_another_is_refused(measure: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         pt.robust.design_robust_gain(
-            SCENARIO,
-            SENSOR,
-            OBJECTIVE,
-            bounds=BOUNDS,
-            uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
-            measure=measure,
+            pt.Task(
+                SCENARIO,
+                SENSOR,
+                OBJECTIVE,
+                bounds=BOUNDS,
+                uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)},
+                measure=measure,
+            )
         )

@@ -86,7 +86,7 @@ def test_the_numbers_under_the_figure_are_those_of_the_example() -> None:
     """141 ms at 0.3 m/s without, 464 ms at 0.079 m/s with, after 97 mm."""
     import pretouch as pt
 
-    design = pt.load_scenario(ROOT / "examples" / "approach.toml").design()
+    design = pt.design_gain(pt.load_scenario(ROOT / "examples" / "approach.toml"))
     before, after = design.no_mitigation.contact, design.result.contact
     assert (round(before.time, 3), round(after.time, 3)) == (0.141, 0.464)
     assert (round(before.relative_velocity, 3), round(after.relative_velocity, 3)) == (-0.3, -0.079)

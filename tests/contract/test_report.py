@@ -27,6 +27,7 @@ from pretouch.design import (
     GainDesign,
     Objective,
     SpringImpact,
+    Task,
     Term,
     design_gain,
     excursion_objective,
@@ -57,24 +58,28 @@ IMPACT = Objective(
     name="<gentle & quick>",
 )
 DESIGNS: dict[str, Callable[[], GainDesign]] = {
-    "letter": lambda: design_gain(LETTER, POWER, F1, bounds=BOUNDS),
+    "letter": lambda: design_gain(Task(LETTER, POWER, F1, bounds=BOUNDS)),
     "constrained": lambda: design_gain(
-        LETTER, POWER, F1, bounds=BOUNDS, constraints=limits(excursion=0.08, virtual_force=20.0)
+        Task(LETTER, POWER, F1, bounds=BOUNDS, constraints=limits(excursion=0.08, virtual_force=20.0))
     ),
     "infeasible": lambda: design_gain(
-        LETTER, POWER, F1, bounds=BOUNDS, constraints=limits(excursion=0.05, relative_velocity=0.05)
+        Task(LETTER, POWER, F1, bounds=BOUNDS, constraints=limits(excursion=0.05, relative_velocity=0.05))
     ),
-    "no-contact": lambda: design_gain(AWAY, POWER, F1, bounds=BOUNDS),
-    "contact for weak gains only": lambda: design_gain(THROW, POWER, F1, bounds=BOUNDS),
-    "time": lambda: design_gain(REACH, FINGER, time_objective(time_scale=1.0, velocity_scale=0.01), bounds=BOUNDS),
-    "both signs": lambda: design_gain(LETTER, POWER, F1, bounds=(-2.0, 1.0)),
+    "no-contact": lambda: design_gain(Task(AWAY, POWER, F1, bounds=BOUNDS)),
+    "contact for weak gains only": lambda: design_gain(Task(THROW, POWER, F1, bounds=BOUNDS)),
+    "time": lambda: design_gain(
+        Task(REACH, FINGER, time_objective(time_scale=1.0, velocity_scale=0.01), bounds=BOUNDS)
+    ),
+    "both signs": lambda: design_gain(Task(LETTER, POWER, F1, bounds=(-2.0, 1.0))),
     "impact": lambda: design_gain(
-        LETTER,
-        Recessed(sensor=POWER, recess=0.002),
-        IMPACT,
-        bounds=(-5.0, -0.05),
-        impact=SpringImpact(robot_mass=2.0, stiffness=1e4),
-        constraints=limits(impact_force=20.0, time=0.6, drive_force=30.0),
+        Task(
+            LETTER,
+            Recessed(sensor=POWER, recess=0.002),
+            IMPACT,
+            bounds=(-5.0, -0.05),
+            impact=SpringImpact(robot_mass=2.0, stiffness=1e4),
+            constraints=limits(impact_force=20.0, time=0.6, drive_force=30.0),
+        )
     ),
 }
 

@@ -13,7 +13,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def test_results_show_one_line_and_print_a_report() -> None:
     report = pt.rank_models(pt.read_calibration(EXAMPLES / "sensor.csv"))
     problem = pt.load_scenario(EXAMPLES / "approach.toml")
-    design = problem.design()
+    design = pt.design_gain(problem)
     motion = pt.solve_motion(problem.scenario, problem.sensor, [-0.5, -0.7], samples=5)
     shown = {
         report: "<CalibrationReport sensor.csv: usable, best inverse-power>",

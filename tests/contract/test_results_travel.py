@@ -182,11 +182,11 @@ class OwnObjective(pt.Objective):
 
 def test_what_a_user_has_made_travels_along() -> None:
     objective = OwnObjective(terms=OBJECTIVE.terms)
-    design = pt.design_gain(SCENARIO, OwnSensor(), objective, bounds=BOUNDS)
+    design = pt.design_gain(pt.Task(SCENARIO, OwnSensor(), objective, bounds=BOUNDS))
     check(design)
     printed(design)
     check(design)
-    check(pt.design_gain(SCENARIO, OwnSensor(), OBJECTIVE, bounds=BOUNDS, evaluate=half))
+    check(pt.design_gain(pt.Task(SCENARIO, OwnSensor(), OBJECTIVE, bounds=BOUNDS, evaluate=half)))
 
 
 def test_what_cannot_be_pickled_is_named_by_pickle() -> None:

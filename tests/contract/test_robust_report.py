@@ -15,7 +15,7 @@ from page_checks import EVIL, assert_sound, parse
 from page_rows import line, row, table
 from pretouch._core.errors import OutputExistsError, ResultUnavailableError
 from pretouch._core.files import is_own_unchanged
-from pretouch.design import Constraint, DesignStatus, SpringImpact, excursion_objective
+from pretouch.design import Constraint, DesignStatus, SpringImpact, Task, excursion_objective
 from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
 from pretouch.design.robust.worst_case import WorstEncounter
 from pretouch.motion import Admittance, Obstacle, Scenario
@@ -44,7 +44,7 @@ def limit(name: str, size: float, probability: float) -> Required:
 def design(sensor: Any = CONSTANT, **given: Any) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": (-10.0, -0.01), **given}
     objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    return design_robust_gain(SCENARIO, sensor, objective, **asked)
+    return design_robust_gain(Task(SCENARIO, sensor, objective, **asked))
 
 
 DESIGNS: dict[str, Callable[[], RobustDesign]] = {

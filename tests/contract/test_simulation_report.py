@@ -57,7 +57,7 @@ def run(
     **given: Any,
 ) -> pt.SimulatedEncounter:
     built = ClosedLoop(**{"law": law(), "chain": pt.SensorChain(rate=1000.0), **given})
-    return pt.simulate_encounter(scenario, sensor, built, gain, impact=impact)
+    return pt.simulate_encounter(pt.Task(scenario, sensor, loop=built, gain=gain, impact=impact))
 
 
 CASES: dict[str, Callable[[], pt.SimulatedEncounter]] = {

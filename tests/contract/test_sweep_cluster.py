@@ -31,9 +31,9 @@ def cluster() -> Any:
         yield found
 
 
-def run(cluster: Any, output: Path, **given: Any) -> Any:
+def run(cluster: Any, output: Path, **how: Any) -> Any:
     return pt.sweep(
-        SCENARIO, CURVED, AXES, results=RESULTS, output=output, dask=cluster.scheduler_address, **given
+        pt.Task(SCENARIO, CURVED), AXES, results=RESULTS, output=output, **how, dask=cluster.scheduler_address
     ).load()
 
 
@@ -58,7 +58,7 @@ def test_a_worker_that_is_killed_in_the_middle_changes_nothing(
         assert set(client.run(os.getpid).values()) != set(first.values()), "one worker was lost"
     assert told[-1].finished == told[-1].total == 6000
     assert told[-1].computed <= 6000, "no block is told of twice"
-    xr.testing.assert_equal(found, pt.sweep(SCENARIO, CURVED, AXES, results=RESULTS))
+    xr.testing.assert_equal(found, pt.sweep(pt.Task(SCENARIO, CURVED), AXES, results=RESULTS))
 
 
 def test_a_cluster_goes_on_with_what_one_process_has_begun(
@@ -71,17 +71,17 @@ def test_a_cluster_goes_on_with_what_one_process_has_begun(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        pt.sweep(SCENARIO, CURVED, AXES, results=RESULTS, output=tmp_path / "out.zarr", progress=give_up)
+        pt.sweep(pt.Task(SCENARIO, CURVED), AXES, results=RESULTS, output=tmp_path / "out.zarr", progress=give_up)
     told: list[Any] = []
     found = run(cluster, tmp_path / "out.zarr", progress=told.append)
     assert (told[0].finished, told[-1].finished, told[-1].computed) == (2000, 6000, 4000)
-    xr.testing.assert_equal(found, pt.sweep(SCENARIO, CURVED, AXES, results=RESULTS))
+    xr.testing.assert_equal(found, pt.sweep(pt.Task(SCENARIO, CURVED), AXES, results=RESULTS))
 
 
 def test_a_cluster_needs_an_output_and_an_address_that_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "_TIMEOUT", "1 s")
     with pytest.raises(InvalidInputError, match=r"found no output, expected output='NAME\.zarr'"):
-        pt.sweep(SCENARIO, CURVED, AXES, dask="tcp://127.0.0.1:9")
+        pt.sweep(pt.Task(SCENARIO, CURVED), AXES, dask="tcp://127.0.0.1:9")
     with pytest.raises(InvalidInputError, match=r"found no scheduler at tcp://127\.0\.0\.1:9"):
-        pt.sweep(SCENARIO, CURVED, AXES, dask="tcp://127.0.0.1:9", output=tmp_path / "out.zarr")
+        pt.sweep(pt.Task(SCENARIO, CURVED), AXES, dask="tcp://127.0.0.1:9", output=tmp_path / "out.zarr")
     assert not (tmp_path / "out.zarr").exists()

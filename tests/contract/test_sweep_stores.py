@@ -109,16 +109,16 @@ def test_another_sweep_is_refused_and_replaced_only_where_that_is_asked_for(
     sweep_to(output).close()
     other = {**AXES, "gain": np.linspace(-3.0, -0.05, 10)}
     with pytest.raises(OutputExistsError, match=r"other axes.* not overwritten unasked.* --output.* --force"):
-        pt.sweep(SCENARIO, CURVED, other, results=RESULTS, output=output)
+        pt.sweep(pt.Task(SCENARIO, CURVED), other, results=RESULTS, output=output)
     with pytest.raises(OutputExistsError, match="other sensor"):
-        pt.sweep(SCENARIO, CONSTANT, AXES, results=RESULTS, output=output)
+        pt.sweep(pt.Task(SCENARIO, CONSTANT), AXES, results=RESULTS, output=output)
     with pytest.raises(OutputExistsError, match="other seed"):
         sweep_to(output, seed=3)
     with sweep_to(output) as kept:
         xr.testing.assert_equal(kept.load(), sweep_to(None))
-    with pt.sweep(SCENARIO, CURVED, other, results=RESULTS, output=output, overwrite=True) as replaced:
+    with pt.sweep(pt.Task(SCENARIO, CURVED), other, results=RESULTS, output=output, overwrite=True) as replaced:
         assert replaced["gain"].values[0] == -3.0
-        xr.testing.assert_equal(replaced.load(), pt.sweep(SCENARIO, CURVED, other, results=RESULTS))
+        xr.testing.assert_equal(replaced.load(), pt.sweep(pt.Task(SCENARIO, CURVED), other, results=RESULTS))
     assert names(tmp_path) == ["computed.txt", f"out{suffix}"]
 
 
@@ -159,8 +159,7 @@ def test_a_mistake_that_only_the_solver_finds_leaves_no_store(tmp_path: Path) ->
 @pytest.mark.parametrize("output", [None, "out.zarr", "out.nc"])
 def test_a_dataset_tells_units_and_where_it_comes_from(tmp_path: Path, output: str | None) -> None:
     found = pt.sweep(
-        SCENARIO,
-        CURVED,
+        pt.Task(SCENARIO, CURVED),
         {"sample": {"obstacle.velocity": [-0.3, -0.2], "sensor.exponent": [3.3, 3.4]}, "gain": [-0.7, -0.6, -0.5]},
         results=["relative_velocity", "impulse_residual"],
         output=output and tmp_path / output,

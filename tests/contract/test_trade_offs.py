@@ -40,7 +40,9 @@ def problem():
 
 
 def front_of(problem, quantities=("displacement", "relative_velocity"), **more):
-    return pt.pareto_front(problem.scenario, problem.sensor, quantities, bounds=problem.bounds, **more)
+    return pt.pareto_front(
+        pt.Task(problem.scenario, problem.sensor, quantities=quantities, bounds=problem.bounds, **more)
+    )
 
 
 # --- the page
@@ -69,11 +71,11 @@ def test_the_python_of_the_page_runs(monkeypatch):
 
 def test_the_numbers_in_the_text_of_the_page_hold(problem):
     """35 times in the letter's case; two thirds of the way in the example."""
-    design = problem.design()
+    design = pt.design_gain(problem)
     assert "takes 35 times the least excursion" in PAGE
     assert round(front_of(problem, choice=design).choice.bound.ratio) == 35
     example = pt.load_scenario(ROOT / "examples" / "tradeoff.toml")
-    front = example.trade_off()
+    front = pt.pareto_front(example)
     least = front.of("displacement")[front.meets(relative_velocity=front.choice.values["relative_velocity"])].min()
     assert least / front.choice.values["displacement"] == pytest.approx(2 / 3, abs=0.03)
 
@@ -187,16 +189,18 @@ FRONTS = {
     "gain": lambda p: front_of(p, choice=-0.7),
     "limits": lambda p: front_of(p, constraints=[pt.Constraint(name="acceleration", limit=5.0)], choice=-0.3),
     "three": lambda p: front_of(p, ("time", "relative_velocity", "largest_acceleration"), choice=-0.7),
-    "admittance": lambda p: front_of(p, choice=p.design(), **FREE),
+    "admittance": lambda p: front_of(p, choice=pt.design_gain(p), **FREE),
     "surface": lambda p: front_of(
         p, ("displacement", "relative_velocity", "acceleration"), natural_frequency=(3.0, 10.0)
     ),
     "one point": lambda p: front_of(p, ("time", "displacement")),
     "no bound": lambda p: pt.pareto_front(
-        p.scenario,
-        pt.ExponentialSecondOrder(scale=0.48, rate=-74.0, curvature=474.0),
-        bounds=p.bounds,
-        method="uniform-motion",
+        pt.Task(
+            p.scenario,
+            pt.ExponentialSecondOrder(scale=0.48, rate=-74.0, curvature=474.0),
+            bounds=p.bounds,
+            method="uniform-motion",
+        )
     ),
 }
 
@@ -236,7 +240,9 @@ def test_reports_of_fronts_are_whole_pages(front):
 
 @pytest.mark.parametrize("free", [{"natural_frequency": (3.0, 10.0)}, {"damping_ratio": (0.7, 1.5)}, FREE])
 def test_a_designed_admittance_is_drawn_and_reported(problem, free):
-    design = pt.design_admittance(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free)
+    design = pt.design_admittance(
+        pt.Task(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, **free)
+    )
     figure = plots.admittance(design)
     assert_legible(figure)
     assert {"chosen", "as it is"} <= {text for text, _ in visible_texts(figure)}
@@ -251,7 +257,7 @@ def test_what_cannot_be_drawn_is_refused(problem):
     with pytest.raises(InvalidInputError, match="expected one with points to draw"):
         plots.pareto(front_of(problem, constraints=limits))
     design = pt.design_admittance(
-        problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE
+        pt.Task(problem.scenario, problem.sensor, problem.objective, bounds=problem.bounds, constraints=limits, **FREE)
     )
     with pytest.raises(InvalidInputError, match="no admittance that will do"):
         plots.admittance(design)

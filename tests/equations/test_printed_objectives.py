@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from pretouch.design import DesignStatus, design_gain, excursion_objective, time_objective
+from pretouch.design import DesignStatus, Task, design_gain, excursion_objective, time_objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 
@@ -157,7 +157,7 @@ def test_the_designed_gain_minimizes_the_printed_objective_at_contact(letter_enc
         distance = distances_over_time(scenario, force, gain, end)
         return printed(distance, zeros_of(distance, end)[0])
 
-    design = design_gain(scenario, sensor, objective, bounds=(-1.2, -0.2))
+    design = design_gain(Task(scenario, sensor, objective, bounds=(-1.2, -0.2)))
     assert design.status == DesignStatus.OPTIMAL
     best = minimize_scalar(value, bounds=(-1.2, -0.2), method="bounded", options={"xatol": 1e-7})
     # the motions are worth 1e-10, and so is a value; two gains are told apart where theirs differ by more than that

@@ -8,6 +8,7 @@ import pytest
 from loop_text import CHAIN, CONTACT, CONTROLLER, ENCOUNTER, LOOP, LOOPED, ROBOT
 from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
+import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
 
@@ -194,7 +195,7 @@ def test_several_mistakes_are_told_at_once(message):
 
 def test_a_bare_curve_is_in_the_unit_of_the_part_and_must_be_of_its_size(write, message):
     bare = LOOPED.replace('"0.533 counts"', "0.533")
-    assert load_scenario(write(bare)).loop.part.unit == "counts"
+    assert load_scenario(write(bare)).part.unit == "counts"
     told = message(LOOPED.replace('"0.533 counts"', "1.30e-5"))
     assert (
         "line 3: sensor.scale: found an output of 0.4877 at contact, which the controller's floor of 60 hides" in told
@@ -219,7 +220,7 @@ def test_a_margin_belongs_to_one_admittance(message):
 def test_a_margin_that_leaves_no_gain_is_placed(write):
     text = replaced(MARGIN, "stability_margin = 1000", LOOPED)
     problem = load_scenario(write(text))
-    for verb in (problem.design, lambda: problem.sweep({"obstacle.velocity": [-0.3, -0.2]})):
+    for verb in (lambda: pt.design_gain(problem), lambda: pt.sweep(problem, {"obstacle.velocity": [-0.3, -0.2]})):
         with pytest.raises(ScenarioFileError) as refused:
             verb()
         told = str(refused.value)
@@ -234,14 +235,14 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
 )
 def test_a_margin_does_not_hold_for_a_sweep_that_moves_the_limit(write, axes):
     with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: found a margin beside a sweep over \w+\.\w+"):
-        load_scenario(write(LOOPED)).sweep(axes)
+        pt.sweep(load_scenario(write(LOOPED)), axes)
 
 
 def test_a_file_without_a_loop_has_no_limit_of_stability(write):
     problem = load_scenario(write(WHOLE))
     assert problem.stable_bounds() == problem.bounds
-    with pytest.raises(ScenarioFileError, match=r"^approach\.toml: found no sections \[chain\] and \[controller\]"):
-        problem.stability_limit()
+    with pytest.raises(ScenarioFileError, match=r"^approach\.toml: loop: found none, .* in a file \[chain\] and \[co"):
+        pt.verify_gain(problem)
 
 
 def test_a_start_outside_of_the_limits_is_refused(message):

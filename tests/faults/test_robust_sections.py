@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
+import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
 from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, WorstCase
@@ -42,7 +43,7 @@ def message(write):
 
 
 def test_what_is_known_is_read_in_si_and_in_the_order_of_the_file(write):
-    asked = load_scenario(write(UNCERTAIN)).robust
+    asked = load_scenario(write(UNCERTAIN))
     assert list(asked.uncertainty.items()) == [
         ("obstacle.velocity", TruncatedNormal(location=-0.3, deviation=0.1, low=-0.6, high=-0.05)),
         ("obstacle.position", Uniform(low=0.038, high=0.046)),
@@ -63,7 +64,7 @@ def test_what_is_known_is_read_in_si_and_in_the_order_of_the_file(write):
 
 def test_one_side_may_be_open_and_tables_may_be_sections(write):
     text = '[uncertainty.obstacle.velocity]\nnormal = [-0.3, 0.1]\nbetween = ["-inf", "-0.05 m/s"]\n'
-    known = load_scenario(write(WHOLE + text)).robust.uncertainty
+    known = load_scenario(write(WHOLE + text)).uncertainty
     assert known == {"obstacle.velocity": TruncatedNormal(location=-0.3, deviation=0.1, high=-0.05)}
 
 
@@ -77,33 +78,35 @@ def test_one_side_may_be_open_and_tables_may_be_sections(write):
     ],
 )
 def test_every_measure_is_built(write, text, measure):
-    asked = load_scenario(write(WHOLE + KNOWN + "[robust]\n" + text + "\n")).robust
+    asked = load_scenario(write(WHOLE + KNOWN + "[robust]\n" + text + "\n"))
     assert asked.measure == measure
-    assert [r.probability for r in asked.constraints] == [1.0]
+    assert asked.constraints == load_scenario(write(WHOLE)).constraints
 
 
 def test_an_interval_is_for_the_worst_case(write):
     text = '[uncertainty]\nobstacle.velocity = { interval = [-0.4, -0.2] }\n[robust]\nmeasure = "worst-case"\n'
-    assert load_scenario(write(WHOLE + text)).robust.uncertainty == {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}
+    assert load_scenario(write(WHOLE + text)).uncertainty == {"obstacle.velocity": Interval(low=-0.4, high=-0.2)}
 
 
 def test_a_file_that_says_nothing_of_it_is_designed_and_not_robustly(write):
     problem = load_scenario(write(WHOLE))
-    assert problem.robust.uncertainty == {}
-    with pytest.raises(ScenarioFileError, match=r"^approach\.toml: found no section \[uncertainty\], expected"):
-        problem.design_robust()
+    assert problem.uncertainty == {}
+    with pytest.raises(
+        ScenarioFileError, match=r"^approach\.toml: uncertainty: found none, expected .* in a file \[uncertainty\]"
+    ):
+        pt.robust.design_robust_gain(problem)
 
 
 def test_the_nominal_design_does_not_see_it(write):
-    assert load_scenario(write(UNCERTAIN)).design().gain == load_scenario(write(WHOLE)).design().gain
+    assert pt.design_gain(load_scenario(write(UNCERTAIN))).gain == pt.design_gain(load_scenario(write(WHOLE))).gain
 
 
 def test_a_robust_design_is_that_of_the_file(write):
     problem = load_scenario(write(UNCERTAIN.replace("seed = 7", "seed = 7\nsamples = 64\nvalidation = 32")))
-    found = problem.design_robust()
+    found = pt.robust.design_robust_gain(problem)
     assert (found.samples, found.seed, found.validation.samples) == (64, 7, 32)
-    assert list(found.uncertainty) == list(problem.robust.uncertainty)
-    other = problem.design_robust(samples=16, seed=1)
+    assert list(found.uncertainty) == list(problem.uncertainty)
+    other = pt.robust.design_robust_gain(problem.replace(samples=16, seed=1, validation=16))
     assert (other.samples, other.seed, other.validation.samples) == (16, 1, 16)
     assert other.gain != found.gain
 
@@ -175,7 +178,7 @@ def test_robust_without_uncertainty_is_refused(message):
 def test_what_only_sampling_finds_out_is_placed_too(write):
     wide = replaced("[3.32, 0.1]", "[3.32, 2.0]", UNCERTAIN)
     with pytest.raises(ScenarioFileError) as refused:
-        load_scenario(write(wide)).design_robust()
+        pt.robust.design_robust_gain(load_scenario(write(wide)))
     told = str(refused.value)
     assert told.startswith(f"approach.toml, line {line_of('[uncertainty]', wide)}: uncertainty: exponent: found -")
     assert "cut" in told or "truncated" in told
@@ -202,16 +205,16 @@ def test_the_covariance_of_a_calibration_is_taken(write, tmp_path):
     readings(tmp_path)
     text = WHOLE.replace(SENSOR, FITTED) + '[uncertainty]\nsensor.parameters = "calibration"\n'
     problem = load_scenario(write(text))
-    known = problem.robust.uncertainty["calibration"]
+    known = problem.uncertainty["calibration"]
     assert isinstance(known, CorrelatedNormal)
     assert known.names == ("sensor.distance_offset", "sensor.exponent")
     best = problem.calibration.best
     np.testing.assert_array_equal(known.covariance, best.covariance[1:, 1:])
-    found = problem.design_robust(samples=128)
+    found = pt.robust.design_robust_gain(problem.replace(samples=128, validation=128))
     assert found.gain == pytest.approx(found.nominal_gain, rel=0.05)
     own = text + 'sensor.recess = { uniform = ["0 mm", "1 mm"] }\n'
     recessed = own.replace("minimum_distance = 0", 'minimum_distance = "0 mm"\nrecess = "0.5 mm"')
-    assert list(load_scenario(write(recessed)).robust.uncertainty) == ["calibration", "sensor.recess"]
+    assert list(load_scenario(write(recessed)).uncertainty) == ["calibration", "sensor.recess"]
     told = refusal(write(text + "sensor.exponent = { normal = [2.2, 0.1] }\n"))
     assert "uncertainty.sensor.exponent: found sensor.exponent beside sensor.parameters" in told
 

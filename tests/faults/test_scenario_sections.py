@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from scenario_text import ADMITTANCE, OBJECTIVE, SENSOR, WHOLE, line_of, refusal, replaced, writer
 
+import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
 from pretouch.config.schema import SECTIONS, quantity_of_key
@@ -150,7 +151,7 @@ def test_method_and_horizon(write, message):
 def test_what_only_the_design_finds_out_is_placed_too(write):
     problem = load_scenario(write(WHOLE + '[motion]\nmethod = "closed-form"\n'))
     with pytest.raises(ScenarioFileError, match=r"^approach\.toml, line 28: motion\.method: "):
-        problem.design()
+        pt.design_gain(problem)
 
 
 def documented():

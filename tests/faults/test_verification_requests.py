@@ -24,7 +24,7 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
         (lambda: verdict(QUICK, confidence=1.0), "confidence: found 1, expected a number between 0 and 1"),
         (lambda: verdict(QUICK, gain=float("nan")), "gain: found nan"),
         (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), "bounds: found [-0.1, -1] N*s"),
-        (lambda: verdict(QUICK, seed=-1, runs=1), "seed: found -1"),
+        (lambda: verdict(replace(QUICK, seed=-1), runs=1), "seed: found -1"),
         (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without with_gain"),
         (lambda: verdict(QUICK.law), "loop: found Controller, expected a ClosedLoop"),
         (
@@ -48,7 +48,7 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
             "did you mean obstacle.velocity?",
         ),
         (
-            lambda: pt.verify_gain(SEVERAL, SENSOR, OBJECTIVE, QUICK, bounds=BOUNDS),
+            lambda: pt.verify_gain(pt.Task(SEVERAL, SENSOR, OBJECTIVE, loop=QUICK, bounds=BOUNDS)),
             "scenario: found encounters of shape (2,), expected one",
         ),
     ],

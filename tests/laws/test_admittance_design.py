@@ -15,6 +15,7 @@ from pretouch.design import (
     DesignStatus,
     Objective,
     SpringImpact,
+    Task,
     Term,
     design_admittance,
     design_gain,
@@ -63,7 +64,7 @@ def test_brute_force_finds_nothing_better(letter_encounter: Scenario, case: str,
     objective, limits = CASES[case]
     sensor = CURVES[curve]
     design = design_admittance(
-        letter_encounter, sensor, objective, bounds=BOUNDS, constraints=limits, impact=IMPACT, **FREE
+        Task(letter_encounter, sensor, objective, bounds=BOUNDS, constraints=limits, impact=IMPACT, **FREE)
     )
     assert design.status is DesignStatus.OPTIMAL
     assert design.objective <= brute(letter_encounter, objective, limits, sensor) * (1 + 1e-9)
@@ -75,7 +76,7 @@ def test_brute_force_finds_nothing_better(letter_encounter: Scenario, case: str,
 
 def test_the_answer_is_an_encounter_that_leads_to_the_objective(letter_encounter: Scenario) -> None:
     sensor = CURVES["inverse-power"]
-    design = design_admittance(letter_encounter, sensor, F1, bounds=BOUNDS, **FREE)
+    design = design_admittance(Task(letter_encounter, sensor, F1, bounds=BOUNDS, **FREE))
     again = find_contact(replace(letter_encounter, admittance=design.admittance), sensor, design.gain)
     assert float(F1.value(again.end, 0.3)) == pytest.approx(design.objective, rel=1e-9)
     assert design.admittance.natural_frequency == pytest.approx(design.natural_frequency, rel=1e-12)
@@ -95,7 +96,7 @@ def test_an_optimum_that_is_known_inside_the_bounds_is_found(letter_encounter: S
             names = (("displacement", 0.05), ("relative_velocity", 0.1), ("acceleration", 1.0))
             return 1 + sum(((np.asarray(getattr(state, n)) - getattr(wanted, n)) / s) ** 2 for n, s in names)
 
-    design = design_admittance(letter_encounter, sensor, Distance(terms=F1.terms), bounds=BOUNDS, **FREE)
+    design = design_admittance(Task(letter_encounter, sensor, Distance(terms=F1.terms), bounds=BOUNDS, **FREE))
     # an objective that is flat to 1e-14 fixes the place to 1e-7 of the quantities, which follow it a hundred times less
     assert design.objective == pytest.approx(1.0, abs=1e-10)
     assert design.natural_frequency == pytest.approx(4.2, rel=1e-3)
@@ -109,13 +110,13 @@ def test_the_better_of_two_local_minima_is_chosen(letter_encounter: Scenario) ->
     sensor = CURVES["inverse-power"]
     own = Admittance.from_natural_frequency(mass=1.0, natural_frequency=3.9)
     scenario = replace(letter_encounter, admittance=own)
-    design = design_admittance(scenario, sensor, F1, bounds=BOUNDS, damping_ratio=(0.3, 2.0))
+    design = design_admittance(Task(scenario, sensor, F1, bounds=BOUNDS, damping_ratio=(0.3, 2.0)))
     minima = design.certificate.local_minima
     assert [m.damping_ratio for m in minima] == [0.3, 2.0]
     assert minima[0].objective < minima[1].objective
     assert design.damping_ratio == 0.3
     # in the neighborhood of the other one alone, that one is the answer
-    other = design_admittance(scenario, sensor, F1, bounds=BOUNDS, damping_ratio=(1.5, 2.0))
+    other = design_admittance(Task(scenario, sensor, F1, bounds=BOUNDS, damping_ratio=(1.5, 2.0)))
     assert other.damping_ratio == 2.0
     assert other.objective == pytest.approx(minima[1].objective, rel=1e-9)
 
@@ -127,7 +128,7 @@ def test_a_multiplier_says_what_relaxing_its_limit_gains(letter_encounter: Scena
 
     def designed(value: float) -> object:
         constraint = Constraint(name=name, limit=value)
-        return design_admittance(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=[constraint], **FREE)
+        return design_admittance(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=[constraint], **FREE))
 
     design = designed(limit)
     multipliers = dict(design.certificate.active)  # type: ignore[attr-defined]
@@ -169,7 +170,7 @@ def test_derivatives_are_those_of_the_encounters(letter_encounter: Scenario, fre
 def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> None:
     sensor = CURVES["inverse-power"]
     limits = [Constraint(name="excursion", limit=0.01), Constraint(name="relative_velocity", limit=0.05)]
-    design = design_admittance(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits, **FREE)
+    design = design_admittance(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits, **FREE))
     assert design.status is DesignStatus.INFEASIBLE
     assert design.gain is None
     assert design.best_ratio > 1
@@ -178,7 +179,7 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
         _ = design.admittance
     assert json.loads(json.dumps(design.to_dict(), allow_nan=False))["status"] == "infeasible"
     still = replace(letter_encounter, obstacle=Obstacle(position=0.03))
-    design = design_admittance(still, sensor, F1, bounds=BOUNDS, **FREE)
+    design = design_admittance(Task(still, sensor, F1, bounds=BOUNDS, **FREE))
     assert design.status is DesignStatus.NO_CONTACT
     assert "end in contact" in repr(design)
 
@@ -192,14 +193,14 @@ def test_feasibility_that_the_grid_misses_is_found(letter_encounter: Scenario) -
         Constraint(name="excursion", limit=end.largest_excursion * (1 + 1e-4)),
         Constraint(name="relative_velocity", limit=-end.relative_velocity * (1 + 1e-4)),
     ]
-    design = design_admittance(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits, **FREE)
+    design = design_admittance(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits, **FREE))
     assert design.status is DesignStatus.OPTIMAL
     assert design.gain == pytest.approx(-0.123, rel=1e-2)
     assert design.map.objective.min() == np.inf
 
 
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
-    design = design_admittance(letter_encounter, CURVES["exponential-1"], F1, bounds=BOUNDS, **FREE)
+    design = design_admittance(Task(letter_encounter, CURVES["exponential-1"], F1, bounds=BOUNDS, **FREE))
     found = json.loads(json.dumps(design.to_dict(), allow_nan=False))
     assert found["gain"] == design.gain
     together = found["admittance"]
@@ -225,7 +226,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
 )
 def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        design_admittance(letter_encounter, CURVES["exponential-1"], F1, **{"bounds": BOUNDS, **change})
+        design_admittance(Task(letter_encounter, CURVES["exponential-1"], F1, **{"bounds": BOUNDS, **change}))
 
 
 @pytest.mark.parametrize("at", [(0.4, 0.3, 0.6), (0.0, 0.0, 1.0), (1.0, 0.5, 0.0)])
@@ -255,9 +256,11 @@ def test_the_map_shows_what_designing_each_gain_would_find(letter_encounter: Sce
     sensor = CURVES["inverse-power"]
     limits = [Constraint(name="acceleration", limit=3.0)]
     design = design_admittance(
-        letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits, natural_frequency=(2.0, 12.0)
+        Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits, natural_frequency=(2.0, 12.0))
     )
     for i in (0, 8, 16):
         own = Admittance.from_natural_frequency(mass=1.0, natural_frequency=design.map.natural_frequency[i])
-        alone = design_gain(replace(letter_encounter, admittance=own), sensor, F1, bounds=BOUNDS, constraints=limits)
+        alone = design_gain(
+            Task(replace(letter_encounter, admittance=own), sensor, F1, bounds=BOUNDS, constraints=limits)
+        )
         assert alone.objective * (1 - 1e-9) <= design.map.objective[i] <= alone.objective * (1 + 1e-3)

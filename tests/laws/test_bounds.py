@@ -59,17 +59,21 @@ def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: in
     uncertainty = {"obstacle.velocity": pt.robust.Uniform(low=-0.31, high=-0.29)}
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.31, -0.3, -0.29])))
     found: dict[str, Any] = {
-        "gain": pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=ends).gain,
+        "gain": pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends)).gain,
         "closed form": pt.design_gain(
-            SCENARIO, pt.ExponentialFirstOrder(scale=0.458, rate=-61.0), OBJECTIVE, bounds=ends
+            pt.Task(SCENARIO, pt.ExponentialFirstOrder(scale=0.458, rate=-61.0), OBJECTIVE, bounds=ends)
         ).gain,
-        "loop": pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, evaluate=loop_of()).gain,
-        "several": set(pt.design_gain(several, SENSOR, OBJECTIVE, bounds=ends).gain),
+        "loop": pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, evaluate=loop_of())).gain,
+        "several": set(pt.design_gain(pt.Task(several, SENSOR, OBJECTIVE, bounds=ends)).gain),
         "robust": pt.robust.design_robust_gain(
-            SCENARIO, SENSOR, OBJECTIVE, bounds=ends, uncertainty=uncertainty, samples=32, validation=32
+            pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, uncertainty=uncertainty, samples=32, validation=32)
         ).gain,
-        "verdict": pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop_of(), bounds=ends, runs=2).loss.loop_gain,
-        "admittance": pt.design_admittance(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, damping_ratio=(0.7, 1.3)).gain,
+        "verdict": pt.verify_gain(
+            pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop_of(), bounds=ends, runs=2)
+        ).loss.loop_gain,
+        "admittance": pt.design_admittance(
+            pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=ends, damping_ratio=(0.7, 1.3))
+        ).gain,
     }
     assert found == {name: {ends[which]} if name == "several" else ends[which] for name in found}
 
@@ -77,7 +81,7 @@ def test_a_design_at_a_bound_has_that_bound(ends: tuple[float, float], which: in
 def test_a_front_ends_at_the_bounds() -> None:
     """The stronger the gain, the slower the contact and the larger the excursion: both bounds are ends of the front."""
     for free in ({}, {"damping_ratio": (0.7, 1.3)}):
-        front = pt.pareto_front(SCENARIO, SENSOR, bounds=WEAK, **free)
+        front = pt.pareto_front(pt.Task(SCENARIO, SENSOR, bounds=WEAK, **free))
         assert (front.gain.min(), front.gain.max()) == WEAK
         assert not free or ((front.damping_ratio >= 0.7) & (front.damping_ratio <= 1.3)).all()
 

@@ -16,6 +16,7 @@ from pretouch.design import (
     ImpactModel,
     Objective,
     SpringImpact,
+    Task,
     Term,
     design_gain,
     excursion_objective,
@@ -62,7 +63,7 @@ def objective_at(q: list, u: object, follows: bool) -> object:
 def test_the_optimum_follows_as_in_many_digits(follows: bool) -> None:
     objective = excursion_objective(position_scale=0.5, velocity_scale="obstacle speed" if follows else 0.3)
     sensor = ExponentialFirstOrder(scale=0.458, rate=NUMBERS[7])
-    design = design_gain(encounter(), sensor, objective, bounds=BOUNDS)
+    design = design_gain(Task(encounter(), sensor, objective, bounds=BOUNDS))
     found = {s.name: s for s in design.sensitivities}
     with mp.workdps(50):
         q, step = [mpf(x) for x in NUMBERS], mpf(10) ** -12
@@ -108,9 +109,9 @@ def test_the_optimum_follows_as_designing_again_does(curve: str, case: str) -> N
 
     def gain(**changes: object) -> float:
         kept = {"bounds": BOUNDS, "constraints": limits, "impact": IMPACT}
-        return design_gain(encounter(**changes), CURVES[curve], objective, **kept).gain  # type: ignore[arg-type]
+        return design_gain(Task(encounter(**changes), CURVES[curve], objective, **kept)).gain  # type: ignore[arg-type]
 
-    design = design_gain(encounter(), CURVES[curve], objective, bounds=BOUNDS, constraints=limits, impact=IMPACT)
+    design = design_gain(Task(encounter(), CURVES[curve], objective, bounds=BOUNDS, constraints=limits, impact=IMPACT))
     assert design.certificate.at == (limits[0].name if limits else "interior")
     step = 2e-3
     gains = [gain(obstacle=Obstacle(position=0.0422, velocity=-0.3 * (1 + k * step))) for k in (-2, -1, 1, 2)]
@@ -123,7 +124,7 @@ def test_many_designs_follow_as_each_of_them(limits: tuple[Constraint, ...]) -> 
     """Some sit inside, some on the limit, some on a bound; those that cannot be met have no derivative."""
     speeds = np.array([[-0.05, -0.2, -0.3], [-0.5, -1.0, -3.0]])
     scenario = encounter(obstacle=Obstacle(position=0.0422, velocity=speeds))
-    designs = design_gain(scenario, CURVES["inverse-power"], F1, bounds=(-1.5, -0.05), constraints=limits)
+    designs = design_gain(Task(scenario, CURVES["inverse-power"], F1, bounds=(-1.5, -0.05), constraints=limits))
     for name in ("obstacle.velocity", "sensor.exponent", "reference.acceleration"):
         found = designs.gradient(name)
         assert found.shape == speeds.shape
@@ -139,14 +140,14 @@ def test_peaks_and_foreign_evaluators_keep_their_differences() -> None:
     sensor = CURVES["inverse-power"]
     peak = Objective(terms=(Term(quantity="largest_acceleration", scale=5.0), Term(quantity="time", scale=0.3)))
     for objective in (peak, F1):
-        design = design_gain(encounter(), sensor, objective, bounds=BOUNDS, evaluate=find_contact)
-        exact = design_gain(encounter(), sensor, objective, bounds=BOUNDS)
+        design = design_gain(Task(encounter(), sensor, objective, bounds=BOUNDS, evaluate=find_contact))
+        exact = design_gain(Task(encounter(), sensor, objective, bounds=BOUNDS))
         found = design.gradient("obstacle.velocity")
         assert found == pytest.approx(exact.gradient("obstacle.velocity"), rel=1e-5)  # six digits are promised
 
 
 def test_an_input_that_is_none_is_refused() -> None:
-    design = design_gain(encounter(), CURVES["table"], F1, bounds=BOUNDS)
+    design = design_gain(Task(encounter(), CURVES["table"], F1, bounds=BOUNDS))
     with pytest.raises(InvalidInputError, match=r"found 'gain', expected one of admittance\.mass"):
         design.gradient("gain")
 
@@ -163,6 +164,6 @@ def test_a_closed_form_is_followed_by_all_its_inputs() -> None:
     scenario = Scenario(
         admittance=Admittance(mass=1.0, damping=11.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
     )
-    design = design_gain(scenario, ExponentialFirstOrder(scale=1.0, rate=-61.0), F1, bounds=BOUNDS)
+    design = design_gain(Task(scenario, ExponentialFirstOrder(scale=1.0, rate=-61.0), F1, bounds=BOUNDS))
     assert len(design.sensitivities) == 13
     assert design.gradient("obstacle.velocity") > 0

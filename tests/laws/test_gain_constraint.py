@@ -31,7 +31,7 @@ def limited(limit: float, name: str = "gain") -> pt.Constraint:
 
 def design(constraints: Any = (), *, sensor: Any = EXPONENTIAL, bounds: Any = BOUNDS, **changed: Any) -> Any:
     scenario = changed.pop("scenario", SCENARIO)
-    return pt.design_gain(scenario, sensor, OBJECTIVE, bounds=bounds, constraints=constraints, **changed)
+    return pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=bounds, constraints=constraints, **changed))
 
 
 @examples(25)
@@ -123,35 +123,39 @@ def test_a_robust_gain_keeps_the_limit_in_every_sample() -> None:
     }
     for constraint in (limited(0.3), pt.robust.Required(constraint=limited(0.3), probability=0.9)):
         found = pt.robust.design_robust_gain(
-            SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[constraint], **options
+            pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[constraint], **options)
         )
         assert found.gain == pytest.approx(-0.3, rel=SAME)
         assert found.validation.limits[0].held == 1.0
     infeasible = pt.robust.design_robust_gain(
-        SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[limited(0.005)], **options
+        pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, constraints=[limited(0.005)], **options)
     )
     assert "gain cannot be held at 0.005 N s" in str(infeasible)
     worst = pt.robust.design_robust_gain(
-        SCENARIO,
-        EXPONENTIAL,
-        OBJECTIVE,
-        bounds=BOUNDS,
-        constraints=[limited(0.3)],
-        measure=pt.robust.WorstCase(),
-        **options,
+        pt.Task(
+            SCENARIO,
+            EXPONENTIAL,
+            OBJECTIVE,
+            bounds=BOUNDS,
+            constraints=[limited(0.3)],
+            measure=pt.robust.WorstCase(),
+            **options,
+        )
     )
     assert worst.gain == pytest.approx(-0.3, rel=SAME)
 
 
 def test_fronts_and_admittances_keep_the_limit() -> None:
-    front = pt.pareto_front(SCENARIO, EXPONENTIAL, bounds=BOUNDS, constraints=[limited(0.5)])
-    clipped = pt.pareto_front(SCENARIO, EXPONENTIAL, bounds=(-0.5, BOUNDS[1]))
+    front = pt.pareto_front(pt.Task(SCENARIO, EXPONENTIAL, bounds=BOUNDS, constraints=[limited(0.5)]))
+    clipped = pt.pareto_front(pt.Task(SCENARIO, EXPONENTIAL, bounds=(-0.5, BOUNDS[1])))
     assert np.abs(front.gain).max() == pytest.approx(0.5, rel=1e-6)
     assert front.values.min(axis=0) == pytest.approx(clipped.values.min(axis=0), rel=1e-6)
     found = pt.design_admittance(
-        SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), constraints=[limited(0.5)]
+        pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), constraints=[limited(0.5)])
     )
-    narrow = pt.design_admittance(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=(-0.5, BOUNDS[1]), damping_ratio=(0.7, 2.0))
+    narrow = pt.design_admittance(
+        pt.Task(SCENARIO, EXPONENTIAL, OBJECTIVE, bounds=(-0.5, BOUNDS[1]), damping_ratio=(0.7, 2.0))
+    )
     assert found.gain == pytest.approx(-0.5, rel=1e-6)
     assert found.objective == pytest.approx(narrow.objective, rel=1e-6)
     assert "gain" in dict(found.certificate.active)
@@ -180,4 +184,4 @@ def test_a_scenario_file_can_limit_the_gain(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     problem = pt.load_scenario(path)
     assert problem.constraints == (limited(0.3),)
-    assert problem.design().gain == pytest.approx(-0.3, rel=SAME)
+    assert pt.design_gain(problem).gain == pytest.approx(-0.3, rel=SAME)

@@ -19,6 +19,7 @@ from pretouch.design import (
     HertzImpact,
     Objective,
     SpringImpact,
+    Task,
     Term,
     design_gain,
     excursion_objective,
@@ -44,7 +45,7 @@ BOUNDS = (-10.0, -0.01)
 )
 def test_brute_force_finds_nothing_better(letter_encounter: Scenario, name: str, objective: Objective) -> None:
     sensor = CURVES[name]
-    design = design_gain(letter_encounter, sensor, objective, bounds=BOUNDS)
+    design = design_gain(Task(letter_encounter, sensor, objective, bounds=BOUNDS))
     gains = -np.geomspace(0.01, 10.0, 3001)
     everywhere = find_contact(letter_encounter, sensor, gains)
     values = np.where(everywhere.reached, objective.value(everywhere.end, 0.3), np.inf)
@@ -65,7 +66,7 @@ def test_the_optimum_is_global_where_there_are_several(letter_encounter: Scenari
             return 1.0 + (x + 0.09) ** 2 - 0.5 * np.exp(-(((x + 0.4) / 0.01) ** 2))
 
     objective = Valleys(terms=F1.terms)
-    design = design_gain(letter_encounter, CURVES["inverse-power"], objective, bounds=BOUNDS)
+    design = design_gain(Task(letter_encounter, CURVES["inverse-power"], objective, bounds=BOUNDS))
     assert design.result.end.displacement == pytest.approx(-0.4, abs=1e-3)
     assert len(design.certificate.local_minima) == 2
 
@@ -87,9 +88,9 @@ IMPACT = SpringImpact(robot_mass=0.5, stiffness=2e4)
 @pytest.mark.parametrize("name", LIMITS)
 def test_a_constraint_that_binds_is_met_exactly(letter_encounter: Scenario, name: str) -> None:
     sensor = CURVES["inverse-power"]
-    free = design_gain(letter_encounter, sensor, F1, bounds=BOUNDS)
+    free = design_gain(Task(letter_encounter, sensor, F1, bounds=BOUNDS))
     limit = Constraint(name=name, limit=LIMITS[name])
-    design = design_gain(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=[limit], impact=IMPACT)
+    design = design_gain(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=[limit], impact=IMPACT))
     (outcome,) = design.constraints
     assert limit.magnitude(free.result.end, IMPACT) > limit.limit, "the limit binds"
     assert design.status is DesignStatus.OPTIMAL
@@ -107,7 +108,7 @@ def test_a_constraint_that_binds_is_met_exactly(letter_encounter: Scenario, name
 def test_infeasible_names_the_constraint_and_its_nearest_value(letter_encounter: Scenario) -> None:
     sensor = CURVES["inverse-power"]
     limits = [Constraint(name="relative_velocity", limit=0.02), Constraint(name="excursion", limit=0.7)]
-    design = design_gain(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits)
+    design = design_gain(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits))
     assert design.status is DesignStatus.INFEASIBLE
     assert design.gain is None
     speed, excursion = design.constraints
@@ -121,7 +122,7 @@ def test_infeasible_names_the_constraint_and_its_nearest_value(letter_encounter:
 
 def test_constraints_that_exclude_each_other_are_reported_together(letter_encounter: Scenario) -> None:
     limits = [Constraint(name="relative_velocity", limit=0.06), Constraint(name="excursion", limit=0.06)]
-    design = design_gain(letter_encounter, CURVES["inverse-power"], F1, bounds=BOUNDS, constraints=limits)
+    design = design_gain(Task(letter_encounter, CURVES["inverse-power"], F1, bounds=BOUNDS, constraints=limits))
     assert design.status is DesignStatus.INFEASIBLE
     assert all(o.achievable for o in design.constraints)
     assert "relative_velocity and excursion cannot be held together" in str(design)
@@ -135,7 +136,7 @@ def test_no_contact_is_a_status(letter_first_order: ExponentialFirstOrder) -> No
     scenario = Scenario(
         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.03), plant=Plant()
     )
-    design = design_gain(scenario, letter_first_order, F1, bounds=BOUNDS)
+    design = design_gain(Task(scenario, letter_first_order, F1, bounds=BOUNDS))
     assert design.status is DesignStatus.NO_CONTACT
     assert design.result is None
     assert "never-in-contact" in " ".join(design.warnings)
@@ -144,10 +145,10 @@ def test_no_contact_is_a_status(letter_first_order: ExponentialFirstOrder) -> No
 
 def test_a_curve_that_starts_beyond_contact_asks_for_a_recess(letter_encounter: Scenario) -> None:
     curve = InversePower(scale=1e-4, distance_offset=0.002, exponent=2.0, minimum_distance=0.01)
-    design = design_gain(letter_encounter, curve, F1, bounds=BOUNDS)
+    design = design_gain(Task(letter_encounter, curve, F1, bounds=BOUNDS))
     assert design.status is DesignStatus.NO_CONTACT
     assert "give this as its recess" in " ".join(design.warnings)
-    sunk = design_gain(letter_encounter, Recessed(sensor=curve, recess=0.01), F1, bounds=BOUNDS)
+    sunk = design_gain(Task(letter_encounter, Recessed(sensor=curve, recess=0.01), F1, bounds=BOUNDS))
     assert sunk.status is DesignStatus.OPTIMAL
 
 
@@ -159,7 +160,7 @@ def test_sensitivities_are_those_of_designing_again(
     """d gain / d input against the difference of two designs, 1e-3 apart: good to its square."""
     sensor = CURVES[name]
     scenario = replace(letter_encounter, plant=Plant(position=0.001, velocity=-0.01))
-    design = design_gain(scenario, sensor, F1, bounds=BOUNDS, constraints=limits)
+    design = design_gain(Task(scenario, sensor, F1, bounds=BOUNDS, constraints=limits))
     found = {s.name: s for s in design.sensitivities}
     for part, field in (("obstacle", "velocity"), ("admittance", "damping"), ("plant", "position")):
         body = getattr(scenario, part)
@@ -167,7 +168,7 @@ def test_sensitivities_are_those_of_designing_again(
         gains, values = [], []
         for sign in (1, -1):
             changed = replace(scenario, **{part: replace(body, **{field: value + sign * step})})
-            again = design_gain(changed, sensor, F1, bounds=BOUNDS, constraints=limits)
+            again = design_gain(Task(changed, sensor, F1, bounds=BOUNDS, constraints=limits))
             gains.append(again.gain)
             values.append(again.objective)
         derivative = (gains[0] - gains[1]) / (2 * step)
@@ -177,17 +178,17 @@ def test_sensitivities_are_those_of_designing_again(
 
 
 def test_the_sensor_scale_has_no_influence(letter_encounter: Scenario, letter_power: InversePower) -> None:
-    design = design_gain(letter_encounter, letter_power, F1, bounds=BOUNDS)
+    design = design_gain(Task(letter_encounter, letter_power, F1, bounds=BOUNDS))
     (scale,) = (s for s in design.sensitivities if s.name == "sensor.scale")
     assert scale.gain_derivative * scale.value == pytest.approx(0.0, abs=1e-9)
-    other = design_gain(letter_encounter, replace(letter_power, scale=77.0), F1, bounds=BOUNDS)
+    other = design_gain(Task(letter_encounter, replace(letter_power, scale=77.0), F1, bounds=BOUNDS))
     assert other.gain == pytest.approx(design.gain, rel=1e-9)
 
 
 def test_what_counts_is_gain_times_slope(letter_encounter: Scenario) -> None:
     """Two sensors of constant slope: the gains differ as the slopes do, D_p g is the same."""
     designs = [
-        design_gain(letter_encounter, ExponentialFirstOrder(scale=1.0, rate=rate), F1, bounds=(-30.0, -0.001))
+        design_gain(Task(letter_encounter, ExponentialFirstOrder(scale=1.0, rate=rate), F1, bounds=(-30.0, -0.001)))
         for rate in (-61.0, -20.0)
     ]
     assert designs[0].damping_at_contact == pytest.approx(designs[1].damping_at_contact, rel=1e-7)
@@ -195,14 +196,14 @@ def test_what_counts_is_gain_times_slope(letter_encounter: Scenario) -> None:
 
 
 def test_an_optimum_on_a_bound_says_so(letter_encounter: Scenario, letter_power: InversePower) -> None:
-    design = design_gain(letter_encounter, letter_power, F1, bounds=(-0.5, -0.01))
+    design = design_gain(Task(letter_encounter, letter_power, F1, bounds=(-0.5, -0.01)))
     assert design.gain == -0.5
     assert design.certificate.at == "bound"
     assert "lies on the bound" in design.warnings[0]
 
 
 def test_bounds_may_pass_through_zero(letter_encounter: Scenario, letter_power: InversePower) -> None:
-    design = design_gain(letter_encounter, letter_power, F1, bounds=(-10.0, 0.5))
+    design = design_gain(Task(letter_encounter, letter_power, F1, bounds=(-10.0, 0.5)))
     assert round(design.gain, 4) == -0.7463
 
 
@@ -212,14 +213,14 @@ def test_a_users_own_evaluator_is_designed_with(letter_encounter: Scenario, lett
     def twice(scenario: Scenario, sensor: SensorModel, gain: object) -> object:
         return find_contact(scenario, sensor, 2 * np.asarray(gain))
 
-    design = design_gain(letter_encounter, letter_power, F1, bounds=BOUNDS, evaluate=twice)  # type: ignore[arg-type]
+    design = design_gain(Task(letter_encounter, letter_power, F1, bounds=BOUNDS, evaluate=twice))  # type: ignore[arg-type]
     assert design.gain == pytest.approx(-0.7463451 / 2, rel=1e-6)
 
 
 def test_a_minimum_flatter_than_a_parabola_is_no_corner(letter_encounter: Scenario, letter_power: InversePower) -> None:
     """Beside it (l' + 0.1)^4 is below the rounding of 1e-3 within some 3e-5 m/s: the place is known no better."""
     design = design_gain(
-        letter_encounter, letter_power, lambda state: (state.relative_velocity + 0.1) ** 4 + 1e-3, bounds=BOUNDS
+        Task(letter_encounter, letter_power, lambda state: (state.relative_velocity + 0.1) ** 4 + 1e-3, bounds=BOUNDS)
     )
     assert design.certificate is not None
     assert design.certificate.at == "interior"
@@ -281,7 +282,7 @@ def test_a_request_that_makes_no_sense_is_refused(
     letter_encounter: Scenario, letter_power: InversePower, change: dict, message: str
 ) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        design_gain(letter_encounter, letter_power, F1, **{"bounds": BOUNDS, **change})
+        design_gain(Task(letter_encounter, letter_power, F1, **{"bounds": BOUNDS, **change}))
 
 
 @pytest.mark.parametrize(
@@ -311,7 +312,7 @@ def test_an_obstacle_at_rest_has_no_speed_to_scale_with(letter_first_order: Expo
     )
     objective = time_objective(time_scale=1.0, velocity_scale="obstacle speed")
     with pytest.raises(InvalidInputError, match="obstacle at rest"):
-        design_gain(scenario, letter_first_order, objective, bounds=BOUNDS)
+        design_gain(Task(scenario, letter_first_order, objective, bounds=BOUNDS))
 
 
 def test_a_users_own_curve_is_designed_with_like_any_other(letter_encounter: Scenario) -> None:
@@ -319,14 +320,14 @@ def test_a_users_own_curve_is_designed_with_like_any_other(letter_encounter: Sce
     own = CustomSensor(
         log_output_function=lambda d: -3.32 * np.log(d + 0.0419), log_slope_function=lambda d: -3.32 / (d + 0.0419)
     )
-    ours = design_gain(letter_encounter, power, F1, bounds=BOUNDS)
-    theirs = design_gain(letter_encounter, own, F1, bounds=BOUNDS)
+    ours = design_gain(Task(letter_encounter, power, F1, bounds=BOUNDS))
+    theirs = design_gain(Task(letter_encounter, own, F1, bounds=BOUNDS))
     assert theirs.gain == pytest.approx(ours.gain, rel=1e-8)
 
 
 def test_the_report_and_the_object_say_the_same(letter_encounter: Scenario, letter_power: InversePower) -> None:
     design = design_gain(
-        letter_encounter, letter_power, F1, bounds=BOUNDS, constraints=[Constraint(name="excursion", limit=0.2)]
+        Task(letter_encounter, letter_power, F1, bounds=BOUNDS, constraints=[Constraint(name="excursion", limit=0.2)])
     )
     found = json.loads(json.dumps(design.to_dict(), allow_nan=False))
     assert found["status"] == "optimal"
@@ -354,11 +355,11 @@ def test_limits_may_leave_less_than_lies_between_two_gains_of_the_scan(
         Constraint(name="excursion", limit=there.largest_excursion * (1 + spare)),
         Constraint(name="relative_velocity", limit=abs(there.relative_velocity) * (1 + spare)),
     ]
-    design = design_gain(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits)
+    design = design_gain(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits))
     assert design.status is DesignStatus.OPTIMAL
     # both quantities change by about as much as the gain does, in proportion
     assert design.gain == pytest.approx(-0.9, rel=20 * spare)
     assert all(outcome.margin >= 0 for outcome in design.constraints)
     more = [Constraint(name=limit.name, limit=limit.limit * (1 - 3 * spare)) for limit in limits]
-    none = design_gain(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=more)
+    none = design_gain(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=more))
     assert none.status is DesignStatus.INFEASIBLE

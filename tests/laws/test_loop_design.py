@@ -47,7 +47,7 @@ def many(count: int, scenario: pt.Scenario = SCENARIO) -> pt.Scenario:
 @lru_cache(maxsize=1)
 def slow_design() -> pt.robust.RobustDesign:
     return pt.robust.design_robust_gain(
-        SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=SLOW, samples=128, validation=1024
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=SLOW, samples=128, validation=1024)
     )
 
 
@@ -107,12 +107,12 @@ def test_a_run_without_contact_ends_in_a_finite_state() -> None:
 )
 def test_the_optimum_on_the_loop_tends_to_the_ideal_one_with_the_period(sensor: pt.SensorModel) -> None:
     """Order 1: halving T halves the distance, up to a term in T^2, for which 0.1 of the order is left."""
-    ideal = pt.design_gain(SCENARIO, sensor, OBJECTIVE, bounds=BOUNDS).gain
+    ideal = pt.design_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=BOUNDS)).gain
     periods = [8e-4, 4e-4, 2e-4]
     errors = []
     for period in periods:
         bare = pt.ClosedLoop(law=controller(0.0, period), chain=pt.SensorChain(rate=1 / period))
-        found = pt.design_gain(SCENARIO, sensor, OBJECTIVE, bounds=(-3.0, -0.2), evaluate=bare)
+        found = pt.design_gain(pt.Task(SCENARIO, sensor, OBJECTIVE, bounds=(-3.0, -0.2), evaluate=bare))
         errors.append(smoothed(found, 0.1) - ideal)
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     assert abs(errors[-1]) < 0.02 * abs(ideal)
@@ -134,7 +134,7 @@ def smoothed(design: pt.GainDesign, half: float) -> float:
 def test_a_slow_sensor_has_another_optimum_and_the_ideal_gain_is_worse() -> None:
     """On 1024 fresh runs, pair by pair: more than three standard errors."""
     design = slow_design()
-    assert design.nominal_gain == pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS).gain
+    assert design.nominal_gain == pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)).gain
     loss = design.loss_of_nominal
     assert loss is not None
     assert loss.relative > 3 * loss.standard_error > 0
@@ -160,25 +160,29 @@ def test_the_samples_of_a_sensor_parameter_meet_the_same_runs() -> None:
     """Curves one by one, or all alike at once: where the curve is the same, so is every encounter."""
     alike = pt.robust.Empirical(samples=(3.32, 3.32))
     options: dict[str, Any] = {"bounds": (-1.0, -0.5), "evaluate": NOISY, "samples": 16, "validation": 16}
-    each = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, uncertainty={"sensor.exponent": alike}, **options)
-    once = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, uncertainty={}, **options)
+    each = pt.robust.design_robust_gain(
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, uncertainty={"sensor.exponent": alike}, **options)
+    )
+    once = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, uncertainty={}, **options))
     assert np.array_equal(each.outcomes().objective, once.outcomes(each.gain).objective)
     assert each.gain == pytest.approx(once.gain, rel=1e-12)
 
 
 def test_noise_counts_beside_the_inputs_that_vary() -> None:
     design = pt.robust.design_robust_gain(
-        SCENARIO,
-        SENSOR,
-        OBJECTIVE,
-        bounds=(-2.0, -0.2),
-        uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.35, high=-0.25)},
-        constraints=[
-            pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.12), probability=0.9)
-        ],
-        measure=pt.robust.ConditionalValueAtRisk(probability=0.8),
-        evaluate=NOISY,
-        samples=64,
+        pt.Task(
+            SCENARIO,
+            SENSOR,
+            OBJECTIVE,
+            bounds=(-2.0, -0.2),
+            uncertainty={"obstacle.velocity": pt.robust.Uniform(low=-0.35, high=-0.25)},
+            constraints=[
+                pt.robust.Required(constraint=pt.Constraint(name="relative_velocity", limit=0.12), probability=0.9)
+            ],
+            measure=pt.robust.ConditionalValueAtRisk(probability=0.8),
+            evaluate=NOISY,
+            samples=64,
+        )
     )
     assert design.status is pt.DesignStatus.OPTIMAL
     assert design.method == "loop"
@@ -195,7 +199,7 @@ def test_noise_counts_beside_the_inputs_that_vary() -> None:
 
 
 def test_a_design_on_a_loop_says_so() -> None:
-    design = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=NOISY)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=NOISY))
     assert design.method == "loop"
     assert line(str(design), "motion") == "sampled loop, run with every gain"
     assert "nan" not in str(design)
@@ -212,8 +216,8 @@ def test_a_design_on_a_loop_says_so() -> None:
 
 def test_a_design_on_a_loop_tells_what_the_ideal_gain_loses_there() -> None:
     still = replace(SLOW, chain=replace(SLOW.chain, noise=0.0, relative_noise=0.0))
-    design = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still)
-    alone = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still))
+    alone = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     found = design.ideal
     assert found is not None
     assert found.gain == pytest.approx(alone.gain, rel=1e-9)
@@ -227,8 +231,8 @@ def test_a_design_on_a_loop_tells_what_the_ideal_gain_loses_there() -> None:
     assert alone.ideal is None
     assert "ideal design" not in str(alone)
     slow = pt.Constraint(name="relative_velocity", limit=0.07)
-    held = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still, constraints=[slow]).ideal
-    free = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=[slow]).gain
+    held = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=still, constraints=[slow])).ideal
+    free = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, constraints=[slow])).gain
     assert held is not None
     assert held.gain == pytest.approx(free, rel=1e-6)
     ratio = abs(still(SCENARIO, SENSOR, held.gain).contact.relative_velocity) / slow.limit
@@ -242,7 +246,7 @@ def test_a_scan_of_jumps_ends() -> None:
         calls.append(np.size(gain))
         return SLOW(scenario, sensor, gain)
 
-    design = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=rough)
+    design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=rough))
     assert design.status is pt.DesignStatus.OPTIMAL
     assert sum(calls) < 10_000
 
@@ -250,10 +254,10 @@ def test_a_scan_of_jumps_ends() -> None:
 def test_each_encounter_of_an_array_keeps_its_own_noise() -> None:
     speeds = np.array([-0.3, -0.25, -0.3])
     several = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=speeds))
-    designs = pt.design_gain(several, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY)
+    designs = pt.design_gain(pt.Task(several, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY))
     for i, speed in enumerate(speeds):
         one = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=float(speed)))
-        alone = pt.design_gain(one, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY.after(i))
+        alone = pt.design_gain(pt.Task(one, SENSOR, OBJECTIVE, bounds=(-0.8, -0.6), evaluate=NOISY.after(i)))
         assert designs.gain[i] == alone.gain
     assert designs.at(2).gain == designs.gain[2]
     assert designs.gain[0] != designs.gain[2]  # the same encounter, another run
@@ -266,8 +270,8 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
     assert not isinstance(ideal, NoisyEvaluator)
     uncertainty = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
     options: dict[str, Any] = {"bounds": BOUNDS, "uncertainty": uncertainty, "samples": 64, "validation": 64}
-    theirs = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, evaluate=ideal, **options)
-    ours = pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, **options)
+    theirs = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, evaluate=ideal, **options))
+    ours = pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, **options))
     assert theirs.gain == pytest.approx(ours.gain, rel=1e-6)
     assert theirs.strongest == BOUNDS[0]  # what is proved of L(1) is not said of what others compute
     assert [one.name for one in theirs.importance] == ["obstacle.velocity"]
@@ -278,29 +282,31 @@ def test_a_function_of_the_users_is_an_evaluator() -> None:
     [
         (
             lambda: pt.robust.design_robust_gain(
-                SCENARIO,
-                SENSOR,
-                OBJECTIVE,
-                bounds=BOUNDS,
-                uncertainty={"obstacle.velocity": pt.robust.Interval(low=-0.4, high=-0.2)},
-                measure=pt.robust.WorstCase(),
-                evaluate=NOISY,
+                pt.Task(
+                    SCENARIO,
+                    SENSOR,
+                    OBJECTIVE,
+                    bounds=BOUNDS,
+                    uncertainty={"obstacle.velocity": pt.robust.Interval(low=-0.4, high=-0.2)},
+                    measure=pt.robust.WorstCase(),
+                    evaluate=NOISY,
+                )
             ),
             "WorstCase beside evaluate",
         ),
         (
-            lambda: pt.robust.design_robust_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}),
+            lambda: pt.robust.design_robust_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={})),
             "uncertainty: found none",
         ),
         (
             lambda: pt.robust.design_robust_gain(
-                SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=NOISY, samples=0
+                pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, uncertainty={}, evaluate=NOISY, samples=0)
             ),
             "samples: found 0",
         ),
         (
             lambda: pt.design_admittance(
-                SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), evaluate=NOISY
+                pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, damping_ratio=(0.7, 2.0), evaluate=NOISY)
             ),
             "a loop has the admittance of its law",
         ),
@@ -324,8 +330,8 @@ def test_the_evidence_of_a_smooth_loop_has_its_derivatives() -> None:
     """
     quiet = loop(1000.0)
     quiet = replace(quiet, law=replace(quiet.law, conditioning=pt.control.Conditioning(floor=1e-9)))  # type: ignore[type-var]
-    found = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet)
-    ideal = pt.design_gain(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS)
+    found = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet))
+    ideal = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
     assert isinstance(found.evidence, GainEvidence)
     assert found.certificate.at == "interior"
     assert found.gradient("obstacle.velocity") == pytest.approx(ideal.gradient("obstacle.velocity"), rel=0.1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pretouch._core.errors import ResultUnavailableError
-from pretouch.design import Constraint, DesignStatus, Term, design_gain, excursion_objective, time_objective
+from pretouch.design import Constraint, DesignStatus, Task, Term, design_gain, excursion_objective, time_objective
 from pretouch.design.objectives import Objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
@@ -35,7 +35,7 @@ def approaching(speeds: np.ndarray) -> Scenario:
 @pytest.mark.parametrize("objective", OBJECTIVES)
 def test_each_design_of_an_array_is_the_one_of_its_encounter(sensor: str, objective: str) -> None:
     speeds = np.array([0.02, 0.05, 0.3, 0.7, 1.0])
-    found = design_gain(approaching(speeds), SENSORS[sensor], OBJECTIVES[objective], bounds=(-10.0, -0.01))
+    found = design_gain(Task(approaching(speeds), SENSORS[sensor], OBJECTIVES[objective], bounds=(-10.0, -0.01)))
     assert found.gain.shape == found.objective.shape == found.status.shape == speeds.shape
     for i in range(len(speeds)):
         one = found.at(i)
@@ -51,7 +51,7 @@ def test_shapes_broadcast() -> None:
         admittance=Admittance(mass=np.array([[0.5], [1.0]]), damping=10.0, stiffness=25.0),
         obstacle=Obstacle(position=0.0422, velocity=np.array([-0.2, -0.3, -0.4])),
     )
-    found = design_gain(scenario, SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01))
+    found = design_gain(Task(scenario, SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01)))
     assert found.gain.shape == (2, 3)
     assert found.gain[1, 1] == pytest.approx(-0.8081335656, abs=1e-9)
     assert found.at(1, 1).gain == pytest.approx(found.gain[1, 1], rel=1e-7)
@@ -66,12 +66,14 @@ def test_an_array_may_hold_what_cannot_be_designed() -> None:
         plant=Plant(position=0.0),
     )
     found = design_gain(
-        scenario,
-        SENSORS["inverse power"],
-        OBJECTIVES["f_1"],
-        bounds=(-2.0, -0.01),
-        constraints=[Constraint(name="relative_velocity", limit=0.1)],
-        horizon=5.0,
+        Task(
+            scenario,
+            SENSORS["inverse power"],
+            OBJECTIVES["f_1"],
+            bounds=(-2.0, -0.01),
+            constraints=[Constraint(name="relative_velocity", limit=0.1)],
+            horizon=5.0,
+        )
     )
     assert found.status.tolist() == [DesignStatus.OPTIMAL, DesignStatus.INFEASIBLE, DesignStatus.NO_CONTACT]
     assert np.isfinite(found.gain).tolist() == [True, False, False]
@@ -82,7 +84,7 @@ def test_a_limit_that_binds_somewhere_binds_there() -> None:
     speeds = np.linspace(0.1, 1.0, 7)
     limit = Constraint(name="excursion", limit=0.1)
     found = design_gain(
-        approaching(speeds), SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01), constraints=[limit]
+        Task(approaching(speeds), SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01), constraints=[limit])
     )
     excursions = [found.at(i).result.contact.largest_excursion for i in range(len(speeds))]
     assert (np.array(excursions) <= 0.1 * (1 + 1e-9)).all()
@@ -91,7 +93,7 @@ def test_a_limit_that_binds_somewhere_binds_there() -> None:
 
 def test_an_array_says_how_to_get_the_evidence_of_one() -> None:
     found = design_gain(
-        approaching(np.array([0.2, 0.3])), SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01)
+        Task(approaching(np.array([0.2, 0.3])), SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01))
     )
     with pytest.raises(ResultUnavailableError, match=r"trade_off: .* choose one with \.at\(index\)"):
         _ = found.trade_off
@@ -101,5 +103,7 @@ def test_an_array_says_how_to_get_the_evidence_of_one() -> None:
 
 
 def test_an_empty_array_is_designed_at_once() -> None:
-    found = design_gain(approaching(np.zeros(0)), SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01))
+    found = design_gain(
+        Task(approaching(np.zeros(0)), SENSORS["first order"], OBJECTIVES["f_1"], bounds=(-10.0, -0.01))
+    )
     assert found.gain.shape == (0,)

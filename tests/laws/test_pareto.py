@@ -19,6 +19,7 @@ from pretouch.design import (
     Constraint,
     FrontStatus,
     SpringImpact,
+    Task,
     design_gain,
     excursion_objective,
     pareto_front,
@@ -115,7 +116,7 @@ def test_an_edge_of_what_is_feasible_is_found_to_rounding() -> None:
 
 @pytest.mark.parametrize("name", CURVES)
 def test_brute_force_over_the_gain_finds_nothing_better(letter_encounter: Scenario, name: str) -> None:
-    front = pareto_front(letter_encounter, CURVES[name], bounds=BOUNDS)
+    front = pareto_front(Task(letter_encounter, CURVES[name], bounds=BOUNDS))
     assert front.status is FrontStatus.FOUND
     everywhere = find_contact(letter_encounter, CURVES[name], -np.geomspace(0.01, 10.0, 2001))
     brute = magnitudes(everywhere, PAIR)[everywhere.reached]
@@ -130,7 +131,7 @@ def test_brute_force_over_the_gain_finds_nothing_better(letter_encounter: Scenar
     "quantities", [PAIR, ("largest_excursion", "time"), TRIPLE, ("position", "largest_virtual_force")]
 )
 def test_each_point_is_the_encounter_of_its_gain(letter_encounter: Scenario, quantities: tuple[str, ...]) -> None:
-    front = pareto_front(letter_encounter, CURVES["inverse-power"], quantities, bounds=BOUNDS)
+    front = pareto_front(Task(letter_encounter, CURVES["inverse-power"], quantities=quantities, bounds=BOUNDS))
     again = find_contact(letter_encounter, CURVES["inverse-power"], front.gain)
     assert front.values == pytest.approx(magnitudes(again, quantities), rel=1e-9)
     assert non_dominated(front.values).all()
@@ -140,7 +141,7 @@ def test_each_point_is_the_encounter_of_its_gain(letter_encounter: Scenario, qua
 
 def test_limits_end_the_front_exactly(letter_encounter: Scenario) -> None:
     limits = [Constraint(name="excursion", limit=0.05), Constraint(name="relative_velocity", limit=0.2)]
-    front = pareto_front(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits)
+    front = pareto_front(Task(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits))
     assert front.of("displacement").max() == pytest.approx(0.05, rel=1e-9)
     assert front.of("relative_velocity").max() == pytest.approx(0.2, rel=1e-9)
     assert front.meets(displacement=0.05, relative_velocity=0.2).all()
@@ -149,7 +150,9 @@ def test_limits_end_the_front_exactly(letter_encounter: Scenario) -> None:
 
 def test_quantities_that_do_not_conflict_leave_one_point(letter_encounter: Scenario) -> None:
     """Without mitigation the obstacle arrives first, and finds the plant where it was: the weakest gain is best."""
-    front = pareto_front(letter_encounter, CURVES["inverse-power"], ("time", "displacement"), bounds=BOUNDS)
+    front = pareto_front(
+        Task(letter_encounter, CURVES["inverse-power"], quantities=("time", "displacement"), bounds=BOUNDS)
+    )
     assert front.gain.tolist() == [-0.01]
     assert front.knee is None
     headline = "Time of contact and deviation from the reference do not conflict: D_p = -0.01 N s is best in both."
@@ -160,8 +163,8 @@ def test_the_optimum_of_any_weights_lies_on_the_front(letter_encounter: Scenario
     sensor = CURVES["inverse-power"]
     for weight in (0.1, 1.0, 10.0):
         objective = excursion_objective(position_scale=0.5, velocity_scale=0.3, velocity_weight=weight)
-        design = design_gain(letter_encounter, sensor, objective, bounds=BOUNDS)
-        front = pareto_front(letter_encounter, sensor, bounds=BOUNDS, choice=design)
+        design = design_gain(Task(letter_encounter, sensor, objective, bounds=BOUNDS))
+        front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, choice=design))
         assert front.choice.gain == design.gain
         # the front's points on both sides of it are 0.01 of the extent apart
         assert abs(front.choice.behind) < 0.01
@@ -170,7 +173,7 @@ def test_the_optimum_of_any_weights_lies_on_the_front(letter_encounter: Scenario
 
 def test_the_knee_is_deepest_below_the_chord(letter_encounter: Scenario) -> None:
     sensor = CURVES["inverse-power"]
-    front = pareto_front(letter_encounter, sensor, bounds=BOUNDS)
+    front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS))
     ends = front.values[[0, -1]]
     everywhere = magnitudes(find_contact(letter_encounter, sensor, -np.geomspace(0.01, 10.0, 4001)), PAIR)
     share = (everywhere - ends.min(axis=0)) / np.ptp(ends, axis=0)
@@ -188,7 +191,7 @@ def wide() -> object:
     scenario = Scenario(
         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)
     )
-    return scenario, pareto_front(scenario, CURVES["inverse-power"], bounds=BOUNDS, choice=-0.7463451, **FREE)
+    return scenario, pareto_front(Task(scenario, CURVES["inverse-power"], bounds=BOUNDS, choice=-0.7463451, **FREE))
 
 
 def test_brute_force_over_gain_and_admittance_finds_nothing_better(wide: object) -> None:
@@ -221,7 +224,7 @@ def test_freedom_of_the_admittance_moves_the_front_and_leaves_the_choice_behind(
     scenario, front = wide  # type: ignore[misc]
     assert front.free == ("gain", "natural_frequency", "damping_ratio")
     assert front.choice.behind > 0.01
-    narrow = pareto_front(scenario, CURVES["inverse-power"], bounds=BOUNDS)
+    narrow = pareto_front(Task(scenario, CURVES["inverse-power"], bounds=BOUNDS))
     for speed in (0.05, 0.1, 0.2):
         shorter = front.of("displacement")[front.of("relative_velocity") <= speed].min()
         assert shorter < narrow.of("displacement")[narrow.of("relative_velocity") <= speed].min()
@@ -230,7 +233,9 @@ def test_freedom_of_the_admittance_moves_the_front_and_leaves_the_choice_behind(
 def test_three_quantities_over_gain_and_frequency_are_not_beaten_by_brute_force(letter_encounter: Scenario) -> None:
     sensor = ExponentialFirstOrder(scale=0.458, rate=-61.0)
     quantities = ("time", "relative_velocity", "virtual_force")
-    front = pareto_front(letter_encounter, sensor, quantities, bounds=BOUNDS, natural_frequency=(2.0, 12.0))
+    front = pareto_front(
+        Task(letter_encounter, sensor, quantities=quantities, bounds=BOUNDS, natural_frequency=(2.0, 12.0))
+    )
     frequency, gain = np.meshgrid(np.geomspace(2, 12, 61), -np.geomspace(0.01, 10, 401))
     admittance = Admittance.from_natural_frequency(mass=1.0, natural_frequency=frequency)
     everywhere = find_contact(replace(letter_encounter, admittance=admittance), sensor, gain)
@@ -248,14 +253,14 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
     sensor = CURVES["inverse-power"]
     limits = [Constraint(name="excursion", limit=1e-4), Constraint(name="relative_velocity", limit=0.01)]
     for free in ({}, FREE):
-        front = pareto_front(letter_encounter, sensor, bounds=BOUNDS, constraints=limits, choice=-0.7, **free)
+        front = pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, constraints=limits, choice=-0.7, **free))
         assert front.status is FrontStatus.INFEASIBLE
         assert len(front.gain) == 0
         assert not front.choice.feasible
         assert json.loads(json.dumps(front.to_dict(), allow_nan=False))["knee"] is None
         assert str(front).startswith("Infeasible")
     still = replace(letter_encounter, obstacle=Obstacle(position=0.03))
-    front = pareto_front(still, sensor, bounds=BOUNDS, choice=-0.7)
+    front = pareto_front(Task(still, sensor, bounds=BOUNDS, choice=-0.7))
     assert front.status is FrontStatus.NO_CONTACT
     assert front.choice is None
     assert front.no_bound.startswith("found an obstacle that does not approach")
@@ -263,7 +268,7 @@ def test_infeasible_and_no_contact_are_statuses(letter_encounter: Scenario) -> N
 
 def test_a_plant_in_motion_has_a_front_but_no_bound(letter_encounter: Scenario) -> None:
     moving = replace(letter_encounter, plant=Plant(velocity=0.05))
-    front = pareto_front(moving, CURVES["inverse-power"], bounds=BOUNDS)
+    front = pareto_front(Task(moving, CURVES["inverse-power"], bounds=BOUNDS))
     assert front.comparison is None
     assert "does not rest at its reference" in str(front)
 
@@ -271,20 +276,28 @@ def test_a_plant_in_motion_has_a_front_but_no_bound(letter_encounter: Scenario) 
 def test_forces_are_traded_with_the_physical_mass(letter_encounter: Scenario) -> None:
     impact = SpringImpact(robot_mass=0.5, stiffness=2e4)
     front = pareto_front(
-        letter_encounter, CURVES["inverse-power"], ("displacement", "impact_force"), bounds=BOUNDS, impact=impact
+        Task(
+            letter_encounter,
+            CURVES["inverse-power"],
+            quantities=("displacement", "impact_force"),
+            bounds=BOUNDS,
+            impact=impact,
+        )
     )
     speed = np.abs(front.result.end.relative_velocity)
     assert front.of("impact_force") == pytest.approx(speed * math.sqrt(0.5 * 2e4), rel=1e-12)
     with pytest.raises(InvalidInputError, match="needs the physical properties"):
-        pareto_front(letter_encounter, CURVES["inverse-power"], ("displacement", "impact_force"), bounds=BOUNDS)
+        pareto_front(
+            Task(letter_encounter, CURVES["inverse-power"], quantities=("displacement", "impact_force"), bounds=BOUNDS)
+        )
 
 
 def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> None:
     sensor = CURVES["inverse-power"]
     front = pareto_front(
-        letter_encounter, sensor, bounds=BOUNDS, evaluate=lambda e, s, g: find_contact(e, s, 2 * np.asarray(g))
+        Task(letter_encounter, sensor, bounds=BOUNDS, evaluate=lambda e, s, g: find_contact(e, s, 2 * np.asarray(g)))
     )
-    plain = pareto_front(letter_encounter, sensor, bounds=(-20.0, -0.02))
+    plain = pareto_front(Task(letter_encounter, sensor, bounds=(-20.0, -0.02)))
     assert front.knee.gain == pytest.approx(plain.knee.gain / 2, rel=1e-5)
     assert front.comparison is None
     assert "is not that of L(1) from rest" in front.no_bound
@@ -292,7 +305,9 @@ def test_a_users_own_evaluator_is_traded_with(letter_encounter: Scenario) -> Non
 
 def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> None:
     limits = [Constraint(name="acceleration", limit=5.0), Constraint(name="speed", limit=0.5)]
-    front = pareto_front(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits, choice=-0.2)
+    front = pareto_front(
+        Task(letter_encounter, CURVES["inverse-power"], bounds=BOUNDS, constraints=limits, choice=-0.2)
+    )
     found = json.loads(json.dumps(front.to_dict(), allow_nan=False))
     assert found["status"] == "found"
     assert found["knee"]["gain"] == front.knee.gain
@@ -329,20 +344,20 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
 )
 def test_a_request_that_makes_no_sense_is_refused(letter_encounter: Scenario, change: dict, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        pareto_front(letter_encounter, CURVES["exponential-1"], **{"bounds": BOUNDS, **change})
+        pareto_front(Task(letter_encounter, CURVES["exponential-1"], **{"bounds": BOUNDS, **change}))
 
 
 def test_arrays_and_admittances_without_a_ratio_are_refused(letter_encounter: Scenario) -> None:
     sensor = CURVES["exponential-1"]
     many = replace(letter_encounter, obstacle=Obstacle(position=0.04, velocity=[-0.1, -0.2]))
     with pytest.raises(InvalidInputError, match="array of encounters of shape"):
-        pareto_front(many, sensor, bounds=BOUNDS)
+        pareto_front(Task(many, sensor, bounds=BOUNDS))
     free = replace(letter_encounter, admittance=Admittance(mass=1.0, damping=1.0, stiffness=0.0))
-    assert pareto_front(free, sensor, bounds=BOUNDS).status is FrontStatus.FOUND
+    assert pareto_front(Task(free, sensor, bounds=BOUNDS)).status is FrontStatus.FOUND
     with pytest.raises(InvalidInputError, match="no damping ratio to keep"):
-        pareto_front(free, sensor, bounds=BOUNDS, natural_frequency=(1.0, 2.0))
+        pareto_front(Task(free, sensor, bounds=BOUNDS, natural_frequency=(1.0, 2.0)))
     with pytest.raises(InvalidInputError, match="no such ratio"):
-        pareto_front(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0))
-    designs = design_gain(many, sensor, F1, bounds=BOUNDS)
+        pareto_front(Task(free, sensor, bounds=BOUNDS, damping_ratio=(1.0, 2.0)))
+    designs = design_gain(Task(many, sensor, F1, bounds=BOUNDS))
     with pytest.raises(InvalidInputError, match="array of designs"):
-        pareto_front(letter_encounter, sensor, bounds=BOUNDS, choice=designs)
+        pareto_front(Task(letter_encounter, sensor, bounds=BOUNDS, choice=designs))

@@ -10,7 +10,7 @@ import pytest
 from scipy import optimize, stats
 
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
-from pretouch.design import Constraint, DesignStatus, Objective, design_gain, excursion_objective
+from pretouch.design import Constraint, DesignStatus, Objective, Task, design_gain, excursion_objective
 from pretouch.design.robust import (
     ConditionalValueAtRisk,
     Expected,
@@ -42,7 +42,7 @@ MEASURES = (Expected(), Quantile(probability=0.9), ConditionalValueAtRisk(probab
 
 def design(sensor: SensorModel = CONSTANT, *, scenario: Scenario = SCENARIO, **given: object) -> RobustDesign:
     asked = {"uncertainty": SPEED, "samples": 256, "validation": 256, "bounds": BOUNDS, **given}
-    return design_robust_gain(scenario, sensor, asked.pop("objective", OBJECTIVE), **asked)  # type: ignore[arg-type]
+    return design_robust_gain(Task(scenario, sensor, asked.pop("objective", OBJECTIVE), **asked))  # type: ignore[arg-type]
 
 
 def limit(name: str, size: float, probability: float = 1.0) -> Required:
@@ -259,7 +259,7 @@ def test_the_samples_of_the_validation_are_not_those_of_the_design() -> None:
 
 @pytest.mark.parametrize("measure", MEASURES, ids=lambda m: m.label)
 def test_the_nominal_gain_is_what_is_left_as_uncertainty_goes(measure: Measure) -> None:
-    nominal = design_gain(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS)
+    nominal = design_gain(Task(SCENARIO, CONSTANT, OBJECTIVE, bounds=BOUNDS))
     slope = next(s.gain_derivative for s in nominal.sensitivities if s.name == "obstacle.velocity")
     for width in (1e-3, 1e-5):
         found = design(
@@ -318,7 +318,7 @@ def test_the_price_of_inputs_that_go_together_follows_them() -> None:
             "distance_offset": mean[1] + rho * error[1] / error[0] * (float(together.value[0]) - mean[0]),
         },
     )
-    direct = design_gain(SCENARIO, moved, OBJECTIVE, bounds=BOUNDS)
+    direct = design_gain(Task(SCENARIO, moved, OBJECTIVE, bounds=BOUNDS))
     assert together.best_gain[0] == pytest.approx(direct.gain, rel=1e-9)
 
 

@@ -251,7 +251,7 @@ def test_uncertain_inputs_make_other_encounters_and_sensors() -> None:
 def test_a_verdict_is_the_same_for_the_same_seed_and_another_for_another() -> None:
     first, again = (verdict(NOISY, constraints=[velocity_limit(0.1)]).to_dict() for _ in range(2))
     assert first == again
-    other = verdict(NOISY, constraints=[velocity_limit(0.1)], seed=5).to_dict()
+    other = verdict(replace(NOISY, seed=5), constraints=[velocity_limit(0.1)]).to_dict()
     assert other["seed"] == 5
     assert other["comparisons"] != first["comparisons"]
 
@@ -303,7 +303,7 @@ def test_the_objective_of_a_run_is_that_of_its_contact() -> None:
 def test_an_objective_of_forces_is_that_of_the_runs() -> None:
     objective = pt.Objective(terms=(pt.Term(quantity="virtual_force", scale=10.0),))
     options: dict[str, Any] = {"bounds": (-10.0, -0.01), "gain": -0.7463, "constraints": [velocity_limit(0.08)]}
-    found = pt.verify_gain(SCENARIO, SENSOR, objective, NOISY, runs=60, **options)
+    found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, objective, loop=NOISY, runs=60, **options))
     assert found.loss is not None
     assert found.mitigated is not None
     assert found.loss.objective == pytest.approx(((found.mitigated.virtual_force / 10.0) ** 2).mean())

@@ -65,7 +65,7 @@ def test_a_calibration_with_its_offset_holds(tmp_path: Path) -> None:
     file = write_scene(tmp_path, SCENE, far=0.06, no_object=True)
     problem = pt.load_scenario(file)
     assert problem.calibration.verdict == "usable"
-    found = problem.verify(changes=False)
+    found = pt.verify_gain(problem, changes=False)
     check = found.calibration_check
     assert found.status.value == "holds"
     assert check.is_good_enough
@@ -80,11 +80,11 @@ def test_a_calibration_whose_offset_is_withheld_is_not_good_enough(
 ) -> None:
     """8 distances up to 14 mm, extended to 45 mm: with the offset no sensor fails, without it 16 of 100."""
     file = write_scene(tmp_path, ON_ITS_LIMIT, far=0.014, no_object=True, seed=4)
-    known = pt.load_scenario(file).verify(changes=False).calibration_check
+    known = pt.verify_gain(pt.load_scenario(file), changes=False).calibration_check
     assert known.failing == 0
     file = write_scene(tmp_path, ON_ITS_LIMIT, far=0.014, no_object=False, seed=4)
     problem = pt.load_scenario(file)
-    found = problem.verify(changes=False)
+    found = pt.verify_gain(problem, changes=False)
     check = found.calibration_check
     assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
     assert check.reason in found.reasons
@@ -140,7 +140,8 @@ def judged(make: Callable[[np.random.Generator], Drawn], sensor: Any = SENSOR, *
     chain = {"offset": 0.05} | options.pop("chain", {})
     loop = loop_of(rate=1000.0, conditioning={"offset": 0.05}, **chain)
     return pt.verify_gain(
-        SCENARIO, sensor, OBJECTIVE, loop, bounds=BOUNDS, runs=2, changes=False, calibration=known, **options
+        pt.Task(SCENARIO, sensor, OBJECTIVE, loop=loop, bounds=BOUNDS, runs=2, calibration=known, **options),
+        changes=False,
     )
 
 
@@ -215,10 +216,13 @@ def test_drawn_curves_are_sunk_and_extended_as_the_fitted_one_and_what_cannot_be
 
 def test_without_a_calibration_or_with_too_few_readings_nothing_is_said() -> None:
     loop = loop_of(rate=1000.0)
-    given: dict[str, Any] = {"bounds": BOUNDS, "runs": 2, "changes": False}
-    assert pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop, **given).calibration_check is None
+    given: dict[str, Any] = {"bounds": BOUNDS, "runs": 2}
+    assert (
+        pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, **given), changes=False).calibration_check
+        is None
+    )
     few = replace(report(), curves=None)
-    found = pt.verify_gain(SCENARIO, SENSOR, OBJECTIVE, loop, calibration=few, **given)
+    found = pt.verify_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=loop, calibration=few, **given), changes=False)
     assert found.calibration_check is None
     assert any("too few to tell which other curves" in warning for warning in found.warnings)
     assert found.to_dict()["calibration_check"] is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pretouch.design import Objective, design_gain, excursion_objective, time_objective
+from pretouch.design import Objective, Task, design_gain, excursion_objective, time_objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
 
@@ -18,7 +18,7 @@ def f1() -> Objective:
 
 
 def test_the_power_model(letter_encounter: Scenario, letter_power: InversePower, f1: Objective) -> None:
-    design = design_gain(letter_encounter, letter_power, f1, bounds=BOUNDS)
+    design = design_gain(Task(letter_encounter, letter_power, f1, bounds=BOUNDS))
     assert round(design.gain, 4) == -0.7463
     assert round(design.objective, 5) == 0.10698
 
@@ -26,14 +26,14 @@ def test_the_power_model(letter_encounter: Scenario, letter_power: InversePower,
 def test_the_first_order_model(
     letter_encounter: Scenario, letter_first_order: ExponentialFirstOrder, f1: Objective
 ) -> None:
-    assert round(design_gain(letter_encounter, letter_first_order, f1, bounds=BOUNDS).gain, 4) == -0.8081
+    assert round(design_gain(Task(letter_encounter, letter_first_order, f1, bounds=BOUNDS)).gain, 4) == -0.8081
 
 
 @pytest.mark.parametrize(("method", "gain"), [("integration", -0.7682), ("uniform-motion", -0.6904)])
 def test_the_second_order_model(
     letter_encounter: Scenario, letter_second_order: ExponentialSecondOrder, f1: Objective, method: str, gain: float
 ) -> None:
-    design = design_gain(letter_encounter, letter_second_order, f1, bounds=BOUNDS, method=method)
+    design = design_gain(Task(letter_encounter, letter_second_order, f1, bounds=BOUNDS, method=method))
     assert round(design.gain, 4) == gain
     assert any("one particular motion" in w for w in design.warnings) == (method == "uniform-motion")
 
@@ -46,7 +46,7 @@ def test_tracking_motion_disruption() -> None:
         plant=Plant(position=-0.1),
     )
     sensor = ExponentialFirstOrder(scale=1.25, rate=-63.46)
-    design = design_gain(scenario, sensor, time_objective(time_scale=1.0, velocity_scale=0.01), bounds=BOUNDS)
+    design = design_gain(Task(scenario, sensor, time_objective(time_scale=1.0, velocity_scale=0.01), bounds=BOUNDS))
     assert round(design.gain, 4) == -0.5704
     times = find_contact(scenario, sensor, [-0.1, -0.5, -0.6, -0.7, -1.0, -10.0]).contact.time
     assert np.round(times[:-1], 3).tolist() == [0.687, 1.751, 2.018, 2.284, 3.084]
@@ -96,4 +96,4 @@ def test_figure_6_depends_on_the_velocity_scale(
     )
     for scale, expected, digits in (("obstacle speed", following, 2 if speed < 0.5 else 3), (0.3, fixed, 3)):
         objective = excursion_objective(position_scale=0.5, velocity_scale=scale)  # type: ignore[arg-type]
-        assert round(design_gain(scenario, letter_power, objective, bounds=BOUNDS).gain, digits) == expected
+        assert round(design_gain(Task(scenario, letter_power, objective, bounds=BOUNDS)).gain, digits) == expected

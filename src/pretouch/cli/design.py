@@ -17,6 +17,8 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
 
     Exit status: 0 optimal, 1 no gain meets the constraints or ends in contact, 2 a mistake in the request.
     """
-    problem = load(file, "searching gains")
-    found = problem.design_admittance() if problem.is_admittance_free else problem.design()
-    shown.show(found, f"{file.stem}-design.html", problem, good=found.status == "optimal")
+    from pretouch.design import design_admittance, design_gain  # noqa: PLC0415 - `pretouch --help` stays quick
+
+    task = load(file, "searching gains")
+    found = design_admittance(task) if task.is_admittance_free else design_gain(task)
+    shown.show(found, f"{file.stem}-design.html", task, good=found.status == "optimal")

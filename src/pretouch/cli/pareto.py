@@ -17,6 +17,8 @@ def pareto(shown: Presentation, *, file: ScenarioFile) -> None:
 
     Exit status: 0 a front was found, 1 no choice meets the constraints or ends in contact, 2 a mistake in the request.
     """
-    problem = load(file, "tracing what can be traded")
-    found = problem.trade_off()
-    shown.show(found, f"{file.stem}-pareto.html", problem, good=found.status == "found")
+    from pretouch.design import pareto_front  # noqa: PLC0415 - `pretouch --help` stays quick
+
+    task = load(file, "tracing what can be traded")
+    found = pareto_front(task)
+    shown.show(found, f"{file.stem}-pareto.html", task, good=found.status == "found")

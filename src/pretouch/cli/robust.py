@@ -35,6 +35,9 @@ def robust(
     Exit status: 0 optimal, 1 no gain meets the constraints or ends in contact as often as it must, 2 a mistake in the
     request.
     """
-    problem = load(file, "sampling encounters")
-    found = problem.design_robust(samples=samples, seed=seed)
-    shown.show(found, f"{file.stem}-robust.html", problem, good=found.status == "optimal")
+    from pretouch.design.robust import design_robust_gain  # noqa: PLC0415 - `pretouch --help` stays quick
+
+    task = load(file, "sampling encounters")
+    named = {"samples": samples, "validation": samples, "seed": seed}
+    found = design_robust_gain(task.replace(**{name: value for name, value in named.items() if value is not None}))
+    shown.show(found, f"{file.stem}-robust.html", task, good=found.status == "optimal")

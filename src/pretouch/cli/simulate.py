@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .options import LoopFile, LoopGain, LoopSeed, read_gain
-from .terminal import Presentation, load, verb
+from .terminal import Presentation, load_loop, verb
 
 __all__ = ["simulate"]
 
@@ -18,7 +18,8 @@ def simulate(shown: Presentation, *, file: LoopFile, gain: LoopGain = None, seed
 
     Exit status: 0 the run ended in contact, 1 it did not, 2 a mistake in the request.
     """
-    fixed = read_gain(gain)
-    problem = load(file, "running the loop")
-    found = problem.simulate_encounter(gain=fixed, seed=seed)
-    shown.show(found, f"{file.stem}-simulate.html", problem, good=bool(found.run.touched.all()))
+    from pretouch.verification import simulate_encounter  # noqa: PLC0415 - `pretouch --help` stays quick
+
+    task = load_loop(file, "running the loop", gain=read_gain(gain), seed=seed)
+    found = simulate_encounter(task)
+    shown.show(found, f"{file.stem}-simulate.html", task, good=bool(found.run.touched.all()))

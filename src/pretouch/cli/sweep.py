@@ -13,12 +13,12 @@ from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.json_text import as_json
 
 from .options import ScenarioFile, read_gain
-from .terminal import conclude, end, print_message, print_progress, print_text
+from .terminal import conclude, end, print_message, print_progress, print_text, reservations_about
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pretouch.config import DesignProblem
+    from pretouch.design import Task
     from pretouch.sweep import Progress
     from pretouch.uncertainty import Reservations
 
@@ -80,16 +80,17 @@ def sweep(
 
     def run() -> None:
         from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
+        from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
-        problem = load_scenario(file)
         fixed = read_gain(gain)
-        axes = _axes(problem, axis, fixed)
+        task = load_scenario(file).replace(gain=fixed)
+        axes = _axes(task, axis)
         if figure is not None:
             _check_figure(figure, axes, force=force)
         try:
-            found = problem.sweep(
+            found = run_sweep(
+                task,
                 axes,
-                gain=fixed,
                 results=result or None,
                 output=output,
                 overwrite=force,
@@ -100,27 +101,21 @@ def sweep(
             if output is not None:
                 print_message("interrupted; the same command goes on from here")
             raise
-        _present(found, problem.reservations(), output, figure, json=json, force=force)
+        _present(found, reservations_about(task, task.replace(gain=None)), output, figure, json=json, force=force)
 
     conclude(run, json_wanted=json)
 
 
-def _axes(problem: DesignProblem, texts: list[str], gain: float | None) -> dict[str, Any]:
+def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
     """Read the axes; which inputs there are depends on whether gains are designed."""
     from pretouch.config.axis_text import read_axis  # noqa: PLC0415
-    from pretouch.sweep.held import Held  # noqa: PLC0415
+    from pretouch.sweep.inputs import inputs_of  # noqa: PLC0415
 
-    contacts = gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
-    held = Held(
-        scenario=problem.scenario,
-        sensor=problem.sensor,
-        objective=None if contacts else problem.objective,
-        constraints=problem.constraints,
-        impact=problem.impact,
-    )
+    contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
+    known = inputs_of(task.replace(objective=None) if contacts else task)
     axes: dict[str, Any] = {}
     for text in texts:
-        name, values = read_axis(text, held.inputs())
+        name, values = read_axis(text, known)
         if name in axes:
             raise InvalidInputError(f"--axis: found {name} twice, expected every input once")
         axes[name] = values

@@ -6,7 +6,7 @@ import inspect
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -20,7 +20,8 @@ from pretouch._core.json_text import as_json
 from .options import Force, Json, Output, Report
 
 if TYPE_CHECKING:
-    from pretouch.config import DesignProblem
+    from pretouch.design import Task
+    from pretouch.uncertainty import Reservations
 
 __all__ = [
     "MISTAKE",
@@ -115,7 +116,7 @@ def _write(stream: Any, text: str) -> None:
     stream.flush()
 
 
-def load(file: Path, doing: str) -> DesignProblem:
+def load(file: Path, doing: str) -> Task:
     """Load a scenario file, and tell what will be done with it.
 
     Args:
@@ -127,9 +128,35 @@ def load(file: Path, doing: str) -> DesignProblem:
     """
     from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
 
-    problem = load_scenario(file)
+    task = load_scenario(file)
     print_progress(f"{file}: {doing}")
-    return problem
+    return task
+
+
+def load_loop(file: Path, doing: str, *, gain: float | None, seed: int | None) -> Task:
+    """Load a scenario file with a loop, as `load` does.
+
+    Args:
+        file: the file.
+        doing: what a person waits for.
+        gain: D_p [N s] in the place of that of the file; None for that.
+        seed: of the noise, likewise.
+
+    Returns:
+        The task.
+    """
+    task = load(file, doing)
+    loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
+    return task.replace(loop=loop, gain=task.gain if gain is None else gain)
+
+
+def reservations_about(task: Task, answer: Any) -> Reservations | None:
+    """Tell what the calibration of a sensor leaves open of an answer; None where the sensor is given by parameters."""
+    if task.calibration is None:
+        return None
+    from pretouch.uncertainty import reservations_of  # noqa: PLC0415 - the compiled kernels, only when needed
+
+    return reservations_of(task.calibration, answer)
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
@@ -173,35 +200,35 @@ class Presentation:
     report: bool
     force: bool
 
-    def show(self, result: Any, default: str, problem: DesignProblem | None = None, *, good: bool) -> None:
+    def show(self, result: Any, default: str, task: Task | None = None, *, good: bool) -> None:
         """Print a result, write its report, and end with the exit code of its answer.
 
         Args:
             result: what one of the verbs returned: text for a person, an object (`to_dict`) for a program, and a page.
             default: name of the report where none is given.
-            problem: the file that it was computed from, with the calibration of its sensor.
+            task: what it was computed from, with the calibration of its sensor.
             good: whether the result is what was asked for.
         """
         target = self.output or Path(default)
-        reservations = None if problem is None else problem.reservations(result)
+        reservations = None if task is None else reservations_about(task, result)
         if self.json:
             found = result.to_dict()
             text = as_json(found if reservations is None else reservations.around_dict(found))
             if self.output is not None:
-                self._write(result, target, problem)
+                self._write(result, target, task)
             print_text(text)
         else:
             print_text(str(result) if reservations is None else reservations.around_text(str(result)))
             if self.report:
-                self._write(result, target, problem)
+                self._write(result, target, task)
                 print_text(f"\nReport with figures: {target}")
         end(good=good)
 
-    def _write(self, result: Any, target: Path, problem: DesignProblem | None) -> None:
+    def _write(self, result: Any, target: Path, task: Task | None) -> None:
         from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
         known: dict[str, Any] = {}
-        if problem is not None:
-            known = {"calibration": problem.calibration, "source": problem.source}
+        if task is not None:
+            known = {"calibration": task.calibration, "source": task.source}
         print_progress(f"{target}: drawing the report")
         write_report(result, target, overwrite=self.force or is_own_unchanged(target), **known)

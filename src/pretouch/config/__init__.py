@@ -1,7 +1,6 @@
-"""The scenario file: TOML with units, checked against a schema, to a design problem."""
+"""The scenario file: TOML with units, checked against a schema, to a task."""
 
 from .loading import load_scenario
-from .problem import DesignProblem
 from .source import ScenarioSource
 
-__all__ = ["DesignProblem", "ScenarioSource", "load_scenario"]
+__all__ = ["ScenarioSource", "load_scenario"]

@@ -1,20 +1,19 @@
-"""The one verb of this folder: a scenario file in, a design problem out."""
+"""The one verb of this folder: a scenario file in, a task out."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import ScenarioFileError
 from pretouch._core.units import format_quantity
+from pretouch.design.task import Task
 
 from .building import Builder
 from .document import Document, listed
-from .problem import DesignProblem
 from .reading import read_sections
-from .requests import LoopRequest
-from .robust import robust_request
+from .robust import robust_fields
 from .schema import LOOP_SECTIONS
 from .sensor_sections import CalibratedSensor
 from .source import ScenarioSource
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["load_scenario"]
 
 
-def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
+def load_scenario(path: str | os.PathLike[str]) -> Task:
     """Read a scenario file (TOML); docs/scenario-file.md lists its sections and keys.
 
     A sensor that is given by its calibration is fitted here; the path of the calibration is relative to the file.
@@ -36,8 +35,8 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         path: the file.
 
     Returns:
-        Everything that `design_gain` takes, `.design()` calls it; and where the file has [uncertainty], what
-        `design_robust_gain` takes, `.design_robust()` calls that; with [chain] and [controller] also the sampled loop.
+        The task that every verb takes: `design_gain(load_scenario(path))`. Where the file has [uncertainty], also
+        what `design_robust_gain` needs; with [chain] and [controller] the sampled loop of `verify_gain`.
 
     Raises:
         ScenarioFileError: the file has mistakes. The message has one sentence for each: line, key, what was found,
@@ -66,8 +65,8 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     file = pathlib.Path(folder, "approach.toml")
         ...     _ = file.write_text(text)
-        ...     problem = load_scenario(file)
-        >>> problem.scenario.distance, problem.bounds
+        ...     task = load_scenario(file)
+        >>> task.scenario.distance, task.bounds
         (0.0422, (-10.0, -0.01))
     """
     document = Document.open(path)
@@ -83,26 +82,25 @@ def load_scenario(path: str | os.PathLike[str]) -> DesignProblem:
     sensor, calibration = builder.sensor()
     if sensor is not None and scenario is not None:
         builder.check_range(sensor, scenario, calibration)
-    robust = robust_request(builder, scenario=scenario, sensor=sensor, calibration=calibration, constraints=constraints)
-    loop = _loop(builder, scenario, sensor, calibration)
+    robust = robust_fields(builder, scenario=scenario, sensor=sensor, calibration=calibration, constraints=constraints)
+    looped = _loop(builder, scenario, sensor, calibration)
     mistakes += builder.mistakes
     if mistakes or scenario is None or sensor is None or objective is None or bounds is None:
         raise ScenarioFileError(listed(document.path, mistakes))
-    return DesignProblem(
-        scenario=scenario,
-        sensor=sensor,
-        objective=objective,
+    return Task(
+        scenario,
+        sensor,
+        objective,
         bounds=bounds,
-        constraints=constraints,
         impact=impact,
         method=method,
         horizon=horizon,
-        natural_frequency_bounds=natural_frequency,
-        damping_ratio_bounds=damping_ratio,
+        natural_frequency=natural_frequency,
+        damping_ratio=damping_ratio,
         quantities=quantities,
         choice=choice,
-        robust=robust,
-        loop=loop,
+        **robust,
+        **looped,
         calibration=calibration,
         source=ScenarioSource(
             path=document.path,
@@ -127,10 +125,10 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
 
 def _loop(
     builder: Builder, scenario: Scenario | None, sensor: SensorModel | None, calibration: CalibrationReport | None
-) -> LoopRequest | None:
-    """Build the sampled loop, where the file says anything of one."""
+) -> dict[str, Any]:
+    """Build the sampled loop and what is asked of it, where the file says anything of one."""
     if not any(name in builder.document.data for name in LOOP_SECTIONS):
-        return None
-    from .loop import loop_request  # noqa: PLC0415 - the simulation, only for a file with a loop
+        return {}
+    from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
 
-    return loop_request(builder, scenario=scenario, sensor=sensor, calibration=calibration)
+    return loop_fields(builder, scenario=scenario, sensor=sensor, calibration=calibration)

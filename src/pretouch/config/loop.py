@@ -24,7 +24,6 @@ from pretouch.simulation import (
 from .loop_law import controller_of, refuse_a_curve_below_the_floor
 from .loop_sections import CONTACTS, PLANTS, ChainSection, ControllerSection, KindSection, LoopSection
 from .output_units import refuse_mixed_units
-from .requests import LoopRequest
 from .schema import LOOP_SECTIONS, SECTIONS
 from .section import nearest, one_of
 from .sensor_sections import CalibratedSensor
@@ -34,19 +33,19 @@ if TYPE_CHECKING:
 
     from .building import Builder
 
-__all__ = ["loop_request"]
+__all__ = ["loop_fields"]
 
 _FITTED: Final = ("noise", "relative_noise", "misfit", "misfit_length", "offset")
 _NEEDED: Final = {"chain": 'part = "VCNL4010" or rate = "250 Hz"', "controller": 'rate = "1 kHz"'}
 
 
-def loop_request(
+def loop_fields(
     builder: Builder,
     *,
     scenario: Scenario | None,
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
-) -> LoopRequest | None:
+) -> dict[str, Any]:
     """Build the loop; what contradicts itself becomes a mistake of the builder.
 
     Args:
@@ -56,7 +55,7 @@ def loop_request(
         calibration: the report of its fit, where it was fitted.
 
     Returns:
-        The request; None where it has mistakes.
+        The fields of the task that speak of the loop; none where it has mistakes.
     """
     _refuse_a_part_alone(builder)
     plant, contact = _plant(builder), _contact(builder)
@@ -68,33 +67,29 @@ def loop_request(
             "the limit of stability belongs to one admittance",
         )
     if calibration is None and isinstance(builder.sections.get("sensor"), CalibratedSensor):
-        return None  # the fit failed, and noise and offset with it
+        return {}  # the fit failed, and noise and offset with it
     part = _part(builder)
     refuse_mixed_units(builder, part, calibration)
     chain = _chain(builder, part, calibration)
     section = builder.sections.get("controller")
     if chain is None or scenario is None or not isinstance(section, ControllerSection):
-        return None
+        return {}
     controller = controller_of(builder, section, chain, scenario, isinstance(plant, PositionPlant))
     if controller is None or plant is None:
-        return None
+        return {}
     if sensor is not None:
         refuse_a_curve_below_the_floor(builder, sensor, controller.conditioning, part)
-    return LoopRequest(
-        loop=ClosedLoop(
-            law=controller,
-            chain=chain,
-            plant=plant,
-            contact=contact,
-            seed=asked.seed,
-            horizon=asked.horizon,
-            follow=asked.follow,
-        ),
-        gain=section.gain,
-        runs=asked.runs,
-        part=part,
-        stability_margin=asked.stability_margin,
+    loop = ClosedLoop(
+        law=controller,
+        chain=chain,
+        plant=plant,
+        contact=contact,
+        seed=asked.seed,
+        horizon=asked.horizon,
+        follow=asked.follow,
     )
+    asks = {"runs": asked.runs, "stability_margin": asked.stability_margin}
+    return {"loop": loop, "gain": section.gain, "part": part, **asks}
 
 
 def _refuse_a_part_alone(builder: Builder) -> None:

@@ -26,7 +26,6 @@ from pretouch.uncertainty import (
 )
 
 from .positions import KeyPath
-from .requests import RobustRequest
 from .robust_sections import FROM_CALIBRATION, KnownInput, RobustSection, UncertaintySection
 
 if TYPE_CHECKING:
@@ -34,17 +33,17 @@ if TYPE_CHECKING:
 
     from .building import Builder
 
-__all__ = ["robust_request"]
+__all__ = ["robust_fields"]
 
 
-def robust_request(
+def robust_fields(
     builder: Builder,
     *,
     scenario: Scenario | None,
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
     constraints: tuple[Constraint, ...],
-) -> RobustRequest:
+) -> dict[str, Any]:
     """Build what is asked of a robust gain; what contradicts itself becomes a mistake of the builder.
 
     Args:
@@ -55,7 +54,7 @@ def robust_request(
         constraints: the limits.
 
     Returns:
-        The request.
+        The fields of the task that speak of a robust gain, and the constraints with their probabilities.
     """
     section = cast("RobustSection", builder.sections.get("robust", RobustSection()))
     if "robust" in builder.document.data and "uncertainty" not in builder.document.data:
@@ -67,16 +66,13 @@ def robust_request(
     known = _uncertainty(builder, section.measure, sensor, calibration)
     if scenario is not None and sensor is not None and known and not builder.mistakes:
         _check_middle(builder, scenario, sensor, known)
-    return RobustRequest(
-        uncertainty=known,
-        measure=_measure(section),
-        constraints=tuple(_required(builder, section, constraints)),
-        samples=section.samples,
-        validation=section.validation,
-        seed=section.seed,
-        sampling=section.sampling,
-        confidence=section.confidence,
-    )
+    same = ("samples", "validation", "seed", "sampling", "confidence")
+    return {
+        "uncertainty": known,
+        "measure": _measure(section),
+        "constraints": tuple(_required(builder, section, constraints)),
+        **{name: getattr(section, name) for name in same},
+    }
 
 
 def _measure(section: RobustSection) -> Measure:
@@ -88,7 +84,9 @@ def _measure(section: RobustSection) -> Measure:
     return WorstCase() if section.measure == "worst-case" else Expected()
 
 
-def _required(builder: Builder, section: RobustSection, constraints: tuple[Constraint, ...]) -> Iterator[Required]:
+def _required(
+    builder: Builder, section: RobustSection, constraints: tuple[Constraint, ...]
+) -> Iterator[Constraint | Required]:
     limited = {c.name for c in constraints}
     for name in section.required:
         if name not in limited:
@@ -97,7 +95,8 @@ def _required(builder: Builder, section: RobustSection, constraints: tuple[Const
                 f"found a probability for a limit that is not given, expected {name} in [constraints]",
             )
     for constraint in constraints:
-        yield Required(constraint=constraint, probability=section.required.get(constraint.name, 1.0))
+        probability = section.required.get(constraint.name)
+        yield constraint if probability is None else Required(constraint=constraint, probability=probability)
 
 
 def _uncertainty(

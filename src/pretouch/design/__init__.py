@@ -13,6 +13,7 @@ from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
 from .quantities import QUANTITY_UNITS, quantity_of
 from .result import GainDesign
+from .task import Task
 
 __all__ = [
     "CONSTRAINT_NAMES",
@@ -40,6 +41,7 @@ __all__ = [
     "PhysicalBound",
     "Sensitivity",
     "SpringImpact",
+    "Task",
     "Term",
     "TradeOff",
     "design_admittance",

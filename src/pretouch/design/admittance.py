@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -11,20 +10,16 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.motion import Scenario
-from pretouch.sensors import SensorModel
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
-from .constraints import Constraint
-from .gain import design
-from .impact import ImpactModel
-from .own_objective import AnyObjective, as_objective
-from .problem import Evaluator, GainProblem
+from .gain import design, gain_problem
 from .result import GainDesign
 from .search import HELD, GainAxis
 from .search.freedom import make_freedom
 from .search.local import descend, kkt_residual
 from .search.trials import Trials
+from .task import Task, placed
 
 __all__ = ["design_admittance"]
 
@@ -41,20 +36,8 @@ _ZOOMS: Final = 3
 _ONE: Final = np.ones(1)
 
 
-def design_admittance(
-    scenario: Scenario,
-    sensor: SensorModel,
-    objective: AnyObjective,
-    *,
-    bounds: tuple[float, float],
-    natural_frequency: tuple[float, float] | None = None,
-    damping_ratio: tuple[float, float] | None = None,
-    constraints: Sequence[Constraint] = (),
-    impact: ImpactModel | None = None,
-    method: str = "auto",
-    horizon: float = 600.0,
-    evaluate: Evaluator | None = None,
-) -> AdmittanceDesign:
+@placed
+def design_admittance(task: Task) -> AdmittanceDesign:
     """Find the gain D_p together with the natural frequency, the damping ratio or both that minimize an objective.
 
     A grid over all that is free shows where the minima lie; from each, SciPy's SLSQP goes to the minimum, with exact
@@ -62,17 +45,8 @@ def design_admittance(
     in finding it, and by a whole design of the gain at the admittance that was found.
 
     Args:
-        scenario: one encounter; its virtual mass is kept, and so is what is not free.
-        sensor: the sensor curve.
-        objective: what is minimized, as in `design_gain`.
-        bounds: smallest and largest gain [N s]; mitigating gains are negative.
-        natural_frequency: bounds of sqrt(K_a / M_a) [rad/s]; None keeps that of the scenario.
-        damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)); None keeps that of the scenario.
-        constraints: limits that the encounter must keep.
-        impact: physical properties, for objectives and constraints on forces.
-        method: how encounters are solved, as in `find_contact`.
-        horizon: how long to wait for contact [s].
-        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and gains.
+        task: one encounter, the objective, the bounds, which of natural frequency and damping ratio is free, and where
+            given constraints, impact, method, horizon and `evaluate`.
 
     Returns:
         The design, with that of the gain at the chosen admittance; infeasible and no-contact are statuses of it.
@@ -84,7 +58,7 @@ def design_admittance(
         >>> from pretouch.design import Constraint, excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import ExponentialFirstOrder
-        >>> design = design_admittance(
+        >>> task = Task(
         ...     Scenario(
         ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
@@ -94,34 +68,25 @@ def design_admittance(
         ...     bounds=(-10.0, -0.01),
         ...     damping_ratio=(0.7, 2.0),
         ... )
+        >>> design = design_admittance(task)
         >>> round(design.gain, 3), design.damping_ratio
         (-1.256, 2.0)
         >>> round(design.objective, 4), round(design.as_it_is.objective, 4)
         (0.1441, 0.1564)
     """
-    if natural_frequency is None and damping_ratio is None:
+    if not task.is_admittance_free:
         raise InvalidInputError(
             "natural_frequency: found neither it nor damping_ratio free, expected bounds of at least one; "
             "use design_gain for the gain alone"
         )
-    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
-    problem = GainProblem(
-        scenario=scenario,
-        sensor=sensor,
-        objective=as_objective(objective),
-        constraints=tuple(constraints),
-        impact=impact,
-        axis=freedom.axis,
-        method=method,
-        horizon=horizon,
-        evaluator=evaluate,
-    )
+    freedom = make_freedom(task.scenario, task.stable_bounds(), task.natural_frequency, task.damping_ratio)
+    problem = gain_problem(task, freedom.axis)
     trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
     def gain_at(encounter: Scenario, axis: GainAxis = problem.axis) -> GainDesign:
         return design(replace(problem, scenario=encounter, axis=axis))
 
-    as_it_is = gain_at(scenario)
+    as_it_is = gain_at(task.scenario)
     search = _AdmittanceSearch(trials)
     found = search.minima()
     for _ in range(_ROUNDS if found else 0):

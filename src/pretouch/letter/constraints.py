@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from pretouch.design import Constraint, GainDesign, design_gain
+from pretouch.design import Constraint, GainDesign, Task, design_gain
 
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
@@ -16,14 +16,14 @@ PROGRAM: Final = Program(
     "Section VI-B: limits on the range of motion and on the relative velocity as inequality constraints.",
     ONE_APPROACH,
     """\
-f_1 = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+task = pt.Task(scenario, sensor, pt.excursion_objective(position_scale=0.5, velocity_scale=0.3), bounds=(-10, -0.01))
 limits = np.linspace(0.05, 0.13, 41)
 excursions = [pt.Constraint(name="excursion", limit=limit) for limit in limits]
 velocity = pt.Constraint(name="relative_velocity", limit=0.09)
 cases = {"range of motion limited": [], "relative velocity, too": [velocity]}
 gains, speeds = {}, {}
 for name, more in cases.items():
-    designs = [pt.design_gain(scenario, sensor, f_1, bounds=(-10, -0.01), constraints=[e, *more]) for e in excursions]
+    designs = [pt.design_gain(task.replace(constraints=[e, *more])) for e in excursions]
     gains[name] = [d.gain or np.nan for d in designs]
     speeds[name] = [-d.result.contact.relative_velocity if d.result else np.nan for d in designs]
 panels = {"optimal gain D_p [N s]": (gains, {}), "speed at contact [m/s]": (speeds, {"limit of the velocity": 0.09})}
@@ -68,7 +68,7 @@ def reproduce(ran: Ran) -> Reproduction:
 
 def _design(limits: dict[str, float]) -> GainDesign:
     constraints = [Constraint(name=name, limit=limit) for name, limit in limits.items()]
-    return design_gain(approach(), sensor("inverse-power"), f_1(), bounds=BOUNDS, constraints=constraints)
+    return design_gain(Task(approach(), sensor("inverse-power"), f_1(), bounds=BOUNDS, constraints=constraints))
 
 
 def _held(designs: Sequence[GainDesign]) -> Finding:

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.design import Objective, design_gain, excursion_objective, time_objective
+from pretouch.design import Objective, Task, design_gain, excursion_objective, time_objective
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 
@@ -140,7 +140,7 @@ def best_gain(
     curve: SensorModel, scenario: Scenario | None = None, objective: Objective | None = None, method: str = "auto"
 ) -> float:
     """Return the optimal gain within BOUNDS [N s], by f_1 of the approach where nothing else is named; NaN for none."""
-    found = design_gain(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method).gain
+    found = design_gain(Task(scenario or approach(), curve, objective or f_1(), bounds=BOUNDS, method=method)).gain
     return float("nan") if found is None else found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from pretouch.design import Constraint, GainDesign, design_gain
+from pretouch.design import Constraint, GainDesign, Task, design_gain
 
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
@@ -25,7 +25,7 @@ designs, curves, marks = {}, [], []
 for name, impact in impacts.items():
     force = pt.Term(quantity="impact_force", scale=impact.peak_force(0.3))
     goal = pt.Objective(terms=(excursion, force))
-    found = designs[name] = pt.design_gain(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact)
+    found = designs[name] = pt.design_gain(pt.Task(scenario, sensor, goal, bounds=(-10.0, -0.01), impact=impact))
     curves.append(pt.report.Curve(x=-gains, y=impact.peak_force(speeds), label=name))
     least = impact.peak_force(found.result.contact.relative_velocity)
     marks.append(pt.report.Mark(x=-found.gain, y=least, label=f"optimum {found.gain:.3f} N s", shape="ring"))
@@ -42,9 +42,9 @@ def reproduce(ran: Ran) -> Reproduction:
     limited = {"constraints": [Constraint(name="impact_force", limit=LIMIT)], "impact": impacts["linear spring"]}
     problem = (approach(), sensor("inverse-power"), f_1())
     designs: dict[str, GainDesign] = {
-        "speed, f₁": design_gain(*problem, bounds=BOUNDS),
+        "speed, f₁": design_gain(Task(*problem, bounds=BOUNDS)),
         **{f"force, {name}": design for name, design in by_force.items()},
-        f"f₁, force ≤ {LIMIT} N": design_gain(*problem, bounds=BOUNDS, **limited),
+        f"f₁, force ≤ {LIMIT} N": design_gain(Task(*problem, bounds=BOUNDS, **limited)),
     }
     gains = {name: float("nan") if d.gain is None else d.gain for name, d in designs.items()}
     at = [d.result.contact for d in designs.values() if d.result is not None]

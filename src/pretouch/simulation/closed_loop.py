@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
+from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
@@ -24,6 +25,8 @@ from .layout import RESULT_COLUMNS
 from .plant import IdealPlant, PlantModel
 from .result import SimulationResult
 from .running import FOLLOW, HORIZON, check_loop, result_of, run_loop, runs_of, whole
+from .stability import GainLimit, gain_limit, passed_distances
+from .timing import timing_of
 
 __all__ = ["ClosedLoop"]
 
@@ -162,6 +165,59 @@ class ClosedLoop:
             What `simulate` returns; the i-th encounter meets the noise of run `first_run` + i.
         """
         return result_of(self._loop(scenario, tuple(sensors), gain, None, each=True))
+
+    def stability_limit(self, scenario: Scenario, sensor: SensorModel) -> GainLimit:
+        """Find the strongest gain that is stable at all distances that an encounter passes, from its start to contact.
+
+        Args:
+            scenario: the encounter.
+            sensor: the sensor curve.
+
+        Returns:
+            The limit; some milliseconds of work.
+
+        Raises:
+            InvalidInputError: nothing is known of the timing of the law.
+        """
+        law: Any = self.law
+        if not isinstance(law, Controller):
+            raise InvalidInputError(
+                f"stability: found a law ({type(law).__name__}) that is no Controller, whose timing is not known"
+            )
+        return gain_limit(
+            sensor,
+            scenario.admittance,
+            timing_of(self.chain, law),
+            distance=passed_distances(sensor, float(scenario.distance)),
+            plant=self.plant,
+        )
+
+    def stable_bounds(
+        self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
+    ) -> tuple[float, float]:
+        """Cut bounds of the gain so that it keeps a margin to instability.
+
+        Args:
+            bounds: gains D_p [N s].
+            scenario: the encounter.
+            sensor: the sensor curve.
+            margin: by how much the gain must be able to grow until the loop is unstable.
+
+        Returns:
+            The bounds [N s].
+
+        Raises:
+            InvalidInputError: nothing is left of them.
+        """
+        strongest = self.stability_limit(scenario, sensor).strongest / margin
+        low, high = max(bounds[0], strongest), min(bounds[1], -strongest)
+        if not low < high:
+            raise InvalidInputError(
+                f"stability_margin: found {margin:g}, which allows gains up to {strongest:.4g} N*s, but [gain] has "
+                f"bounds from {bounds[0]:g} to {bounds[1]:g} N*s, expected a smaller margin, weaker gains, a faster "
+                "sensor or a larger virtual mass"
+            )
+        return low, high
 
     def _loop(
         self,

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
+from pretouch.design import Task
 
-from .held import ENCOUNTER_INPUTS, Held
+from .inputs import ENCOUNTER_INPUTS, inputs_of
 
 __all__ = ["Axes", "Axis", "make_axes"]
 
@@ -50,7 +51,7 @@ class Axis(Value):
         return replace(self, columns={name: values[which] for name, values in self.columns.items()})
 
 
-def make_axes(axes: Axes, held: Held) -> tuple[Axis, ...]:
+def make_axes(axes: Axes, held: Task) -> tuple[Axis, ...]:
     """Check axes as they were given.
 
     Args:
@@ -67,7 +68,7 @@ def make_axes(axes: Axes, held: Held) -> tuple[Axis, ...]:
         raise InvalidInputError(
             'axes: found none, expected input names and values, such as {"obstacle.velocity": [-0.3, -0.2]}'
         )
-    known = held.inputs()
+    known = inputs_of(held)
     found = tuple(_axis(str(name), given, known) for name, given in axes.items())
     names = [name for axis in found for name in axis.columns]
     twice = next((name for name in names if names.count(name) > 1), None)

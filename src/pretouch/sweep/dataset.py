@@ -9,6 +9,7 @@ import numpy as np
 
 from pretouch._core.extras import require
 
+from .inputs import inputs_of
 from .plan import Plan
 from .provenance import attributes_of
 from .results import STATUS, result_attributes
@@ -31,7 +32,7 @@ def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
     """
     xarray = require("xarray")
     coords: dict[str, Any] = {}
-    units = plan.held.inputs()
+    units = inputs_of(plan.held)
     for axis in plan.axes:
         if axis.zipped:
             coords[axis.name] = (axis.name, np.arange(len(axis)), {"long_name": f"{axis.name} number"})

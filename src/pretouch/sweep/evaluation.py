@@ -8,12 +8,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch.design import design_gain
+from pretouch.design import Task, design_gain
 from pretouch.motion import ContactStatus, find_contact
 from pretouch.motion.inputs import scenario_with
 
 from .axes import Axis
-from .held import ENCOUNTER_INPUTS, Held
+from .inputs import ENCOUNTER_INPUTS
 from .plan import Plan, Region, held_at
 from .results import DESIGN_CODES, DESIGN_UNITS, STATUS, is_known_without_contact, read
 
@@ -61,27 +61,19 @@ def _values(axes: Sequence[Axis]) -> Columns:
     return values
 
 
-def _columns(held: Held, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Solve encounters that share a sensor and whatever else the solver takes once."""
     position = values.get("obstacle.position", np.full((1,) * len(plan.axes), held.scenario.obstacle.position))
     changed = {name: value for name, value in values.items() if name != "gain"}
     scenario = scenario_with(held.scenario, {**changed, "obstacle.position": position})
     options: dict[str, Any] = {"method": held.method, "horizon": held.horizon}
-    if held.objective is None or held.bounds is None:
+    if not plan.designs:
         gain: Any = values.get("gain", held.gain)
         contact = find_contact(scenario, held.sensor, gain, **options)
         found: dict[str, NDArray[Any]] = {STATUS: np.asarray(contact.status, dtype=np.int8)}
         good = found[STATUS] == ContactStatus.CONTACT
     else:
-        design = design_gain(
-            scenario,
-            held.sensor,
-            held.objective,
-            bounds=held.bounds,
-            constraints=held.constraints,
-            impact=held.impact,
-            **options,
-        )
+        design = design_gain(held.replace(scenario=scenario))
         words = np.asarray(design.status)
         status = np.zeros(words.shape, dtype=np.int8)
         for word, code in DESIGN_CODES.items():

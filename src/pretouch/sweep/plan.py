@@ -12,12 +12,12 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import finite, positive
-from pretouch.design import OBSTACLE_SPEED
+from pretouch.design import OBSTACLE_SPEED, Task
 from pretouch.design.own_objective import OwnObjective
 from pretouch.motion.inputs import scenario_with
 
 from .axes import Axes, Axis, make_axes
-from .held import ENCOUNTER_INPUTS, Held, with_input
+from .inputs import ENCOUNTER_INPUTS, with_input
 from .results import WHOLE_MOTION, check_results
 
 __all__ = ["Plan", "Region", "held_at", "make_plan", "part_of", "part_shape"]
@@ -51,7 +51,7 @@ class Plan:
         chunk: shape of a chunk: what one call of the solver computes and one file of a store holds.
     """
 
-    held: Held
+    held: Task
     axes: tuple[Axis, ...]
     results: tuple[str, ...]
     seed: int | None
@@ -111,7 +111,7 @@ class Plan:
 
 
 def make_plan(
-    held: Held, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
+    held: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
     """Check a request and cut it into chunks.
 
@@ -140,11 +140,6 @@ def make_plan(
         raise InvalidInputError(
             f"gain: found {what}, expected one of: gain=..., an axis 'gain', or objective=... with bounds=..."
         )
-    if designs and (held.gain is not None or held.bounds is None):
-        what = "a gain beside an objective" if held.bounds else "an objective without bounds"
-        raise InvalidInputError(f"gain: found {what}, expected objective=... with bounds=..., which chooses the gain")
-    if not designs and held.constraints:
-        raise InvalidInputError("constraints: found some without an objective, expected them only beside objective=...")
     names = check_results(results, designs=designs, impact=held.impact)
     clash = next((axis.name for axis in found if axis.name in (*names, "status", "finished", "block")), None)
     if clash is not None:
@@ -158,10 +153,10 @@ def make_plan(
     return plan
 
 
-def _chunk_size(held: Held, results: tuple[str, ...]) -> int:
+def _chunk_size(held: Task, results: tuple[str, ...]) -> int:
     asked = set(results)
     if held.objective is not None:
-        asked |= {term.quantity for term in held.objective.terms} | {c.quantity for c in held.constraints}
+        asked |= {term.quantity for term in held.goal.terms} | {c.quantity for c in held.limits}
     curved = held.sensor.constant_log_slope is None or held.method == "integration"
     whole = bool(asked & WHOLE_MOTION) or isinstance(held.objective, OwnObjective)  # which may ask for anything
     return _CHUNK[held.objective is not None, curved, whole]
@@ -226,12 +221,12 @@ def _check_values(plan: Plan) -> None:
     _check_distances(plan)
     velocities = next((a.columns["obstacle.velocity"] for a in plan.axes if "obstacle.velocity" in a.columns), None)
     moving = bool(scenario.obstacle.velocity != 0 if velocities is None else np.all(velocities != 0))
-    terms = plan.held.objective.terms if plan.held.objective else ()
+    terms = plan.held.goal.terms if plan.designs else ()
     if not moving and any(term.scale == OBSTACLE_SPEED for term in terms):
         raise InvalidInputError(f"scale: {OBSTACLE_SPEED!r} cannot scale the speed of an obstacle at rest")
 
 
-def held_at(held: Held, axes: Sequence[Axis], index: Sequence[int]) -> Held:
+def held_at(held: Task, axes: Sequence[Axis], index: Sequence[int]) -> Task:
     """Set every input that one call of the solver takes once to its value at an index of these axes."""
     for axis, i in zip(axes, index, strict=True):
         for name, values in axis.columns.items():

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.errors import InvalidInputError, OutOfRangeError, OutputExistsError
 from pretouch._core.extras import require
 from pretouch._core.numbers import finite
-from pretouch.design import Constraint, ImpactModel
-from pretouch.design.own_objective import AnyObjective, as_objective
-from pretouch.motion import Scenario
-from pretouch.sensors import SensorModel
+from pretouch.design import Task
+from pretouch.design.task import placed
 
 from .axes import Axes
 from .cluster import connected, run_on, worker_count
 from .executors import BlockRecord, Progress, chunks_per_block, regions_of, run_here, size_of
-from .held import Held
 from .netcdf import open_netcdf, write_netcdf
 from .plan import Plan, make_plan
 from .provenance import DIGEST, attributes_of, differing_parts
@@ -35,21 +32,14 @@ __all__ = ["sweep"]
 
 _NETCDF: Final = (".nc", ".nc4")
 _ZARR: Final = ".zarr"
+_MOVE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
 
 
 def sweep(
-    scenario: Scenario,
-    sensor: SensorModel,
+    task: Task,
     axes: Axes,
     *,
     results: Sequence[str] | None = None,
-    gain: float | None = None,
-    objective: AnyObjective | None = None,
-    bounds: tuple[float, float] | None = None,
-    constraints: Sequence[Constraint] = (),
-    impact: ImpactModel | None = None,
-    method: str = "auto",
-    horizon: float = 600.0,
     output: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     dask: Any = None,
@@ -62,8 +52,9 @@ def sweep(
     where an earlier one was ended, by whatever, and computes no finished block again.
 
     Args:
-        scenario: one encounter; what it says holds where no axis says otherwise.
-        sensor: the sensor curve, likewise.
+        task: one encounter with its sensor; what it says holds where no axis says otherwise. Where a gain is given or
+            an axis, contacts are found; else each encounter gets its optimal gain, by objective, bounds, constraints
+            and, where no axis moves the limit of stability, the stability margin.
         axes: values of inputs, in SI. A name is an input: `gain`; `admittance.mass`, `.damping`, `.stiffness`,
             `.natural_frequency`, `.damping_ratio`; any quantity of `obstacle`, `plant`, `reference`; `sensor.` with a
             parameter of the curve, or `recess`; `impact.` with a property; for designs `constraint.` with the name of
@@ -72,13 +63,6 @@ def sweep(
         results: quantities of `ContactState`, `drive_force`, `impact_force`, `closest_distance`, `settling_distance`,
             `impulse_residual`; for designs also `gain` and `objective`, with all quantities at the optimum. The default
             is few of them; a status always comes with them.
-        gain: D_p [N s] of all encounters, where it is no axis and not designed.
-        objective: what designs minimize, as in `design_gain`; given, each encounter gets its optimal gain.
-        bounds: smallest and largest gain of designs [N s].
-        constraints: limits that designs keep.
-        impact: physical properties, for forces.
-        method: how encounters are solved, as in `find_contact`.
-        horizon: how long to wait for contact [s].
         output: a Zarr folder `NAME.zarr` or a NetCDF file `NAME.nc`; None for a dataset in memory.
         overwrite: whether another sweep that stands at the output may be replaced; nothing else ever is.
         dask: address of a Dask scheduler, or a `distributed.Client`; its workers write to the output themselves.
@@ -91,35 +75,33 @@ def sweep(
 
     Raises:
         InvalidInputError: the request makes no sense, or an output cannot be written.
+        OutOfRangeError: an encounter starts outside the range of the sensor.
 
     Examples:
         >>> import numpy as np
-        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import ExponentialFirstOrder
-        >>> found = sweep(
+        >>> task = Task(
         ...     Scenario(
         ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         ...         obstacle=Obstacle(position=0.0422),
         ...     ),
         ...     ExponentialFirstOrder(scale=0.458, rate=-61.0),
+        ... )
+        >>> found = sweep(
+        ...     task,
         ...     {"obstacle.velocity": [-0.3, -0.2], "gain": np.linspace(-1.0, -0.1, 10)},
         ...     results=["relative_velocity"],
         ... )
         >>> dict(found["relative_velocity"].sizes)
         {'obstacle.velocity': 2, 'gain': 10}
     """
-    held = Held(
-        scenario=scenario,
-        sensor=sensor,
-        gain=None if gain is None else _one(gain),
-        objective=None if objective is None else as_objective(objective),
-        bounds=bounds,
-        constraints=tuple(constraints),
-        impact=impact,
-        method=method,
-        horizon=horizon,
-    )
-    plan = make_plan(held, axes, results=results, seed=seed)
+    try:
+        plan = make_plan(_held(task, axes), axes, results=results, seed=seed)
+    except OutOfRangeError as error:
+        if task.source is None:
+            raise
+        raise OutOfRangeError(task.source.explained(error)) from error
     require("xarray")
     target = None if output is None else Path(output)
     if target is None:
@@ -133,6 +115,28 @@ def sweep(
     if target.suffix != _ZARR:
         raise InvalidInputError(f"output: found {str(target)!r}, expected a name that ends in {_ZARR} or {_NETCDF[0]}")
     return _to_zarr(plan, target, overwrite=overwrite, dask=dask, progress=progress).dataset()
+
+
+def _held(task: Task, axes: Axes) -> Task:
+    """Return what the sweep holds: without an objective where gains are given, else with bounds that are stable."""
+    names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
+    if task.gain is not None or "gain" in names or task.objective is None:
+        gain = None if task.gain is None else _one(task.gain)
+        return task.replace(gain=gain, objective=None, source=None, evaluate=None)
+    bounds = _stable_bounds(task, names)
+    return task.replace(bounds=bounds, constraints=task.limits, stability_margin=None, source=None, evaluate=None)
+
+
+@placed
+def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
+    """Return the bounds for a sweep; refuse axes for which one limit of stability does not hold."""
+    moving = [name for name in names if name.startswith(_MOVE_THE_LIMIT)]
+    if moving and task.stability_margin is not None:
+        raise InvalidInputError(
+            f"stability_margin: found a margin beside a sweep over {moving[0]}, with which the limit of stability "
+            "moves, expected none; leave it out, or sweep with a given gain"
+        )
+    return task.stable_bounds()
 
 
 def _one(gain: Any) -> float:

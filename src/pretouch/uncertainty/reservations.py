@@ -186,7 +186,7 @@ def reservations_of(report: CalibrationReport, answer: _Answer) -> Reservations:
 
     Args:
         report: the report of the fit that the sensor comes from.
-        answer: a result of any verb, or a scenario file: what has `scenario` and `sensor`, and `gain` where it has one.
+        answer: a result of any verb, or a task: what has `scenario` and `sensor`, and `gain` where it has one.
 
     Returns:
         The reservations.

@@ -171,9 +171,9 @@ class LoopProblem:
         What it says of each run until contact is the same to the bit.
         """
         asked = self.draws.asked
-        own = isinstance(asked.objective, OwnObjective)
+        own = isinstance(asked.task.goal, OwnObjective)
         needed = {limit.constraint.quantity for limit in asked.limits}
-        needed |= set() if own else {term.quantity for term in asked.objective.terms}
+        needed |= set() if own else {term.quantity for term in asked.task.goal.terms}
         return loop if own or needed & _IN_CONTACT else replace(loop, follow=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
@@ -199,11 +199,11 @@ class LoopProblem:
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.asked.impact)
+        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.asked.task.impact)
         return np.where(result.touched & np.isfinite(found), np.abs(found) / limit.constraint.limit, np.inf)
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        objective, impact = self.draws.asked.objective, self.draws.asked.impact
+        objective, impact = self.draws.asked.task.goal, self.draws.asked.task.impact
         speed, value = self.draws.speed[: result.shape[0]], np.zeros(result.shape)
         if isinstance(objective, OwnObjective):
             state = ContactState(_Runs(result, gain, loop, impact))

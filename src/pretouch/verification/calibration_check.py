@@ -142,15 +142,15 @@ def check_calibration(r: VerdictRequest, gain: float) -> CalibrationCheck | None
     None without a calibration, where its readings are too few to tell what they allow, and where the fitted curve
     itself comes to no contact.
     """
-    report = r.calibration
+    report = r.task.calibration
     if report is None or report.curves is None or report.offset is None:
         return None
     chain = _quiet(r.loop.chain)
-    nominal = DrawnCurve(sensor=r.sensor, offset=report.offset.value)
+    nominal = DrawnCurve(sensor=r.task.sensor, offset=report.offset.value)
     promised = _run(r, gain, replace(chain, misfit=0.0), (nominal,))
     if np.isnan(promised.speed[0]):
         return None
-    drawn = tuple(_mounted(curve, r.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
+    drawn = tuple(_mounted(curve, r.task.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
     found = _run(r, gain, chain, drawn)
     missing, harder, broken = found.failures(promised)
     ends = [finite_or_none(v) for v in np.quantile(found.speed, (0.05, 0.5, 0.95))]
@@ -204,7 +204,7 @@ def _mounted(drawn: DrawnCurve, like: SensorModel) -> DrawnCurve | None:
 
 def _run(r: VerdictRequest, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
     """Run the nominal encounter once on each sensor, the i-th with the misfit of the i-th run."""
-    own = 0.0 if r.calibration is None or r.calibration.offset is None else r.calibration.offset.value
+    own = 0.0 if r.task.calibration is None or r.task.calibration.offset is None else r.task.calibration.offset.value
     limits = [limit.constraint for limit in r.limits if limit.constraint.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
@@ -212,12 +212,12 @@ def _run(r: VerdictRequest, gain: float, chain: SensorChain, sensors: tuple[Draw
             continue
         there = replace(chain, offset=chain.offset + drawn.offset - own)
         loop = replace(r.loop.after(i), chain=there)
-        result = loop.run(r.scenario, drawn.sensor, gain)
+        result = loop.run(r.task.scenario, drawn.sensor, gain)
         if not np.all(result.touched):
             continue
         speed[i] = abs(float(result.relative_velocity))
         for k, limit in enumerate(limits):
-            quantity = simulated_quantity(limit.quantity, result, gain, loop, r.impact)
+            quantity = simulated_quantity(limit.quantity, result, gain, loop, r.task.impact)
             ratios[i, k] = abs(float(quantity)) / limit.limit
     return _Outcome(speed=speed, ratios=ratios)
 
@@ -228,15 +228,15 @@ def _decisive(r: VerdictRequest, gain: float, drawn: tuple[DrawnCurve | None, ..
     Offset and curve are open together: a pedestal that is moved bends the curve through the same readings. So what is
     left where the offset is known is told by those of many draws whose offset is nearest to the fitted one.
     """
-    report, chain = r.calibration, _quiet(r.loop.chain)
+    report, chain = r.task.calibration, _quiet(r.loop.chain)
     if report is None or report.curves is None or report.offset is None:  # nothing was drawn
         return ""
     value = report.offset.value
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
-    fitted = DrawnCurve(sensor=r.sensor, offset=value)
+    fitted = DrawnCurve(sensor=r.task.sensor, offset=value)
     smooth = _run(r, gain, replace(chain, misfit=0.0), drawn).badness(promised)
-    known = _run(r, gain, chain, tuple(_mounted(curve, r.sensor) for curve in nearest)).badness(promised)
+    known = _run(r, gain, chain, tuple(_mounted(curve, r.task.sensor) for curve in nearest)).badness(promised)
     rest = _run(r, gain, chain, (fitted,) * _DRAWS).badness(promised)
     if chain.misfit and smooth < rest:
         return "misfit"
@@ -246,7 +246,7 @@ def _decisive(r: VerdictRequest, gain: float, drawn: tuple[DrawnCurve | None, ..
 
 def _remedy(r: VerdictRequest, report: CalibrationReport, decisive: str) -> str:
     """Say what to measure."""
-    window, recess = report.window, getattr(r.sensor, "recess", 0.0)
+    window, recess = report.window, getattr(r.task.sensor, "recess", 0.0)
     if decisive == "offset":
         again = "again, more often, " if report.offset is not None and report.offset.kind == "measured" else ""
         return f"record the output {again}with no object in range, and give it to the calibration as no_object"
@@ -261,7 +261,7 @@ def _remedy(r: VerdictRequest, report: CalibrationReport, decisive: str) -> str:
     if window.l_min - recess > _CLOSE:
         deeper = recess_in_words(window.l_min)
         parts.append(f'nearer than {format_quantity(window.l_min, "m")}, or sink the sensor by recess = "{deeper}"')
-    start = float(np.max(r.scenario.distance))
+    start = float(np.max(r.task.scenario.distance))
     if window.l_max - recess < start:
         parts.append(f"out to {format_quantity(start + recess, 'm')}")
     if report.offset is not None and report.offset.kind == "fitted":

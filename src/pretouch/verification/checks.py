@@ -243,7 +243,7 @@ def check_limits(
                 required=required,
                 predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, asked.foreseen_impact),
                 held=count / len(ratio),
-                low=least_probability(count, len(ratio), asked.confidence),
+                low=least_probability(count, len(ratio), asked.task.confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
                 source=_source_of(constraint.quantity, asked.loop),

@@ -159,14 +159,14 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
         if known.limit is not None:
-            after = stability_margin(limit_of(candidate.loop, asked.sensor, known.distance), gain)
+            after = stability_margin(limit_of(candidate.loop, asked.task.sensor, known.distance), gain)
         found.append(_compared(candidate, gain, part, replace(outcomes, margin=after)))
     return _loss(asked, known, optimum, None if optimum.gain is None else best), tuple(sorted(found, key=_rank))
 
 
 def compared_runs(problem: LoopProblem) -> int:
     """Return how many of the runs changes and gains are compared by."""
-    return min(problem.draws.asked.runs, _COMPARED_SENSORS if problem.draws.sensors else _COMPARED)
+    return min(problem.draws.asked.task.runs, _COMPARED_SENSORS if problem.draws.sensors else _COMPARED)
 
 
 def _first(result: SimulationResult, count: int) -> SimulationResult:
@@ -176,7 +176,7 @@ def _first(result: SimulationResult, count: int) -> SimulationResult:
 
 def _approach(asked: VerdictRequest, known: Verified) -> Approach:
     """Return what changes are measured by; readings are noisiest where ln xi deviates most, from contact to start."""
-    sensor, c = asked.sensor, asked.loop.chain
+    sensor, c = asked.task.sensor, asked.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(known.distance)))
     xi = np.exp(np.asarray(sensor.log_output(known.distance)))
     noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
@@ -188,9 +188,9 @@ def _approach(asked: VerdictRequest, known: Verified) -> Approach:
 def _loss(asked: VerdictRequest, known: Verified, optimum: LoopOptimum, best: LoopOutcomes | None) -> Loss:
     predicted, ideal = known.predicted, None
     if predicted.reached.all():
-        speed = abs(asked.scenario.obstacle.velocity)
-        ideal = float(asked.objective.value(predicted.end, speed, asked.foreseen_impact))
-    own, other = known.outcomes.objective, np.full(asked.runs, np.nan) if best is None else best.objective
+        speed = abs(asked.task.scenario.obstacle.velocity)
+        ideal = float(asked.task.goal.value(predicted.end, speed, asked.foreseen_impact))
+    own, other = known.outcomes.objective, np.full(asked.task.runs, np.nan) if best is None else best.objective
     mean, error = mean_and_error(own)
     with np.errstate(invalid="ignore"):
         loss, loss_error = mean_and_error(own - other)

@@ -35,11 +35,11 @@ def judge(
     gain on other sensors that the readings allow.
     """
     missed = [
-        *_missed(asked.runs, reached, effect, stability),
-        *(_limit_missed(check, asked.runs) for check in limits if not check.is_met),
+        *_missed(asked.task.runs, reached, effect, stability),
+        *(_limit_missed(check, asked.task.runs) for check in limits if not check.is_met),
         *([calibration.reason] if calibration is not None and not calibration.is_good_enough else []),
     ]
-    narrow = list(_narrow(reached, limits, stability, asked.confidence))
+    narrow = list(_narrow(reached, limits, stability, asked.task.confidence))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
     return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)

@@ -40,8 +40,10 @@ _FLAGS: Final = {
 
 def assumptions_of(asked: VerdictRequest, compared: int) -> tuple[str, ...]:
     """Return sentences on what a verdict rests on; changes and gains are compared by so many of its runs."""
-    loop, runs = asked.loop, asked.runs
-    uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(asked.uncertainty, asked.sensor)]
+    loop, runs = asked.loop, asked.task.runs
+    uncertain = [
+        f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(asked.task.uncertainty, asked.task.sensor)
+    ]
     first = f" in the first {compared} of them" if compared < runs else ""
     number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
     return (
@@ -60,10 +62,10 @@ def assumptions_of(asked: VerdictRequest, compared: int) -> tuple[str, ...]:
 def _force(asked: VerdictRequest) -> Iterator[str]:
     """Say where the predicted impact force comes from."""
     if asked.loop.contact is None:
-        if asked.impact is not None:
+        if asked.task.impact is not None:
             yield "An impact model makes an impact force of the speed of contact."
         return
-    if asked.impact is None:
+    if asked.task.impact is None:
         text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
     else:
         text = "The predicted impact force is that of the impact model that was given"
@@ -80,7 +82,7 @@ def cautions_of(
     loop, (result, unmitigated) = draws.asked.loop, runs
     said = [
         "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",
-        _other_admittance(loop, draws.asked.scenario),
+        _other_admittance(loop, draws.asked.task.scenario),
         _recession(loop),
         *_detection(loop, draws, result),
         _push(loop, result, unmitigated),

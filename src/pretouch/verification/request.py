@@ -3,74 +3,81 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite
-from pretouch.calibration import CalibrationReport
-from pretouch.design import ElasticImpact, ImpactModel, Objective
+from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.robust import Required
+from pretouch.design.robust.design import limits_of
 from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, ContactModel, PlantModel, SimulationResult
 from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.size import refuse_too_many_runs
-from pretouch.uncertainty import Ensemble, Uncertainty, make_ensemble, sample_inputs
+from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 
-__all__ = ["Draws", "VerdictRequest", "draw_encounters", "elastic_impact"]
+__all__ = ["Draws", "VerdictRequest", "draw_encounters", "elastic_impact", "loop_of"]
+
+_NO_LOOP: Final = (
+    "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
+    '[chain] with part = "VCNL4010" and [controller] with rate = "1 kHz"'
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerdictRequest:
-    """All that a verdict is asked with: the arguments of `verify_gain`, limits each with a probability.
+    """What a verdict is asked with.
 
     What makes no sense is refused; the parts check the rest.
+
+    Args:
+        task: the encounter with its loop, and what is asked of the gain.
+        bounds: smallest and largest gain [N s], for the ideal design and for the best gain on the loop.
+        limits: the constraints, each with a probability.
     """
 
-    scenario: Scenario
-    sensor: SensorModel
-    objective: Objective
-    loop: ClosedLoop
+    task: Task
     bounds: tuple[float, float]
     limits: tuple[Required, ...]
-    impact: ImpactModel | None
-    uncertainty: Uncertainty
-    runs: int
-    confidence: float
-    method: str
-    horizon: float
-    calibration: CalibrationReport | None = None
 
-    def __post_init__(self) -> None:
-        if self.scenario.shape != ():
-            raise InvalidInputError(f"scenario: found encounters of shape {self.scenario.shape}, expected one")
-        loop: Any = self.loop
-        if not isinstance(loop, ClosedLoop):
-            raise InvalidInputError(f"loop: found {type(loop).__name__}, expected a ClosedLoop")
-        law: Any = loop.law
+    @classmethod
+    def of(cls, task: Task) -> VerdictRequest:
+        """Check a task, and cut its bounds where it asks for a margin to instability."""
+        if task.scenario.shape != ():
+            raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
+        law: Any = loop_of(task).law
         if not isinstance(law, TunableLaw):
             raise InvalidInputError(
                 f"loop: found a law ({type(law).__name__}) without with_gain, which gives it another gain"
             )
-        if type(self.runs) is not int or self.runs < 1:
-            raise InvalidInputError(f"runs: found {self.runs!r}, expected a positive whole number")
-        refuse_too_many_runs(self.runs)
-        if not 0 < finite(self.confidence, "confidence") < 1:
+        if type(task.runs) is not int or task.runs < 1:
+            raise InvalidInputError(f"runs: found {task.runs!r}, expected a positive whole number")
+        refuse_too_many_runs(task.runs)
+        if not 0 < finite(task.confidence, "confidence") < 1:
             raise InvalidInputError(
-                f"confidence: found {self.confidence:g}, expected a number between 0 and 1, such as 0.95"
+                f"confidence: found {task.confidence:g}, expected a number between 0 and 1, such as 0.95"
             )
+        return cls(task=task, bounds=task.stable_bounds(), limits=limits_of(task))
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """The loop of the task."""
+        return loop_of(self.task)
 
     @property
     def foreseen_impact(self) -> ImpactModel | None:
         """The impact that is predicted with: the given one, else the loop's contact without its loss."""
-        return self.impact or elastic_impact(self.loop.contact, self.loop.plant)
+        return self.task.impact or elastic_impact(self.loop.contact, self.loop.plant)
 
     def predicted(self, gain: float) -> ContactResult:
         """Return how the nominal encounter ends with a gain [N s], in continuous time with a perfect sensor."""
-        return find_contact(self.scenario, self.sensor, gain, method=self.method, horizon=self.horizon)
+        return find_contact(
+            self.task.scenario, self.task.sensor, gain, method=self.task.method, horizon=self.task.horizon
+        )
 
     def check_horizon(self, predicted: ContactResult) -> None:
         """Refuse a loop that would be stopped before the contact that is predicted."""
@@ -79,6 +86,15 @@ class VerdictRequest:
                 f"loop horizon: found {self.loop.horizon:g} s, before the contact that is predicted after "
                 f"{float(predicted.end.time):.4g} s; give the loop a longer one"
             )
+
+
+def loop_of(task: Task) -> ClosedLoop:
+    """Return the loop of a task; refuse a task without one."""
+    if task.loop is None:
+        raise InvalidInputError(_NO_LOOP)
+    if not isinstance(task.loop, ClosedLoop):
+        raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
+    return task.loop
 
 
 def elastic_impact(contact: ContactModel | None, plant: PlantModel) -> ElasticImpact | None:
@@ -123,7 +139,7 @@ class Draws:
     @property
     def scenarios(self) -> Scenario:
         """The encounters, of the shape () or (runs,)."""
-        return self.asked.scenario if self.ensemble is None else self.ensemble.scenario
+        return self.asked.task.scenario if self.ensemble is None else self.ensemble.scenario
 
     def run(self, loop: ClosedLoop, gain: float, count: int | None = None) -> SimulationResult:
         """Run the first encounters on a loop.
@@ -136,22 +152,22 @@ class Draws:
         Returns:
             The runs, of the shape (count,).
         """
-        n = self.asked.runs if count is None else min(count, self.asked.runs)
+        n = self.asked.task.runs if count is None else min(count, self.asked.task.runs)
         if self.ensemble is None:
-            return loop.run(self.asked.scenario, self.asked.sensor, gain, runs=n)
+            return loop.run(self.asked.task.scenario, self.asked.task.sensor, gain, runs=n)
         several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
         if not self.sensors:
-            return loop.run(several, self.asked.sensor, gain)
+            return loop.run(several, self.asked.task.sensor, gain)
         return loop.run_each(several, self.sensors[:n], gain)
 
     def predicted(self, gain: float) -> BoolArray:
         """Tell which encounters come to a contact with a gain [N s], in continuous time with a perfect sensor."""
         if self.ensemble is not None:
             return self.ensemble.contacts(gain).reached
-        return np.full(self.asked.runs, bool(self.asked.predicted(gain).reached.all()))
+        return np.full(self.asked.task.runs, bool(self.asked.predicted(gain).reached.all()))
 
     def _each(self, value: Any) -> FloatArray:
-        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.asked.runs,))
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.asked.task.runs,))
 
 
 def draw_encounters(asked: VerdictRequest) -> Draws:
@@ -166,14 +182,16 @@ def draw_encounters(asked: VerdictRequest) -> Draws:
     Raises:
         InvalidInputError: an input of the admittance is uncertain, which is a number in the controller.
     """
-    if not asked.uncertainty:
+    if not asked.task.uncertainty:
         return Draws(asked=asked)
-    values = sample_inputs(asked.uncertainty, asked.runs, seed=asked.loop.seed, sampling="random")
+    values = sample_inputs(asked.task.uncertainty, asked.task.runs, seed=asked.loop.seed, sampling="random")
     known = [name for name in values if name.startswith("admittance.")]
     if known:
         raise InvalidInputError(
             f"uncertainty: found {known[0]}, which is a number in the law of the loop and known exactly; leave it out"
         )
-    several = make_ensemble(asked.scenario, asked.sensor, values, method=asked.method, horizon=asked.horizon)
+    several = make_ensemble(
+        asked.task.scenario, asked.task.sensor, values, method=asked.task.method, horizon=asked.task.horizon
+    )
     own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
     return Draws(asked=asked, ensemble=several, sensors=own)

@@ -103,8 +103,8 @@ class Verdict(Described, Value):
     def of(cls, asked: VerdictRequest, compared: int, **found: Any) -> Verdict:
         """Return what was found beside what was asked, with how many runs changes were compared by."""
         same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
-        given = {name: getattr(asked, name) for name in same}
-        return cls(**given, seed=asked.loop.seed, definition=asked.objective, compared_runs=compared, **found)
+        given = {name: getattr(asked.task, name) for name in same}
+        return cls(**given, seed=asked.loop.seed, definition=asked.task.goal, compared_runs=compared, **found)
 
     @property
     def best_change(self) -> LoopChange | None:

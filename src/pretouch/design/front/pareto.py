@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
-from pretouch.sensors import SensorModel
 
-from ..constraints import Constraint
 from ..criteria import magnitude
-from ..impact import ImpactModel
-from ..problem import Encounters, Evaluator
+from ..gain import design, gain_problem
+from ..problem import Encounters
 from ..quantities import QUANTITY_UNITS
 from ..search.freedom import make_freedom
 from ..search.trials import Trials
+from ..task import Choice, Task, placed
 from .comparison import compare_with_bound
 from .curve import trace_front
 from .domination import FoundFront, extent_of, shortfall
@@ -28,38 +27,13 @@ from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
 from .result import FrontPoint, FrontStatus, ParetoFront
 from .surface import find_front
 
-__all__ = ["Choice", "pareto_front"]
+__all__ = ["pareto_front"]
 
 _ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
 
 
-class Choice(Protocol):
-    """What can be marked as the user's choice: a design."""
-
-    @property
-    def gain(self) -> Any:
-        """D_p [N s]."""
-
-    @property
-    def scenario(self) -> Scenario:
-        """The encounter with its admittance."""
-
-
-def pareto_front(
-    scenario: Scenario,
-    sensor: SensorModel,
-    quantities: Sequence[str] = ("displacement", "relative_velocity"),
-    *,
-    bounds: tuple[float, float],
-    natural_frequency: tuple[float, float] | None = None,
-    damping_ratio: tuple[float, float] | None = None,
-    constraints: Sequence[Constraint] = (),
-    impact: ImpactModel | None = None,
-    choice: float | Choice | None = None,
-    method: str = "auto",
-    horizon: float = 600.0,
-    evaluate: Evaluator | None = None,
-) -> ParetoFront:
+@placed
+def pareto_front(task: Task) -> ParetoFront:
     """Find the Pareto front of two or three contact quantities over the gain D_p, and the admittance where it is free.
 
     A point of the front is a choice that no other one equals in every quantity and beats in one. Where only the gain is
@@ -68,19 +42,9 @@ def pareto_front(
     can beat (`PhysicalBound`).
 
     Args:
-        scenario: one encounter; its virtual mass is kept.
-        sensor: the sensor curve.
-        quantities: two or three different names of QUANTITY_UNITS; their magnitudes are minimized.
-        bounds: smallest and largest gain [N s]; mitigating gains are negative.
-        natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; the damping ratio is kept then.
-        damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) where it is free.
-        constraints: limits that the encounter must keep; those of acceleration and speed are taken for the limits of
-            the robot, of which the physical bound speaks.
-        impact: physical properties, for quantities and constraints that speak of forces.
-        choice: the user's own: a gain [N s] with the admittance of the scenario, or a design.
-        method: how encounters are solved, as in `find_contact`.
-        horizon: how long to wait for contact [s].
-        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and gains.
+        task: one encounter, the bounds, the quantities that are traded, and where given what is free of the admittance,
+            constraints, impact, the choice that is marked, method, horizon and `evaluate`. Where it has an objective
+            and no choice, the gain is marked that is optimal for the admittance as it is.
 
     Returns:
         The front; infeasible and no-contact are statuses of it, not errors.
@@ -88,7 +52,7 @@ def pareto_front(
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle
         >>> from pretouch.sensors import ExponentialFirstOrder
-        >>> front = pareto_front(
+        >>> task = Task(
         ...     Scenario(
         ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
@@ -97,23 +61,28 @@ def pareto_front(
         ...     bounds=(-10.0, -0.01),
         ...     choice=-0.8,
         ... )
+        >>> front = pareto_front(task)
         >>> round(front.knee.gain, 3), round(front.knee.values["relative_velocity"], 4)
         (-0.865, 0.0944)
         >>> abs(front.choice.behind) < 0.01
         True
     """
-    names = _quantities(quantities)
+    names = _quantities(task.quantities)
+    bounds = task.stable_bounds()
     encounters = Encounters(
-        scenario=scenario,
-        sensor=sensor,
-        constraints=tuple(constraints),
-        impact=impact,
-        method=method,
-        horizon=horizon,
-        evaluator=evaluate,
+        scenario=task.scenario,
+        sensor=task.sensor,
+        constraints=task.limits,
+        impact=task.impact,
+        method=task.method,
+        horizon=task.horizon,
+        evaluator=task.evaluate,
     )
-    freedom = make_freedom(scenario, bounds, natural_frequency, damping_ratio)
-    measures = tuple(magnitude(name, impact) for name in names)
+    freedom = make_freedom(task.scenario, bounds, task.natural_frequency, task.damping_ratio)
+    choice = task.choice
+    if choice is None and task.objective is not None:
+        choice = design(gain_problem(task, freedom.axis))
+    measures = tuple(magnitude(name, task.impact) for name in names)
     trials = Trials(freedom=freedom, encounters=encounters, measures=measures)
     found = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
     return _assemble(trials, names, found, choice)

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch.motion import Scenario
 from pretouch.motion.evaluator import Evaluator, with_noise_after
-from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Interval, Uncertainty, make_ensemble, sample_inputs
 from pretouch.uncertainty.sampling import check_draw
 
 from ..certificate import DesignStatus
-from ..constraints import Constraint, each_once
-from ..gain import design
-from ..impact import ImpactModel
-from ..own_objective import AnyObjective, as_objective
-from ..problem import GainProblem
+from ..constraints import each_once
+from ..gain import design, gain_problem
 from ..search import EXACT, SAMPLED, GainAxis, search_axis
+from ..task import Task, placed
 from .evidence import RobustEvidence
 from .importance import rank_uncertain_inputs
 from .measures import Expected, Measure, Required, WorstCase, checked_measure
@@ -32,30 +27,17 @@ from .worst_case import WorstEncounter, search_worst_case
 
 __all__ = ["design_robust_gain"]
 
+NOTHING_UNCERTAIN: Final = (
+    'uncertainty: found none, expected what is known of inputs, such as {"obstacle.velocity": Uniform(low=-0.4, '
+    'high=-0.2)}; in a file [uncertainty] with obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }'
+)
 _FRESH: Final = 1  # what is added to the seed for the samples of the validation
 _SAMPLES: Final = 4096
 _SAMPLES_OF_OTHERS: Final = 256  # where somebody else solves the encounters: a loop takes a hundred times as long
 
 
-def design_robust_gain(
-    scenario: Scenario,
-    sensor: SensorModel,
-    objective: AnyObjective,
-    *,
-    bounds: tuple[float, float],
-    uncertainty: Uncertainty,
-    measure: Measure | None = None,
-    constraints: Sequence[Constraint | Required] = (),
-    impact: ImpactModel | None = None,
-    samples: int | None = None,
-    validation: int | None = None,
-    seed: int = 0,
-    confidence: float = 0.95,
-    sampling: str = "sobol",
-    method: str = "auto",
-    horizon: float = 600.0,
-    evaluate: Evaluator | None = None,
-) -> RobustDesign:
+@placed
+def design_robust_gain(task: Task) -> RobustDesign:
     """Find the gain D_p that minimizes a measure of an objective over encounters that are not known exactly.
 
     The measure is taken over samples of the uncertain inputs, the same for every gain; the gain is sought as
@@ -67,33 +49,19 @@ def design_robust_gain(
     `loss_of_nominal` says what the ideal design loses on the loop.
 
     Args:
-        scenario: the encounter with every input at its likeliest value.
-        sensor: the sensor curve.
-        objective: what is minimized in each encounter, as in `design_gain`.
-        bounds: smallest and largest gain [N s].
-        uncertainty: what is known of inputs, by name, such as `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`;
-            beside `evaluate` it may be empty: then only noise differs.
-        measure: what is made of the objectives: Expected() by default, Quantile, ConditionalValueAtRisk or WorstCase.
-        constraints: limits: a Constraint must hold in every encounter, a Required with its probability.
-        impact: physical properties, for objectives and constraints on forces.
-        samples: how many encounters the measure is taken over; 4096, or 256 with `evaluate`.
-        validation: how many fresh ones the gain is held against; 4096, or four times the samples with `evaluate`.
-        seed: of all samples of inputs.
-        confidence: of the intervals.
-        sampling: how samples are drawn, as in `sample_inputs`.
-        method: how encounters are solved, as in `find_contact`.
-        horizon: how long to wait for contact [s].
-        evaluate: solves encounters in the place of `find_contact`, as in `design_gain`: a `ClosedLoop`, or a function.
+        task: the encounter with every input at its likeliest value, the objective, the bounds, the uncertainty, which
+            beside `evaluate` may be empty (then only noise differs), and where given measure, constraints, impact,
+            samples, validation, seed, confidence, sampling, method, horizon and `evaluate`.
 
     Returns:
         The design; infeasible and no-contact are statuses of it, not errors.
 
     Examples:
         >>> from pretouch.design import excursion_objective
-        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.uncertainty import Uniform
-        >>> design = design_robust_gain(
+        >>> task = Task(
         ...     Scenario(
         ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
@@ -103,19 +71,23 @@ def design_robust_gain(
         ...     bounds=(-10.0, -0.01),
         ...     uncertainty={"obstacle.velocity": Uniform(low=-0.5, high=-0.1)},
         ... )
+        >>> design = design_robust_gain(task)
         >>> round(design.gain, 3)
         -0.778
     """
-    axis = GainAxis.between(bounds)
-    objective, chosen = as_objective(objective), checked_measure(Expected() if measure is None else measure)
-    limits = tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
-    _check(uncertainty, chosen, limits, confidence, evaluate)
+    axis, objective, evaluate, seed = GainAxis.between(task.stable_bounds()), task.goal, task.evaluate, task.seed or 0
+    uncertainty, samples, validation = task.uncertainty, task.samples, task.validation
+    chosen = checked_measure(Expected() if task.measure is None else task.measure)
+    limits = limits_of(task)
+    _check(uncertainty, chosen, limits, task.confidence, evaluate)
     if samples is None:
         samples = _SAMPLES if evaluate is None else _SAMPLES_OF_OTHERS
     if validation is None:
         validation = _SAMPLES if evaluate is None else 4 * samples
-    make = partial(make_ensemble, scenario, sensor, method=method, horizon=horizon, evaluate=evaluate)
-    pose = partial(RobustProblem, objective=objective, measure=chosen, limits=limits, impact=impact, axis=axis)
+    make = partial(
+        make_ensemble, task.scenario, task.sensor, method=task.method, horizon=task.horizon, evaluate=evaluate
+    )
+    pose = partial(RobustProblem, objective=objective, measure=chosen, limits=limits, impact=task.impact, axis=axis)
     unseen = _draw(uncertainty, validation, seed + _FRESH, "random", evaluate)
     later = None if evaluate is None else with_noise_after(evaluate, samples)
     fresh = pose(ensemble=make(unseen, count=validation, evaluate=later))
@@ -123,24 +95,14 @@ def design_robust_gain(
     if isinstance(chosen, WorstCase):
         problem, searched, minima, worst = search_worst_case(uncertainty, make, pose)
     else:
-        drawn = _draw(uncertainty, samples, seed, sampling, evaluate)
+        drawn = _draw(uncertainty, samples, seed, task.sampling, evaluate)
         problem = pose(ensemble=make(drawn, count=samples))
         effort = EXACT if evaluate is None else SAMPLED
         searched, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], effort)
-    ideal = GainProblem(
-        scenario=scenario,
-        sensor=sensor,
-        objective=objective,
-        constraints=tuple(limit.constraint for limit in limits),
-        impact=impact,
-        axis=axis,
-        method=method,
-        horizon=horizon,
-        evaluator=None,
-    )
+    ideal = gain_problem(task.replace(evaluate=None), axis)
     nominal = design(ideal)
     gain = float(problem.axis.gain(minima[0].coordinate)) if minima else None
-    checked = None if gain is None else validate(fresh, gain, nominal.gain, confidence=confidence)
+    checked = None if gain is None else validate(fresh, gain, nominal.gain, confidence=task.confidence)
     contact = searched.landscape.reached.any()
     return RobustDesign(
         status=DesignStatus.OPTIMAL if minima else DesignStatus.INFEASIBLE if contact else DesignStatus.NO_CONTACT,
@@ -156,16 +118,21 @@ def design_robust_gain(
         samples=len(problem.ensemble),
         seed=seed,
         bounds=axis.ends,
-        scenario=scenario,
-        sensor=sensor,
+        scenario=task.scenario,
+        sensor=task.sensor,
         uncertainty=uncertainty,
         definition=objective,
         limits=limits,
-        impact=impact,
+        impact=task.impact,
         ranking=partial(rank_uncertain_inputs, problem, make, uncertainty, samples=samples, seed=seed),
         pricing=partial(price_of_robustness, ideal, uncertainty),
         evidence=RobustEvidence(problem=problem, fresh=fresh, scanned=searched),
     )
+
+
+def limits_of(task: Task) -> tuple[Required, ...]:
+    """Return the constraints of a task, each with its probability: a plain one must hold in every encounter."""
+    return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in task.constraints)
 
 
 def _draw(
@@ -189,6 +156,8 @@ def _check(
     if not 0 < confidence < 1:
         raise InvalidInputError(f"confidence: found {confidence:g}, expected a number between 0 and 1, such as 0.95")
     each_once(limit.constraint for limit in limits)
+    if not uncertainty and evaluate is None:
+        raise InvalidInputError(NOTHING_UNCERTAIN)
     if isinstance(measure, WorstCase):
         if evaluate is not None:
             raise InvalidInputError(

@@ -1,0 +1,227 @@
+"""What every verb takes: one encounter, its sensor, and all that is asked of the gain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar, cast
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.values import Value
+from pretouch.motion import Scenario
+from pretouch.motion.evaluator import Evaluator
+from pretouch.sensors import SensorModel
+from pretouch.uncertainty import Uncertainty
+
+from .constraints import Constraint
+from .impact import ImpactModel
+from .objectives import Objective
+from .own_objective import AnyObjective, as_objective
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
+
+    from .robust.measures import Measure, Required
+
+__all__ = ["Choice", "Source", "Task", "placed"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class Choice(Protocol):
+    """What can be marked as the user's choice: a design."""
+
+    @property
+    def gain(self) -> Any:
+        """D_p [N s]."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The encounter with its admittance."""
+
+
+class Source(Protocol):
+    """The file that a task was read from."""
+
+    def placing(self) -> AbstractContextManager[None]:
+        """Turn what a verb refuses into a mistake of the file."""
+
+    def explained(self, error: InvalidInputError) -> str:
+        """Return the message of an error, with the reason that the file has for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task(Value):
+    """One problem, which every verb takes: the encounter, the sensor, and what is asked for.
+
+    Each verb uses what it needs and refuses what is missing. `load_scenario` returns one; where nothing is said of a
+    unit, numbers are SI.
+
+    Args:
+        scenario: the encounter; for `design_gain` also an array of them, each of which gets its own gain. Its virtual
+            mass is always kept, and so is what is not free.
+        sensor: the sensor curve, over the distance from the contact surface.
+        objective: what is minimized: an Objective, or an object or a function of your own (docs/design.md).
+        bounds: smallest and largest gain [N s] of a design; mitigating gains are negative.
+        constraints: limits that the encounter must keep, any sequence of them. Where inputs are uncertain, or runs have
+            noise, a Constraint must hold always, a `Required` one with its probability; elsewhere both always. For a
+            front, those of acceleration and speed are the limits of the robot, of which the physical bound speaks.
+        impact: physical properties, for objectives, constraints and quantities that speak of forces.
+        method: how encounters are solved in continuous time, as in `find_contact`.
+        horizon: how long to wait for contact there [s].
+        evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and an array of gains: a
+            `ClosedLoop`, for the gain that is optimal on the sampled loop, or a function.
+        natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; None keeps that of the scenario.
+        damping_ratio: bounds of D_a / (2 sqrt(M_a K_a)) where it is free; None keeps that of the scenario.
+        quantities: what a front trades: two or three names of QUANTITY_UNITS, whose magnitudes are minimized.
+        choice: what is marked beside a front: a gain [N s] with the admittance of the scenario, or a design.
+        gain: D_p [N s] that is verified, simulated or swept with; the designed one where None.
+        uncertainty: what is known of inputs, by name, such as `{"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}`.
+        measure: what a robust gain makes of the objectives of all encounters: Expected() where None, Quantile,
+            ConditionalValueAtRisk or WorstCase.
+        samples: how many encounters the measure is taken over; None for 4096, or 256 with `evaluate`.
+        validation: how many fresh ones a robust gain is held against; None for 4096, or four times the samples with
+            `evaluate`.
+        seed: of all samples of a robust gain; runs on a loop have the seed of the loop.
+        sampling: how samples are drawn, as in `sample_inputs`.
+        confidence: of intervals and of the lower bounds of shares.
+        loop: the `ClosedLoop` on which the gain is to run: sensor chain, controller, robot and contact.
+        runs: how many runs a verdict rests on.
+        stability_margin: by how much a designed gain must be able to grow until the loop is unstable; it cuts the
+            bounds. None: not asked for.
+        calibration: the report of the fit that the sensor comes from; a verdict then tries the gain on what else its
+            readings allow.
+        source: the file that the task was read from; what a verb refuses then names its line.
+        part: the sensor part that the chain of the loop starts from, where a file names one.
+
+    Examples:
+        >>> from pretouch.design import design_gain, excursion_objective
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import InversePower
+        >>> task = Task(
+        ...     Scenario(
+        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ...     ),
+        ...     InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
+        ...     excursion_objective(position_scale=0.5, velocity_scale=0.3),
+        ...     bounds=(-10.0, -0.01),
+        ... )
+        >>> round(design_gain(task).gain, 4)
+        -0.7463
+        >>> weaker = task.replace(bounds=(-0.5, -0.01))
+        >>> round(design_gain(weaker).gain, 4)
+        -0.5
+    """
+
+    scenario: Scenario
+    sensor: SensorModel
+    objective: AnyObjective | None = None
+    _: KW_ONLY
+    bounds: tuple[float, float] | None = None
+    constraints: Sequence[Constraint | Required] = ()
+    impact: ImpactModel | None = None
+    method: str = "auto"
+    horizon: float = 600.0
+    evaluate: Evaluator | None = None
+    natural_frequency: tuple[float, float] | None = None
+    damping_ratio: tuple[float, float] | None = None
+    quantities: Sequence[str] = ("displacement", "relative_velocity")
+    choice: float | Choice | None = None
+    gain: float | None = None
+    uncertainty: Uncertainty = field(default_factory=dict)
+    measure: Measure | None = None
+    samples: int | None = None
+    validation: int | None = None
+    seed: int | None = None
+    sampling: str = "sobol"
+    confidence: float = 0.95
+    loop: Any = None
+    runs: int = 1000
+    stability_margin: float | None = None
+    calibration: CalibrationReport | None = None
+    source: Source | Any = None
+    part: Any = None
+
+    def __post_init__(self) -> None:
+        if self.objective is not None:
+            object.__setattr__(self, "objective", as_objective(self.objective))
+        if type(self.constraints) is not tuple:
+            object.__setattr__(self, "constraints", tuple(self.constraints))
+
+    @property
+    def goal(self) -> Objective:
+        """The objective, for a verb that needs one.
+
+        Raises:
+            InvalidInputError: there is none.
+        """
+        if self.objective is None:
+            raise InvalidInputError("objective: found None, expected an Objective, such as excursion_objective(...)")
+        found: Any = self.objective  # which was made one at the start
+        return cast("Objective", found)
+
+    @property
+    def limits(self) -> tuple[Constraint, ...]:
+        """The constraints without their probabilities."""
+        if not self.constraints:  # a design takes a few microseconds
+            return ()
+        return tuple([c if isinstance(c, Constraint) else c.constraint for c in self.constraints])
+
+    @property
+    def is_admittance_free(self) -> bool:
+        """Whether natural frequency or damping ratio is left open."""
+        return self.natural_frequency is not None or self.damping_ratio is not None
+
+    def stable_bounds(self) -> tuple[float, float]:
+        """Return the gains [N s] between which a design looks: the bounds, cut where a margin to instability is asked.
+
+        Raises:
+            InvalidInputError: there are no bounds, or nothing is left of them.
+        """
+        if self.bounds is None:
+            raise InvalidInputError(
+                "bounds: found none, expected the smallest and the largest gain [N s], such as bounds=(-10.0, -0.01)"
+            )
+        if self.stability_margin is None:
+            return self.bounds
+        if self.loop is None:
+            raise InvalidInputError("stability_margin: found one without a loop, expected loop=ClosedLoop(...) with it")
+        found: tuple[float, float] = self.loop.stable_bounds(
+            self.bounds, self.scenario, self.sensor, self.stability_margin
+        )
+        return found
+
+    def replace(self, **changes: Any) -> Task:
+        """Return the task with other values of some fields.
+
+        Args:
+            changes: the fields and their values.
+
+        Returns:
+            The changed copy.
+        """
+        return replace(self, **changes)
+
+
+def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
+    """Make a verb that names line and key of what it refuses, where its task comes from a file.
+
+    Args:
+        verb: the verb; its first argument is the task.
+
+    Returns:
+        The verb.
+    """
+
+    @wraps(verb)
+    def told(task: Task, /, *args: P.args, **options: P.kwargs) -> R:
+        if task.source is None:
+            return verb(task, *args, **options)
+        with task.source.placing():
+            return verb(task, *args, **options)
+
+    return told

@@ -13,7 +13,8 @@ import numpy as np
 
 from calibration_cases import PEDESTAL, Array, Case, cases, report
 from pretouch.report.labels import label_inside, label_near
-from pretouch.report.style import BASELINE, CHOSEN, INK, QUIET, drawing, log_axis, new_figure, span
+from pretouch.report.new_figure import new_figure
+from pretouch.report.style import BASELINE, CHOSEN, INK, QUIET, drawing, log_axis, span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -36,7 +36,7 @@ UNROLLED = {"stiff_step"}
 """Sources of loops of a known length: -O3 unrolls these."""
 
 LANES = (
-    f"-std=c++20 -O3 -fno-math-errno -fno-trapping-math -ffp-contract=fast -fno-exceptions -fno-rtti "
+    f"-std=c++20 -O2 -fno-math-errno -fno-trapping-math -ffp-contract=fast -fno-exceptions -fno-rtti "
     f"-fno-threadsafe-statics {WARNINGS}"
 )
 _AVX2 = "-mavx2 -mfma -mbmi -mbmi2"  # features, not -march: zig spells its levels otherwise

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pretouch.design.compiled_search import find_gains
 
 import pretouch as pt
 from pretouch._core.native import address
+from pretouch.design.search.compiled import find_gains
 from pretouch.motion.closed_form import find_contacts
 from pretouch.motion.curve import curve_pieces
 from pretouch.motion.native_lanes import contact_times, of_core

@@ -97,6 +97,7 @@ struct Encounter {
     // Fill f with the objective of some gains; return how many contacts are proved before one is not.
     int64_t appraise(const double *gains, int64_t n, double *f) {
         const int64_t proved = solve(gains, n);
+        // solve filled what is weighed: NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
         for (int64_t i = 0; i < proved; i++) f[i] = weigh(i, gains[i], false);
         return proved;
     }

@@ -54,8 +54,8 @@ struct Encounter {
     Motion motion = {};
     double b[ORDER + 1], force[ORDER], unit = 0;  // the series of l and of d ln xi / dt, and the unit of its time [s]
 
-    Encounter(const Values &m, double gain, const pretouch_pieces &curve, double horizon, const Samples &samples,
-              Followed *beside, Course &row);
+    Encounter(const Values &values, double strength, const pretouch_pieces &along, double until, const Samples &at,
+              Followed *carried, Course &course);
     void enter(int64_t to);
     double rest(double damping) const;
     double least_damping(double top) const;

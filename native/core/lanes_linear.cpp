@@ -47,8 +47,8 @@ inline Approach approach(const Rates &rates, Lanes u0, Lanes v, Lanes force) {
 // Columns of numbers, WIDTH at a time. What is one number for all is spread out once.
 struct Columns {
     const int many;
-    const double *at[ALL_INPUTS];
-    int64_t step[ALL_INPUTS];
+    const double *at[ALL_INPUTS] = {};
+    int64_t step[ALL_INPUTS] = {};
     double spread[ALL_INPUTS][WIDTH];
 
     Columns(const pretouch_column *columns, int count) : many(count) {

@@ -24,7 +24,7 @@ struct Pace {
 // Try a step that is longer than those of Taylor's series, of the length `taylor`, but not longer than `longest` [s],
 // the longest of use. Returns its length, 0 where there is none; fills the first LONG_TERMS coefficients of l and of
 // d ln xi / dt in parts of it.
-double long_step(const Values &m, double gain, const Piece &piece, const Start &start, double taylor, double longest,
+double long_step(const Values &m, double gain, const Piece &piece, const Start &state, double taylor, double longest,
                  Pace &pace, double *l, double *force);
 
 }  // namespace pretouch

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from native_code import fields_of, offsets
+from native_code import NATIVE, fields_of, offsets
 from pretouch._core import native
 from pretouch.motion import native_lanes
 from pretouch.simulation import layout, native_loop
@@ -157,3 +157,14 @@ def test_columns_are_the_fields_of_what_the_loop_fills(name: str, tmp_path: Path
     columns = ROWS[name]
     found = offsets(tmp_path, "core/pretouch.h", f"pretouch_{name}", columns)
     assert found == [8 * len(columns), *(8 * i for i in range(len(columns)))]
+
+
+def test_the_cases_of_another_machine_are_made() -> None:
+    """What compares another kind of machine with this one is run by hand: here only that it finds what it compares."""
+    path = NATIVE / "check_machine.py"
+    spec = importlib.util.spec_from_file_location("check_machine", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert {name for name in module.cases() if name.startswith("EXPECTED")} >= {"EXPECTED_LINEAR", "EXPECTED_SERIES"}

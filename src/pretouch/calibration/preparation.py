@@ -115,14 +115,7 @@ def _prepared(
     near, flattens = _steep_end(curve, known, given, near, good)
     good &= place >= near.index
     tail = curve.part(good)
-    noise = find_noise(tail, known, given)
-    if given is not None and given.standard_error < 0:  # one or two readings: their noise is that of the others
-        given = _with_noise(calibration, given, noise)
-    free = None
-    if given is None:
-        free = find_courses(tail, noise, None)
-    elif len(tail.distance) >= _FEWEST_DISTANCES + 2:  # what a wrong offset makes is no misfit
-        free = find_courses(tail, find_noise(tail, known, None), None, also=given.value)
+    noise, given, free = _level(calibration, tail, known, given)
     found = given if given is not None or free is None else free.offset("fitted")
     if found is None:  # there are points enough where none is given
         raise AssertionError
@@ -161,6 +154,21 @@ def _prepared(
         free=None if given is None else free,
         no_signal=_why_no_signal(tail, window, found, noise, calibration.unit),
     )
+
+
+def _level(
+    calibration: Calibration, tail: AveragedCurve, known: ReadingNoise, given: OffsetEstimate | None
+) -> tuple[NoiseEstimate, OffsetEstimate | None, Courses | None]:
+    """Find the noise of the falling part, a given offset's own error, and the courses with a free offset."""
+    noise = find_noise(tail, known, given)
+    if given is None:
+        return noise, None, find_courses(tail, noise, None)
+    if given.standard_error < 0:  # one or two readings: their noise is that of the others
+        given = _with_noise(calibration, given, noise)
+    free = None
+    if len(tail.distance) >= _FEWEST_DISTANCES + 2:  # what a wrong offset makes is no misfit
+        free = find_courses(tail, find_noise(tail, known, None), None, also=given.value)
+    return noise, given, free
 
 
 def _steep_end(

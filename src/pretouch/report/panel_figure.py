@@ -36,6 +36,7 @@ def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figur
 
     Examples:
         >>> import numpy as np
+        >>> from pretouch.report import Curve
         >>> distance = np.linspace(1.0, 80.0, 40)
         >>> figure = panel_figure(
         ...     Panel(

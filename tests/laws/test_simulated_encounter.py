@@ -256,6 +256,7 @@ def test_runs_that_do_not_come_to_a_contact_say_so() -> None:
     assert compared(short)["closest_distance"][:3] == (short.run.closest_distance, 0.0, 0.0)
     assert short.comparison("time").difference is None
     assert short.motion.time[-1] == short.prediction.end.time
+    assert short.unmitigated_motion.time[-1] == short.unmitigated_prediction.end.time
     free = pt.Admittance(mass=1.0, damping=10.0, stiffness=0.0)
     thrown = pt.Scenario(admittance=free, obstacle=pt.Obstacle(position=0.0422), plant=pt.Plant(velocity=0.5))
     built = loop(law=dataclasses.replace(law(), admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=0.0)))

@@ -143,7 +143,7 @@ class Task(Value):
     runs: int = 1000
     stability_margin: float | None = None
     calibration: CalibrationReport | None = None
-    source: Source | Any = None
+    source: Source | None = None
     part: Any = None
 
     def __post_init__(self) -> None:
@@ -161,8 +161,7 @@ class Task(Value):
         """
         if self.objective is None:
             raise InvalidInputError("objective: found None, expected an Objective, such as excursion_objective(...)")
-        found: Any = self.objective  # which was made one at the start
-        return cast("Objective", found)
+        return cast("Objective", self.objective)  # which was made one at the start
 
     @property
     def limits(self) -> tuple[Constraint, ...]:

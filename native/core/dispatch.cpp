@@ -1,11 +1,27 @@
-// Which kind of processor this is.
-
-#include "dispatch.hpp"
+// Which kind of processor this is, and the plain interface of the kernels of lanes: those of it run that were chosen when
+// the library was loaded.
 
 #include "pretouch.h"
 
-#ifdef PRETOUCH_X86
+#define PRETOUCH_VARIANT pretouch_base
+#include "lanes_kernels.hpp"
+#undef PRETOUCH_VARIANT
+
+#if defined(__x86_64__) || defined(_M_X64)
+#define PRETOUCH_X86 1
 #include <cpuid.h>
+
+#define PRETOUCH_VARIANT pretouch_avx2
+#include "lanes_kernels.hpp"
+#undef PRETOUCH_VARIANT
+#define PRETOUCH_VARIANT pretouch_avx512
+#include "lanes_kernels.hpp"
+#undef PRETOUCH_VARIANT
+
+#define CHOSEN(kernel) \
+    (chosen == 2 ? pretouch_avx512::kernel : chosen == 1 ? pretouch_avx2::kernel : pretouch_base::kernel)
+#else
+#define CHOSEN(kernel) (pretouch_base::kernel)
 #endif
 
 namespace {
@@ -27,13 +43,54 @@ int best() {
 int best() { return 0; }
 #endif
 
-}  // namespace
+int chosen = best();
 
-int pretouch_chosen = best();
+}  // namespace
 
 int pretouch_best_variant(void) { return best(); }
 
 int pretouch_choose_variant(int wanted) {
     const int most = best();
-    return pretouch_chosen = wanted < 0 || wanted > most ? most : wanted;
+    return chosen = wanted < 0 || wanted > most ? most : wanted;
+}
+
+// ---- encounters of a constant slope ----
+
+void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
+                              const pretouch_linear *wanted) {
+    CHOSEN(linear_contacts)(inputs, n, slope, horizon, wanted);
+}
+
+void pretouch_exponentials(const double *x, int64_t n, double *out) { CHOSEN(exponentials)(x, n, out); }
+
+// ---- encounters of any curve ----
+
+void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
+                              const pretouch_curves *curves, double horizon, double *out, double *gradients,
+                              double *peaks, int8_t *status) {
+    CHOSEN(series_contacts)(inputs, reference, n, curves, horizon, out, gradients, peaks, status);
+}
+
+void pretouch_solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
+                           double horizon, double *rows, int64_t *status, const double *times, int64_t m,
+                           double *trace) {
+    CHOSEN(solve_series)(values, n, gains, curve, horizon, rows, status, times, m, trace);
+}
+
+void pretouch_follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
+                               const double *shape, double horizon, double *found, int8_t *status) {
+    CHOSEN(follow_gradients)(values, n, gains, curve, shape, horizon, found, status);
+}
+
+// ---- designs ----
+
+void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves, int falling,
+                         double horizon, const double *terms, int64_t k, double scale, double strong, double weak,
+                         double low, double high, double *out) {
+    CHOSEN(find_gains)(inputs, n, slope, curves, falling, horizon, terms, k, scale, strong, weak, low, high, out);
+}
+
+void pretouch_interpolate(const double *place, int64_t n, double low, double high, const double *coefficients,
+                          int64_t m, double *out) {
+    CHOSEN(interpolate)(place, n, low, high, coefficients, m, out);
 }

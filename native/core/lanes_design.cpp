@@ -11,12 +11,10 @@
 // bound for all stronger gains; where that exceeds the best objective found, no stronger gain can be the optimum, and none
 // is solved.
 
-#include "lanes_design.hpp"
 
 #include <math.h>
 
-#include "lanes_linear.hpp"
-#include "lanes_series.hpp"
+#include "lanes_kernels.hpp"
 #include "sampling.hpp"
 
 namespace PRETOUCH_VARIANT {

@@ -3,12 +3,12 @@
 //
 // Each step is a polynomial whose error is at rounding (lanes_taylor.hpp); it is accepted only when its coefficients prove
 // what l does on it (lanes_proof.hpp), so that a border, the contact among them, is never passed twice unseen.
-// Touches, and motions that come to zero but never arrive there, are told by endings.hpp.
+// Touches, and motions that come to zero but never arrive there, are told by pieces.hpp.
 
 #include <string.h>
 
 #include "lanes_encounter.hpp"
-#include "lanes_series.hpp"
+#include "lanes_kernels.hpp"
 
 namespace PRETOUCH_VARIANT {
 

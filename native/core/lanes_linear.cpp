@@ -19,10 +19,9 @@
 // time bounds what its Taylor polynomial leaves out. What is not proved close goes on between two bounds, until the
 // same proof holds; where l' < 0 is not proved the encounter is left open, for the guaranteed path.
 
-#include "lanes_linear.hpp"
+#include "lanes_kernels.hpp"
 
-#include "linear_gradients.hpp"
-#include "linear_peaks.hpp"
+#include "linear_motion.hpp"
 
 namespace PRETOUCH_VARIANT {
 

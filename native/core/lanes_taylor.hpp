@@ -13,7 +13,6 @@
 #pragma once
 
 #include "lanes.hpp"
-#include "lanes_unrolled.hpp"
 
 namespace PRETOUCH_VARIANT {
 
@@ -21,6 +20,19 @@ namespace {
 
 constexpr int ORDER = 16;
 constexpr int LARGEST_DEGREE = 12;
+
+// A loop whose counter is a constant in every pass, so that what it indexes can lie in registers:
+template <int I> struct Place {
+    static constexpr int value = I;
+};
+
+// body(Place<FROM>), ..., body(Place<TO - 1>)
+template <int FROM, int TO, class Body> __attribute__((always_inline)) inline void unrolled(Body body) {
+    if constexpr (FROM < TO) {
+        body(Place<FROM>{});
+        unrolled<FROM + 1, TO>(body);
+    }
+}
 
 // A polynomial and its two derivatives at a place.
 template <class V> struct Point {

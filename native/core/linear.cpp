@@ -4,7 +4,7 @@
 // so its zeros are known in closed form. Between two of them x~'' is monotone, so every line a + b t has at most one
 // crossing with x~' there on each side of the one zero of x~'' + b: a chain that encloses every zero of l'', l' and l,
 // one each. No contact can be missed, whatever the damping or the acceleration. What lies closer to zero than rounding
-// lets one tell is decided by endings.hpp.
+// lets one tell is decided by pieces.hpp.
 
 #include <string.h>
 

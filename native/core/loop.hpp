@@ -1,9 +1,145 @@
-// One encounter of the sampled loop: sensor chain, controller at its own rate, plant and contact.
+// One encounter of the sampled loop: contact forces and steps of plant and obstacle (loop_mechanics.cpp), the sensor chain
+// from a distance to the number that the controller is handed (loop_sensing.cpp), and the run (loop.cpp).
+//
+// Random numbers come by their index: the k-th draw of a run is the same whatever was drawn before, on any thread. So
+// two runs with one seed meet the same noise, reading by reading, even where one of them ends earlier: common random
+// numbers. The mixing is that of SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014).
+
 #pragma once
 
-#include "loop_sensing.hpp"
+#include <math.h>
+
+#include "pretouch.h"
 
 namespace pretouch {
+
+inline double larger(double a, double b) { return b > a ? b : a; }
+inline double smaller(double a, double b) { return b < a ? b : a; }
+
+// Plant, servo and obstacle; impulse: of the contact force so far [N s].
+struct Body {
+    double x, v, servo, xo, vo, impulse;
+};
+
+// The cubic through both ends of a step, by its slopes over the whole step.
+struct Cubic {
+    double start, start_slope, end, end_slope;
+
+    double second() const { return 3.0 * (end - start) - 2.0 * start_slope - end_slope; }
+    double third() const { return start_slope + end_slope - 2.0 * (end - start); }
+    double at(double s) const { return start + s * (start_slope + s * (second() + s * third())); }
+    double slope(double s) const { return start_slope + s * (2.0 * second() + s * 3.0 * third()); }
+};
+
+// The virtual object over a period of the controller: a cubic through both ends, and its mean acceleration.
+struct Target {
+    double period, acceleration;
+    Cubic course;
+
+    double position(double at) const { return course.at(at / period); }
+    double velocity(double at) const { return course.slope(at / period) / period; }
+};
+
+// The force between the bodies [N], never below 0: they do not stick. At the touch itself damping acts.
+inline double contact_force(const pretouch_contact &c, double depth, double rate) {
+    if (depth < 0.0) return 0.0;
+    const double grown = c.exponent == 1.0   ? depth
+                         : c.exponent == 1.5 ? depth * sqrt(depth)
+                                             : pow(depth, c.exponent);
+    return larger(c.stiffness * grown + c.damping * rate * (c.grows != 0.0 ? grown : 1.0), 0.0);
+}
+
+// The distance [m] at a time that is not told from zero: of the terms that l is the difference of, as in motion.
+inline double resolution(const pretouch_scene &scene, double x, double t) {
+    constexpr double rounding = 1e-12;
+    const double way = (fabs(scene.vo) + 0.5 * fabs(scene.ao) * t) * t;
+    return rounding * (fabs(scene.x) + fabs(x) + fabs(scene.xo) + way);
+}
+
+// Where a distance first comes to zero within a step, 2 where it does not, and the least that it comes to.
+struct Touch {
+    double part, least;
+};
+
+// Between its turning points the cubic rises or falls, so that none of its zeros is missed, however short the dip. A
+// smallest distance closer to zero than `doubt`, on either side, is a touch, there; one that the cubic only rises from,
+// as after a contact, is none.
+Touch find_touch(const Cubic &gap, double doubt);
+
+inline Touch first_touch(const Cubic &gap, double doubt) {
+    const double lowest = smaller(gap.start, gap.end);  // Bernstein: the cubic does not go below its ends
+    if (gap.end > doubt && smaller(gap.start + gap.start_slope / 3.0, gap.end - gap.end_slope / 3.0) >= lowest)
+        return {2.0, lowest};
+    return find_touch(gap, doubt);
+}
+
+// A step [s] that resolves a contact that starts with a relative speed: 1/50 of its time scale.
+double contact_step(const pretouch_contact &contact, double inverse_mass, double speed);
+
+// How long the bodies would touch [s], from a relative speed on, without loss and drive: m d'' = -k d^n.
+double elastic_duration(const pretouch_contact &contact, double inverse_mass, double speed);
+
+// Plant and obstacle h [s] later within a period of the controller, from the time `at` in it, by the classical
+// Runge-Kutta method of order 4; contact: null where the bodies are apart; push: acceleration of the obstacle.
+Body advance(const Body &body, double at, double h, const Target &target, const pretouch_plant &plant,
+             const pretouch_contact *contact, double push);
+
+constexpr double INSTANT = 1e-12;  // s: instants that are closer are one
+
+// 64 random bits for an index.
+inline uint64_t mix(uint64_t key, uint64_t index) {
+    uint64_t z = key + (index + 1) * 0x9E3779B97F4A7C15u;
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+    return z ^ (z >> 31);
+}
+
+// One cosine of the error that a curve has in a run: amplitude, wave number [1/m], phase.
+struct Wave {
+    double amplitude, number, phase;
+};
+
+// The sensor in one run: exposures that end up as readings, and readings on their way to the controller.
+class Sensor {
+public:
+    Sensor(const pretouch_chain &chain, const pretouch_curve &curve, uint64_t key, pretouch_reading *waiting,
+           int64_t room);
+
+    // When it looks at the distance next [s].
+    double next() const { return instant; }
+
+    // Looks at the distance, and makes a reading of an exposure that is over.
+    void look(double distance);
+
+    // A reading at the start, before anything has moved.
+    void look_at_start(double distance);
+
+    // Hands over what is there by a time; says whether there was any.
+    bool deliver(double t);
+
+    double reading = 0.0, measured = 0.0;  // what was handed over last, and when it was measured [s]
+
+private:
+    const pretouch_chain &chain;
+    const pretouch_curve &curve;
+    const uint64_t key;
+    pretouch_reading *const waiting;
+    const uint64_t mask;
+    uint64_t head = 0, tail = 0;
+    uint64_t k = 0;  // the exposure, which is looked at `nodes` times
+    const int nodes;
+    int node = 0;
+    double total = 0.0, start = 0.0, instant = 0.0;
+    static constexpr int WAVES = 8;
+    Wave waves[WAVES];
+
+    double start_of(uint64_t exposure) const;
+    double misfit_at(double distance) const;
+    double output(double distance) const;
+    double exposed_to(double distance) const;
+    double raw_reading(double mean, double time) const;
+    void draw_misfit();
+};
 
 // The law in one run: its parameters, its state, and what it answered last.
 struct Law {

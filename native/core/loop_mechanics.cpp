@@ -1,6 +1,6 @@
 // Contact forces, and one step of plant and obstacle, for the sampled loop.
 
-#include "loop_mechanics.hpp"
+#include "loop.hpp"
 
 namespace pretouch {
 

@@ -1,6 +1,6 @@
 // The sensor chain of the sampled loop.
 
-#include "loop_sensing.hpp"
+#include "loop.hpp"
 
 namespace pretouch {
 

@@ -1,14 +1,65 @@
-// What the guaranteed path has of an encounter and of its curve: the obstacle's path, and the slope g on pieces.
+// What all paths have of an encounter: how it ends; and what the guaranteed path has of its curve: the slope g on pieces.
 
 #pragma once
 
 #include <math.h>
 #include <stdint.h>
 
-#include "endings.hpp"
 #include "pretouch.h"
 
 namespace pretouch {
+
+// What is told from zero and what is not, alike on every path: touches, and motions that never arrive.
+//
+// l is the obstacle's path p + v t + a t^2 / 2 less x~, which is as large as that path where l is zero; so no computation
+// knows l there better than some rounding of the path's terms. The slope of a curve is met to 1e-13 of itself, and l with
+// it to 1e-13 of these terms. Ten times that is the RESOLUTION: a smallest distance that lies closer to zero, on either
+// side, is a touch.
+//
+// A distance may also come to zero without a smallest one: with p, v and a so that l alone is left,
+//
+//     M l'' + (D + D_p g) l' + K (l - p) = 0,
+//
+// it tends to p (for K = 0 to l + l' M / (D + D_p g)), and where that is zero it never gets there. Let w = l - p > 0 and
+// z = w' / w. Then z' = -(z^2 + c z + k) with c = (D + D_p g) / M, k = K / M, which is not negative at z = -mu if
+// mu^2 - c mu + k <= 0. So with c >= c_0 on all that is ahead and c_0^2 >= 4 k, z never falls below the larger root
+// -mu_2(c_0) if it is not below it now: w stays above 0. For a constant c that decides it; for a curve c_0 tends to c(0).
+// A resting place within the RESOLUTION of zero, of what it is the difference of, is zero.
+
+constexpr double RESOLUTION = 1e-12;  // of the terms that l is the difference of; motion/layout.py has it as well
+
+// An encounter as a kernel is given it: a row of `values`.
+struct Values {
+    double mass, damping, stiffness, x0, u0, p, v, a, own_v, own_a;
+};
+
+// The distance [m] at a time that is not told from zero.
+static inline double resolution(const Values &m, double t) {
+    return RESOLUTION * (fabs(m.p) + (fabs(m.v) + fabs(m.a) / 2 * t) * t);
+}
+
+// The distance [m] of a resting place that is not told from zero.
+static inline double rest_resolution(const Values &m, double damping) {
+    const double way = m.stiffness == 0 && damping > 0 ? fabs(m.v - m.u0) * m.mass / damping : 0.0;
+    return RESOLUTION * (fabs(m.p) + fabs(m.x0) + way);
+}
+
+// Whether nothing drives l but itself: an obstacle at rest beside the reference, or nothing that holds.
+static inline bool is_left_alone(const Values &m) {
+    return m.a == 0 && (m.v == 0 || (m.damping == 0 && m.stiffness == 0));
+}
+
+// Whether an l that is left alone is proved to tend to its resting place without ever passing a level [m]; damping: the
+// least D + D_p g between the level and where l may still go [N s/m].
+static inline bool never_arrives(const Values &m, double damping, double l, double speed, double level) {
+    constexpr double rounding = 1e-15;  // of D^2, and of mu_2: a damping is critical to no more digits than it has
+    const double doubt = rest_resolution(m, damping);
+    if (m.stiffness == 0) return speed >= 0 || (damping > 0 && l + speed * m.mass / damping >= level - doubt);
+    const double square = damping * damping, product = 4 * m.mass * m.stiffness, way = l - m.p;
+    if (m.p < level - doubt || way < 0 || damping <= 0 || square - product < -rounding * square) return false;
+    const double fast = 0.5 * (damping + sqrt(fmax(square - product, 0.0)));  // M mu_2
+    return m.mass * speed + fast * way >= -rounding * fast * way;
+}
 
 constexpr int COEFFICIENTS = 10;  // of g on a piece, at most
 constexpr double OVERLAP = 1e-9;  // of a piece's width: how far its polynomial is used beyond its border

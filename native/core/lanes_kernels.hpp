@@ -1,0 +1,26 @@
+// What the files of lanes define for the plain interface, once in the namespace of each kind of processor (so there is no
+// guard); see pretouch.h.
+
+#include "pretouch.h"
+
+namespace PRETOUCH_VARIANT {
+
+void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
+                     const pretouch_linear *wanted);
+void exponentials(const double *x, int64_t n, double *out);
+
+void series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
+                     const pretouch_curves *curves, double horizon, double *out, double *gradients, double *peaks,
+                     int8_t *status);
+void solve_series(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve, double horizon,
+                  double *rows, int64_t *status, const double *times, int64_t m, double *trace);
+void follow_gradients(const double *values, int64_t n, const double *gains, const pretouch_pieces *curve,
+                      const double *shape, double horizon, double *found, int8_t *status);
+
+void find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves, int falling,
+                double horizon, const double *terms, int64_t k, double scale, double strong, double weak, double low,
+                double high, double *out);
+void interpolate(const double *place, int64_t n, double low, double high, const double *coefficients, int64_t m,
+                 double *out);
+
+}  // namespace PRETOUCH_VARIANT

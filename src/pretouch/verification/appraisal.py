@@ -13,12 +13,22 @@ from pretouch._core.values import Value
 from pretouch.design import ImpactModel
 from pretouch.design.own_objective import OwnObjective, appraise
 from pretouch.design.robust import Required
+from pretouch.design.robust.design import limits_of
 from pretouch.motion import ContactState
 from pretouch.simulation import ClosedLoop, SimulationResult
 
 from .request import Draws
 
-__all__ = ["Effect", "LoopOutcomes", "LoopProblem", "Requirement", "effect_of", "mean_and_error", "simulated_quantity"]
+__all__ = [
+    "Effect",
+    "LoopOutcomes",
+    "LoopProblem",
+    "Requirement",
+    "effect_of",
+    "mean_and_error",
+    "part_of",
+    "simulated_quantity",
+]
 
 _ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
 _SAME: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less
@@ -170,19 +180,25 @@ class LoopProblem:
 
         What it says of each run until contact is the same to the bit.
         """
-        asked = self.draws.asked
-        own = isinstance(asked.task.goal, OwnObjective)
-        needed = {limit.constraint.quantity for limit in asked.limits}
-        needed |= set() if own else {term.quantity for term in asked.task.goal.terms}
+        task = self.draws.task
+        own = isinstance(task.goal, OwnObjective)
+        needed = {constraint.quantity for constraint in task.limits}
+        needed |= set() if own else {term.quantity for term in task.goal.terms}
         return loop if own or needed & _IN_CONTACT else replace(loop, follow=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
         """Run encounters, the first `count` or all, and appraise each; the gain is D_p [N s]."""
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
+    def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
+        """Run the encounters that gains [N s] are compared by with each of them, shape (m,), and appraise all runs."""
+        loop = self.compared(self.draws.task.loop)
+        runs = self.draws.run(loop, gains[:, None], self.draws.compared)
+        return [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
+
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
         """Return what runs of the first encounters come to, on the loop and with the gain [N s] that they ran with."""
-        limits = self.draws.asked.limits
+        limits = limits_of(self.draws.task)
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         expected = self.predicted[: result.shape[0]]
         found = [Requirement(name="contact", held=result.touched[expected], probability=1.0)]
@@ -199,11 +215,11 @@ class LoopProblem:
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.asked.task.impact)
+        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
         return np.where(result.touched & np.isfinite(found), np.abs(found) / limit.constraint.limit, np.inf)
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        objective, impact = self.draws.asked.task.goal, self.draws.asked.task.impact
+        objective, impact = self.draws.task.goal, self.draws.task.impact
         speed, value = self.draws.speed[: result.shape[0]], np.zeros(result.shape)
         if isinstance(objective, OwnObjective):
             state = ContactState(_Runs(result, gain, loop, impact))
@@ -212,6 +228,12 @@ class LoopProblem:
             found = simulated_quantity(term.quantity, result, gain, loop, impact)
             value = value + term.weight * (found / term.scale_for(speed)) ** 2
         return np.where(result.touched & np.isfinite(value), value, np.inf)
+
+
+def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
+    """Return some of the runs along the first axis, which are not traced."""
+    columns = {name: column[which] for name, column in result.columns.items()}
+    return SimulationResult(columns, result.contact_list[which], result.trace_of)
 
 
 def effect_of(result: SimulationResult, unmitigated: SimulationResult) -> Effect | None:

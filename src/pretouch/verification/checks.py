@@ -12,14 +12,15 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch.design import ImpactModel, quantity_of
+from pretouch.design import ImpactModel, Task, quantity_of
 from pretouch.design.robust import Required
+from pretouch.design.robust.design import limits_of
 from pretouch.design.robust.validation import least_probability
 from pretouch.motion import ContactResult
 from pretouch.simulation import ClosedLoop, SimulationResult
 
 from .appraisal import LoopOutcomes
-from .request import VerdictRequest
+from .request import foreseen_impact
 
 __all__ = [
     "Comparison",
@@ -181,19 +182,19 @@ class Reached(Value):
 
 
 def compare_quantities(
-    asked: VerdictRequest,
+    task: Task,
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
     """Return magnitudes of the runs beside those predicted for the nominal encounter, with the gain and D_p = 0."""
-    contact = asked.loop.contact
+    contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in runs):
         names.append("peak_force")
     found = []
     for name in names:
         told = name != "peak_force"
-        predicted = [_magnitude(name, r, asked.foreseen_impact) if told else None for r in foreseen]
+        predicted = [_magnitude(name, r, impact) if told else None for r in foreseen]
         simulated = [_spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in runs]
         found.append(
             Comparison(
@@ -227,12 +228,10 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
     )
 
 
-def check_limits(
-    asked: VerdictRequest, outcomes: LoopOutcomes, predicted: ContactResult, gain: float
-) -> tuple[LimitCheck, ...]:
+def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
     """Return how often each limit holds in the runs with a gain [N s], beside the nominal encounter as predicted."""
-    found = []
-    for required, ratio in zip(asked.limits, outcomes.ratios, strict=True):
+    found, impact = [], foreseen_impact(task)
+    for required, ratio in zip(limits_of(task), outcomes.ratios, strict=True):
         constraint = required.constraint
         count = int((ratio <= 1 + 1e-12).sum())
         reached = float(required.share(ratio)) * constraint.limit
@@ -241,12 +240,12 @@ def check_limits(
         found.append(
             LimitCheck(
                 required=required,
-                predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, asked.foreseen_impact),
+                predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
                 held=count / len(ratio),
-                low=least_probability(count, len(ratio), asked.task.confidence),
+                low=least_probability(count, len(ratio), task.confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
-                source=_source_of(constraint.quantity, asked.loop),
+                source=_source_of(constraint.quantity, task.loop),
             )
         )
     return tuple(found)

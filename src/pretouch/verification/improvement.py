@@ -14,17 +14,17 @@ import numpy as np
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.design import GainDesign
+from pretouch.design import GainDesign, Task
 from pretouch.motion import ContactResult
-from pretouch.simulation import GainLimit, SimulationResult
+from pretouch.simulation import GainLimit
 
-from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, mean_and_error
+from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, mean_and_error, part_of
 from .best_gain import LoopCurve, LoopOptimum, best_on_loop
 from .candidates import Approach, Candidate, candidates_of
-from .request import VerdictRequest
+from .request import foreseen_impact
 from .stability import StabilityCheck, limit_of, stability_margin
 
-__all__ = ["LoopChange", "Loss", "Verified", "compared_runs", "find_improvements"]
+__all__ = ["LoopChange", "Loss", "Verified", "find_improvements"]
 
 _ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
 _WORTH: Final = 0.01  # of the objective: less is not worth a change
@@ -32,8 +32,6 @@ _MARGIN: Final = 2.0  # to instability: a change must not go below it
 _FALL: Final = 0.8  # of the margin: what is left of it is said where it is less
 _BEYOND: Final = 1e3  # a margin that needs no word
 _SAME: Final = 1e-6  # of a gain
-_COMPARED: Final = 200
-_COMPARED_SENSORS: Final = 100  # where each run has a sensor curve of its own, which is tabulated first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +104,6 @@ class Verified:
         stability: its margin; None where it is not known.
         limit: the strongest stable gains of the loop; None where they are not known.
         distance: those that the encounter passes [m].
-        fastest: fastest approach [m/s].
     """
 
     gain: float
@@ -116,81 +113,62 @@ class Verified:
     stability: StabilityCheck | None
     limit: GainLimit | None
     distance: FloatArray
-    fastest: float
-
-    @property
-    def margin(self) -> float | None:
-        """To instability; None where it is not known."""
-        return None if self.stability is None else self.stability.margin
-
-    @property
-    def wanted_rate(self) -> float | None:
-        """The rate [Hz] that gives the gain the usual margin, where it has it not and any rate does."""
-        check = self.stability
-        if check is None or check.margin >= _MARGIN or not math.isfinite(check.lowest_rate_with_margin):
-            return None
-        return max(check.lowest_rate_with_margin, check.rate)
 
 
 def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tuple[LoopChange, ...]]:
-    """Find the best gain on the loop and try the changes.
-
-    Args:
-        problem: what gains and changes are appraised by.
-        known: the verified gain.
+    """Find the best gain on the loop and try the changes of what a verified gain runs on.
 
     Returns:
         What the verified gain loses, and the changes: first by the limits that are missed, then by the objective.
     """
-    asked, gain, runs = problem.draws.asked, known.gain, compared_runs(problem)
+    task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
+    loop = task.loop
     among = [g for g in (gain, known.design.gain) if g is not None]
-    optimum = best_on_loop(problem, asked.loop, asked.bounds, limit=known.limit, runs=runs, among=among)
+    optimum = best_on_loop(problem, known.limit, among)
     better, best = optimum.nearest if optimum.gain is None else optimum.gain, known.outcomes
     found = []
     if better is not None and not math.isclose(better, gain, rel_tol=_SAME):
         # over all runs: over those alone that it was chosen by, it would look better than it is
-        best, margin = problem.appraise(asked.loop, better), stability_margin(known.limit, better)
-        candidate = Candidate(name="gain", sentence=_redesign(gain, better, margin), loop=asked.loop)
-        found.append(
-            _compared(candidate, better, replace(known.outcomes, margin=known.margin), replace(best, margin=margin))
-        )
-    part = replace(problem.appraised(_first(known.outcomes.result, runs), asked.loop, gain), margin=known.margin)
-    for candidate in candidates_of(asked.loop, _approach(asked, known)):
+        margin = stability_margin(known.limit, better)
+        best = replace(problem.appraise(problem.compared(loop), better), margin=margin)
+        candidate = Candidate(name="gain", sentence=_redesign(gain, better, margin), loop=loop)
+        found.append(_compared(candidate, better, known.outcomes, best))
+    first = part_of(known.outcomes.result, slice(runs))
+    part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
+    for candidate in candidates_of(loop, _approach(problem, known)):
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
         if known.limit is not None:
-            after = stability_margin(limit_of(candidate.loop, asked.task.sensor, known.distance), gain)
+            after = stability_margin(limit_of(candidate.loop, task.sensor, known.distance), gain)
         found.append(_compared(candidate, gain, part, replace(outcomes, margin=after)))
-    return _loss(asked, known, optimum, None if optimum.gain is None else best), tuple(sorted(found, key=_rank))
+    return _loss(task, known, optimum, None if optimum.gain is None else best), tuple(sorted(found, key=_rank))
 
 
-def compared_runs(problem: LoopProblem) -> int:
-    """Return how many of the runs changes and gains are compared by."""
-    return min(problem.draws.asked.task.runs, _COMPARED_SENSORS if problem.draws.sensors else _COMPARED)
-
-
-def _first(result: SimulationResult, count: int) -> SimulationResult:
-    columns = {name: column[:count] for name, column in result.columns.items()}
-    return SimulationResult(columns, result.contact_list[:count], result.trace_of)
-
-
-def _approach(asked: VerdictRequest, known: Verified) -> Approach:
+def _approach(problem: LoopProblem, known: Verified) -> Approach:
     """Return what changes are measured by; readings are noisiest where ln xi deviates most, from contact to start."""
-    sensor, c = asked.task.sensor, asked.loop.chain
+    draws, check = problem.draws, known.stability
+    sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(known.distance)))
     xi = np.exp(np.asarray(sensor.log_output(known.distance)))
     noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
+    ends = np.abs(problem.unmitigated.relative_velocity[problem.unmitigated.touched])
+    wanted = None
+    if check is not None and check.margin < _MARGIN and math.isfinite(check.lowest_rate_with_margin):
+        wanted = max(check.lowest_rate_with_margin, check.rate)
     return Approach(
-        steepest=float(slope.max()), fastest=known.fastest, noise=float(noise.max()), wanted_rate=known.wanted_rate
+        steepest=float(slope.max()),
+        fastest=float(max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())),
+        noise=float(noise.max()),
+        wanted_rate=wanted,
     )
 
 
-def _loss(asked: VerdictRequest, known: Verified, optimum: LoopOptimum, best: LoopOutcomes | None) -> Loss:
+def _loss(task: Task, known: Verified, optimum: LoopOptimum, best: LoopOutcomes | None) -> Loss:
     predicted, ideal = known.predicted, None
     if predicted.reached.all():
-        speed = abs(asked.task.scenario.obstacle.velocity)
-        ideal = float(asked.task.goal.value(predicted.end, speed, asked.foreseen_impact))
-    own, other = known.outcomes.objective, np.full(asked.task.runs, np.nan) if best is None else best.objective
+        speed = abs(task.scenario.obstacle.velocity)
+        ideal = float(task.goal.value(predicted.end, speed, foreseen_impact(task)))
+    own, other = known.outcomes.objective, np.full(task.runs, np.nan) if best is None else best.objective
     mean, error = mean_and_error(own)
     with np.errstate(invalid="ignore"):
         loss, loss_error = mean_and_error(own - other)

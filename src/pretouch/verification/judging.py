@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import Final
 
 from pretouch._core.units import format_quantity
+from pretouch.design import Task
 from pretouch.uncertainty.describing import share_in_words
 
 from .appraisal import Effect
 from .calibration_check import CalibrationCheck
 from .checks import LimitCheck, Reached, VerdictStatus
-from .request import VerdictRequest
 from .stability import StabilityCheck
 
 __all__ = ["judge"]
@@ -21,7 +21,7 @@ _ROOM: Final = 0.03  # of a limit
 
 
 def judge(
-    asked: VerdictRequest,
+    task: Task,
     *,
     reached: Reached,
     effect: Effect | None,
@@ -35,11 +35,11 @@ def judge(
     gain on other sensors that the readings allow.
     """
     missed = [
-        *_missed(asked.task.runs, reached, effect, stability),
-        *(_limit_missed(check, asked.task.runs) for check in limits if not check.is_met),
+        *_missed(task.runs, reached, effect, stability),
+        *(_limit_missed(check, task.runs) for check in limits if not check.is_met),
         *([calibration.reason] if calibration is not None and not calibration.is_good_enough else []),
     ]
-    narrow = list(_narrow(reached, limits, stability, asked.task.confidence))
+    narrow = list(_narrow(reached, limits, stability, task.confidence))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
     return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.units import format_quantity
 from pretouch.control import Controller, Status
-from pretouch.design import GainDesign
+from pretouch.design import GainDesign, Task
 from pretouch.motion import Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.simulation.describing import loop_sentences
@@ -17,7 +17,7 @@ from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
 from .appraisal import mean_and_error
 from .checks import Comparison
-from .request import Draws, VerdictRequest
+from .request import Draws
 
 __all__ = ["assumptions_of", "cautions_of"]
 
@@ -38,17 +38,15 @@ _FLAGS: Final = {
 }
 
 
-def assumptions_of(asked: VerdictRequest, compared: int) -> tuple[str, ...]:
+def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
     """Return sentences on what a verdict rests on; changes and gains are compared by so many of its runs."""
-    loop, runs = asked.loop, asked.task.runs
-    uncertain = [
-        f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(asked.task.uncertainty, asked.task.sensor)
-    ]
+    loop, runs = task.loop, task.runs
+    uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
     number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
     return (
         *loop_sentences(loop),
-        *_force(asked),
+        *_force(task),
         *(uncertain or ["Encounter: the nominal one in every run; nothing of it is uncertain."]),
         f"Runs: {number}; other gains and changes meet the same noise{first}.",
         "Predicted is the nominal encounter in continuous time with a perfect sensor, the robot following exactly.",
@@ -59,13 +57,13 @@ def assumptions_of(asked: VerdictRequest, compared: int) -> tuple[str, ...]:
     )
 
 
-def _force(asked: VerdictRequest) -> Iterator[str]:
+def _force(task: Task) -> Iterator[str]:
     """Say where the predicted impact force comes from."""
-    if asked.loop.contact is None:
-        if asked.task.impact is not None:
+    if task.loop.contact is None:
+        if task.impact is not None:
             yield "An impact model makes an impact force of the speed of contact."
         return
-    if asked.task.impact is None:
+    if task.impact is None:
         text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
     else:
         text = "The predicted impact force is that of the impact model that was given"
@@ -79,10 +77,10 @@ def cautions_of(
     design: GainDesign,
 ) -> tuple[str, ...]:
     """Return sentences on what to look at, from the runs with mitigation and without."""
-    loop, (result, unmitigated) = draws.asked.loop, runs
+    loop, (result, unmitigated) = draws.task.loop, runs
     said = [
         "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",
-        _other_admittance(loop, draws.asked.task.scenario),
+        _other_admittance(loop, draws.task.scenario),
         _recession(loop),
         *_detection(loop, draws, result),
         _push(loop, result, unmitigated),

@@ -11,7 +11,7 @@ from pretouch._core.described import Described
 from pretouch._core.json_text import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.design import GainDesign, Objective
+from pretouch.design import GainDesign, Objective, Task
 from pretouch.motion import ContactResult, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -21,7 +21,6 @@ from .appraisal import Effect
 from .calibration_check import CalibrationCheck
 from .checks import Comparison, LimitCheck, Reached, VerdictStatus
 from .improvement import LoopChange, Loss
-from .request import VerdictRequest
 from .stability import StabilityCheck
 
 __all__ = ["Verdict"]
@@ -100,11 +99,11 @@ class Verdict(Described, Value):
     page: ClassVar[str] = "pretouch.verification.page:verdict_page"
 
     @classmethod
-    def of(cls, asked: VerdictRequest, compared: int, **found: Any) -> Verdict:
+    def of(cls, task: Task, compared: int, **found: Any) -> Verdict:
         """Return what was found beside what was asked, with how many runs changes were compared by."""
         same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
-        given = {name: getattr(asked.task, name) for name in same}
-        return cls(**given, seed=asked.loop.seed, definition=asked.task.goal, compared_runs=compared, **found)
+        given = {name: getattr(task, name) for name in same}
+        return cls(**given, seed=task.loop.seed, definition=task.goal, compared_runs=compared, **found)
 
     @property
     def best_change(self) -> LoopChange | None:

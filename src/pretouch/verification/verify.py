@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
+from dataclasses import replace
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch.design import GainDesign, Task, design_gain
 from pretouch.design.task import placed
-from pretouch.motion import find_contact
+from pretouch.motion import ContactResult
+from pretouch.simulation import ClosedLoop
 from pretouch.simulation.stability import passed_distances
 
 from .appraisal import LoopProblem
 from .calibration_check import check_calibration, unknown_calibration
 from .checks import VerdictStatus, check_limits, check_reached, compare_quantities
 from .encounter import SimulatedEncounter
-from .improvement import Verified, compared_runs, find_improvements
+from .improvement import Verified, find_improvements
 from .judging import judge
 from .remarks import assumptions_of, cautions_of
-from .request import VerdictRequest, draw_encounters, loop_of
+from .request import checked_task, draw_encounters, foreseen_impact, loop_of, predicted_contact
 from .result import Verdict
-from .stability import acts_as_damper, check_stability, limit_of, no_stability_in_words
+from .stability import (
+    acts_as_damper,
+    check_stability,
+    limit_of,
+    no_stability_in_words,
+    stability_margin,
+)
 
 __all__ = ["simulate_encounter", "verify_gain"]
 
@@ -71,55 +76,52 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
-    asked = VerdictRequest.of(task)
-    ideal = task.replace(bounds=asked.bounds, impact=asked.foreseen_impact, stability_margin=None, evaluate=None)
-    design = design_gain(ideal)
+    task = checked_task(task)
+    design = design_gain(task.replace(impact=foreseen_impact(task)))
     chosen = design.gain if task.gain is None else float(finite(task.gain, "gain", "N*s"))
     if chosen is None:
         reason = f"the ideal design is {design.status.value}"
-        return Verdict.of(asked, 0, status=VerdictStatus.NO_GAIN, gain=None, reasons=(reason,), design=design)
-    return _verdict(asked, design, chosen, changes)
+        return Verdict.of(task, 0, status=VerdictStatus.NO_GAIN, gain=None, reasons=(reason,), design=design)
+    return _verdict(task, design, chosen, changes)
 
 
-def _verdict(asked: VerdictRequest, design: GainDesign, gain: float, changes: bool) -> Verdict:
-    loop, predicted = asked.loop, asked.predicted(gain)
-    asked.check_horizon(predicted)
-    draws = draw_encounters(asked)
+def _verdict(task: Task, design: GainDesign, gain: float, changes: bool) -> Verdict:
+    loop, sensor = task.loop, task.sensor
+    foreseen = predicted_contact(task, gain), predicted_contact(task, 0.0)
+    _check_horizon(loop, foreseen[0])
+    draws = draw_encounters(task)
     unmitigated = draws.run(loop, 0.0)
     problem = LoopProblem(draws=draws, predicted=draws.predicted(gain), unmitigated=unmitigated)
-    outcomes = problem.appraise(loop, gain)
-    runs, foreseen = (outcomes.result, unmitigated), (predicted, asked.predicted(0.0))
-    distance = passed_distances(asked.task.sensor, float(draws.distance.max()))
-    limit = limit_of(loop, asked.task.sensor, distance) if acts_as_damper(loop) else None
-    stability = check_stability(loop, asked.task.sensor, distance, gain, limit)
-    reached = check_reached(outcomes.result, problem.predicted, asked.task.confidence)
-    limits = check_limits(asked, outcomes, predicted, gain)
-    calibrated = check_calibration(asked, gain)
+    distance = passed_distances(sensor, float(draws.distance.max()))
+    limit = limit_of(loop, sensor, distance) if acts_as_damper(loop) else None
+    outcomes = replace(problem.appraise(loop, gain), margin=stability_margin(limit, gain))
+    stability = check_stability(loop, sensor, distance, gain, limit)
+    reached = check_reached(outcomes.result, problem.predicted, task.confidence)
+    limits = check_limits(task, outcomes, foreseen[0], gain)
+    calibrated = check_calibration(task, gain)
     status, reasons = judge(
-        asked, reached=reached, effect=outcomes.effect, limits=limits, stability=stability, calibration=calibrated
+        task, reached=reached, effect=outcomes.effect, limits=limits, stability=stability, calibration=calibrated
     )
-    comparisons = compare_quantities(asked, runs, foreseen)
-    ends = np.abs(unmitigated.relative_velocity)
+    runs = outcomes.result, unmitigated
+    comparisons = compare_quantities(task, runs, foreseen)
     known = Verified(
         gain=gain,
-        predicted=predicted,
+        predicted=foreseen[0],
         outcomes=outcomes,
         design=design,
         stability=stability,
         limit=limit,
         distance=distance,
-        fastest=float(max(np.max(ends, initial=0.0, where=np.isfinite(ends)), draws.approach.max())),
     )
     loss, tried = find_improvements(problem, known) if changes else (None, ())
-    compared = compared_runs(problem)
     return Verdict.of(
-        asked,
-        compared,
+        task,
+        draws.compared,
         status=status,
         gain=gain,
         reasons=reasons,
         design=design,
-        predicted=predicted,
+        predicted=foreseen[0],
         reached=reached,
         effect=outcomes.effect,
         comparisons=comparisons,
@@ -129,11 +131,20 @@ def _verdict(asked: VerdictRequest, design: GainDesign, gain: float, changes: bo
         calibration_check=calibrated,
         loss=loss,
         changes=tried,
-        assumptions=assumptions_of(asked, compared),
-        warnings=(*cautions_of(draws, runs, comparisons, design), *unknown_calibration(asked.task.calibration)),
+        assumptions=assumptions_of(task, draws.compared),
+        warnings=(*cautions_of(draws, runs, comparisons, design), *unknown_calibration(task.calibration)),
         mitigated=outcomes.result,
         unmitigated=unmitigated,
     )
+
+
+def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
+    """Refuse a loop that would be stopped before the contact that is predicted."""
+    if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
+        raise InvalidInputError(
+            f"loop horizon: found {loop.horizon:g} s, before the contact that is predicted after "
+            f"{float(predicted.end.time):.4g} s; give the loop a longer one"
+        )
 
 
 @placed
@@ -183,8 +194,6 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     one = finite(_gain_of(task), "gain", "N*s")
     if not isinstance(one, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
-    options: dict[str, Any] = {"method": task.method, "horizon": task.horizon}
-    predictions = [find_contact(scenario, sensor, g, **options) for g in (one, 0.0)]
     return SimulatedEncounter(
         scenario=scenario,
         sensor=sensor,
@@ -193,9 +202,10 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         impact=task.impact,
         run=loop.run(scenario, sensor, one),
         unmitigated=loop.run(scenario, sensor, 0.0),
-        prediction=predictions[0],
-        unmitigated_prediction=predictions[1],
-        **options,
+        prediction=predicted_contact(task, one),
+        unmitigated_prediction=predicted_contact(task, 0.0),
+        method=task.method,
+        horizon=task.horizon,
     )
 
 

@@ -89,14 +89,14 @@ def refine(function: Function, u: FloatArray, values: FloatArray, effort: Effort
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
         at, value, edge = float(u[i]), float(values[i]), True
         if rank < effort.most and value <= effort.counts(float(values[lowest].min())):
-            found = _zoom(function, left, right, effort.finest)
+            found = _zoom(function, left, right, effort)
             if found[1] <= value or not found[2]:
                 at, value, edge = found
         minima.append(Minimum(coordinate=at, value=value, bracket=(left, right), edge=edge))
     return sorted(minima, key=lambda m: m.value)
 
 
-def _zoom(function: Function, low: float, high: float, finest: float) -> tuple[float, float, bool]:
+def _zoom(function: Function, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
     """Narrow a bracket around its lowest value; where the function is smooth there, polish by a polynomial."""
     left, right = low, high
     best = (low, math.inf)
@@ -107,14 +107,14 @@ def _zoom(function: Function, low: float, high: float, finest: float) -> tuple[f
         if values[i] <= best[1]:
             best = float(u[i]), float(values[i])
         at_end = u[i] in {low, high}
-        if np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < _WIDEST:
+        if effort.smooth and np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < _WIDEST:
             polished = None if at_end else _polish(function, left, right)
             if polished is not None:
                 return *polished, False
             if at_end and right - left < 1e-3 * (high - low):
                 break
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, _COUNT - 1)])
-        if right - left < finest * max(1.0, abs(left)):
+        if right - left < effort.finest * max(1.0, abs(left)):
             break
     return *best, True
 

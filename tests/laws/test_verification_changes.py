@@ -13,8 +13,7 @@ import pretouch as pt
 from loop_samples import BareLaw
 from pretouch.control import VirtualDamper
 from pretouch.simulation import ClosedLoop
-from pretouch.verification.candidates import Approach, candidates_of
-from pretouch.verification.stability import acts_as_damper, chain_at, loop_at, told_period
+from pretouch.verification.stability import Approach, acts_as_damper, candidates_of, chain_at, loop_at, told_period
 from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, controller, loop_of, velocity_limit, verdict
 
 APPROACH = Approach(steepest=80.0, fastest=0.3, noise=0.0)

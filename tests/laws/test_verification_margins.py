@@ -13,8 +13,7 @@ from page_rows import line
 from pretouch.control import VirtualAdmittance
 from pretouch.report import report_html
 from pretouch.simulation.stability import passed_distances
-from pretouch.verification.candidates import Approach, candidates_of
-from pretouch.verification.stability import check_stability, limit_of
+from pretouch.verification.stability import Approach, candidates_of, check_stability, limit_of
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 LATE = loop_of(rate=30.0, delay=0.02)

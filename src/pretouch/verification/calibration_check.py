@@ -20,7 +20,7 @@ from pretouch.uncertainty.reservations import recess_in_words
 
 from .appraisal import simulated_quantity
 
-__all__ = ["CalibrationCheck", "check_calibration", "unknown_calibration"]
+__all__ = ["CalibrationCheck", "check_calibration"]
 
 _DRAWS: Final = 100
 _ALIKE: Final = 20  # times as many are drawn, of which those with the nearest offsets are taken: as if it were known
@@ -136,14 +136,9 @@ class _Outcome:
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
-def check_calibration(task: Task, gain: float) -> CalibrationCheck | None:
-    """Return how the nominal encounter does with a gain [N s] on sensors that the readings of the calibration allow.
-
-    None without a calibration, where its readings are too few to tell what they allow, and where the fitted curve
-    itself comes to no contact.
-    """
-    report = task.calibration
-    if report is None or report.curves is None or report.offset is None:
+def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
+    """Return how the nominal encounter does with a gain [N s] on sensors that the readings of the calibration allow."""
+    if report.curves is None or report.offset is None:  # too few readings to tell what they allow
         return None
     chain = _quiet(task.loop.chain)
     nominal = DrawnCurve(sensor=task.sensor, offset=report.offset.value)
@@ -169,17 +164,6 @@ def check_calibration(task: Task, gain: float) -> CalibrationCheck | None:
         return check
     decisive = _decisive(task, gain, drawn, promised)
     return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))
-
-
-def unknown_calibration(report: CalibrationReport | None) -> tuple[str, ...]:
-    """Return a sentence where a calibration has too few readings to tell what else they allow; else nothing."""
-    if report is None or report.best is None or report.curves is not None:
-        return ()
-    count = len(report.window.distances)
-    return (
-        f"The calibration has {count} usable distances, too few to tell which other curves its readings allow: nothing "
-        "is said of whether it is good enough.",
-    )
 
 
 def _quiet(chain: SensorChain) -> SensorChain:

@@ -1,184 +1,47 @@
-"""Predicted beside simulated: each quantity, each limit, and which runs came to a contact."""
+"""What runs come to beside the prediction, what a verdict rests on, and what to look at beside it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch._core.values import Value
+from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch.design import ImpactModel, Task, quantity_of
-from pretouch.design.robust import Required
+from pretouch.calibration import CalibrationReport
+from pretouch.control import Controller, Status
+from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
 from pretouch.design.robust.design import limits_of
 from pretouch.design.robust.validation import least_probability
-from pretouch.motion import ContactResult
+from pretouch.motion import ContactResult, Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
+from pretouch.simulation.describing import loop_sentences
+from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
-from .appraisal import LoopOutcomes
-from .request import foreseen_impact
+from .appraisal import Draws, LoopOutcomes, foreseen_impact, mean_and_error
+from .result import Comparison, LimitCheck, Reached, RunSpread
 
-__all__ = [
-    "Comparison",
-    "LimitCheck",
-    "Reached",
-    "RunSpread",
-    "VerdictStatus",
-    "check_limits",
-    "check_reached",
-    "compare_quantities",
-]
+__all__ = ["assumptions_of", "cautions_of", "check_limits", "check_reached", "compare_quantities"]
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
-_SAME: Final = 1e-9  # of a force: the peak of a contact is then that of its impact
-
-
-class VerdictStatus(StrEnum):
-    """What a verdict comes to. `meaning` says it in a sentence."""
-
-    HOLDS = "holds"
-    HOLDS_NARROWLY = "holds-narrowly"
-    DOES_NOT_HOLD = "does-not-hold"
-    NO_GAIN = "no-gain"
-
-    @property
-    def meaning(self) -> str:
-        """One sentence for a person."""
-        return {
-            VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
-            "gain can at least double until the loop is unstable.",
-            VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
-            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is harder than without "
-            "mitigation, the loop is unstable, or the calibration is not good enough.",
-            VerdictStatus.NO_GAIN: "There is no gain to verify.",
-        }[self]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunSpread(Value):
-    """How a quantity differs from run to run, over the runs that came to a contact.
-
-    Args:
-        mean: the mean.
-        standard_error: of the mean; NaN for a single run.
-        low: 5 % of the runs stay below.
-        median: half of the runs stay below.
-        high: 95 % of the runs stay below.
-        worst: the largest of all.
-        runs: how many.
-    """
-
-    mean: float
-    standard_error: float
-    low: float
-    median: float
-    high: float
-    worst: float
-    runs: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison(Value):
-    """One quantity, predicted and simulated, with and without mitigation; magnitudes in SI.
-
-    Args:
-        name: the quantity.
-        label: what it is called in reports.
-        unit: its SI unit.
-        predicted: of the nominal encounter in continuous time with a perfect sensor; None where it is not told.
-        predicted_unmitigated: the same with D_p = 0.
-        simulated: on the loop; None where no run came to a contact.
-        unmitigated: on the loop with D_p = 0 and the same noise.
-    """
-
-    name: str
-    label: str
-    unit: str
-    predicted: float | None
-    predicted_unmitigated: float | None
-    simulated: RunSpread | None
-    unmitigated: RunSpread | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LimitCheck(Value):
-    """One limit on the loop.
-
-    Args:
-        required: the constraint and the probability with which it must hold; 1 where it must in every run.
-        predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
-        held: the share of the runs in which it holds.
-        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
-        value: |quantity| that is not exceeded with the required probability, SI; None where runs that count end
-            without contact.
-        margin: limit - value, SI; negative where it is missed; None with it.
-        source: where the quantity comes from, in words.
-    """
-
-    required: Required
-    predicted: float | None
-    held: float
-    low: float
-    value: float | None
-    margin: float | None
-    source: str
-
-    @property
-    def name(self) -> str:
-        """Short name of the constraint, as in a scenario file."""
-        return self.required.constraint.name
-
-    @property
-    def limit(self) -> float:
-        """The largest allowed magnitude, SI."""
-        return self.required.constraint.limit
-
-    @property
-    def unit(self) -> str:
-        """The SI unit of the limit."""
-        return self.required.constraint.unit
-
-    @property
-    def is_met(self) -> bool:
-        """Whether it held in as many runs as it must."""
-        return self.held >= self.required.probability - 1e-12
-
-    @property
-    def label(self) -> str:
-        """What is limited, in words."""
-        return words_for(self.required.constraint.quantity)
-
-    @property
-    def statement(self) -> str:
-        """The limit in words, such as `largest excursion <= 0.1 m`."""
-        return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the check as one JSON object, in SI."""
-        names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
-        told = {name: getattr(self, name) for name in names}
-        return {**told, "probability": self.required.probability, "held_at_least": self.low}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reached(Value):
-    """Which runs came to a contact.
-
-    Args:
-        predicted: the share of the drawn encounters that do in continuous time with a perfect sensor.
-        simulated: the share of the runs that did.
-        missing: how many runs did not although it was predicted.
-        low: lower end of the exact interval of the probability that a predicted contact comes; None where none is.
-    """
-
-    predicted: float
-    simulated: float
-    missing: int
-    low: float | None
+_SHARE: Final = 0.1  # of a late detection, below which a cause is not named
+_LATE: Final = 0.95  # of the distance at the start: nearer, a first detection is late
+_FORCE_APART: Final = 1.25  # times: beyond, a predicted impact force is another thing than the simulated one
+_ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
+_ROUNDING: Final = 1e-9  # of a force
+_TRACED: Final = 8  # runs, whose steps are looked at one by one
+_FLAGS: Final = {
+    Status.SATURATED: "the sensor was saturated",
+    Status.INVALID: "readings were no numbers, too old or out of order",
+    Status.IMPLAUSIBLE: "readings changed faster than any approach that was allowed for",
+    Status.LOST: "the sensor was lost",
+    Status.FORCE_LIMITED: "the virtual force was limited",
+    Status.MOTION_LIMITED: "the motion was limited",
+    Status.INPUT_FAULT: "contact force or reference were no numbers",
+}
 
 
 def compare_quantities(
@@ -189,7 +52,7 @@ def compare_quantities(
     """Return magnitudes of the runs beside those predicted for the nominal encounter, with the gain and D_p = 0."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
-    if contact is not None and any(np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in runs):
+    if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
         names.append("peak_force")
     found = []
     for name in names:
@@ -274,3 +137,197 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
         return None
     value: Any = quantity_of(name, result.end, impact)
     return abs(float(value)) if math.isfinite(float(value)) else None
+
+
+def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
+    """Return sentences on what a verdict rests on; changes and gains are compared by so many of its runs."""
+    loop, runs = task.loop, task.runs
+    uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
+    first = f" in the first {compared} of them" if compared < runs else ""
+    number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
+    return (
+        *loop_sentences(loop),
+        *_force(task),
+        *(uncertain or ["Encounter: the nominal one in every run; nothing of it is uncertain."]),
+        f"Runs: {number}; other gains and changes meet the same noise{first}.",
+        "Predicted is the nominal encounter in continuous time with a perfect sensor, the robot following exactly.",
+        "Stability is that of the loop linearized at each distance of the nominal curve, without noise, misfit, "
+        "jitter, limits and friction.",
+        "Left out: whatever changes the sensor curve (color, shape and angle of the object, other light) beyond what "
+        "is named as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
+    )
+
+
+def _force(task: Task) -> Iterator[str]:
+    """Say where the predicted impact force comes from."""
+    if task.loop.contact is None:
+        if task.impact is not None:
+            yield "An impact model makes an impact force of the speed of contact."
+        return
+    if task.impact is None:
+        text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
+    else:
+        text = "The predicted impact force is that of the impact model that was given"
+    yield f"{text}; loss in the contact lowers the simulated one, the robot's drive and a driven obstacle raise it."
+
+
+def cautions_of(
+    draws: Draws,
+    runs: tuple[SimulationResult, SimulationResult],
+    comparisons: tuple[Comparison, ...],
+    design: GainDesign,
+) -> tuple[str, ...]:
+    """Return sentences on what to look at, from the runs with mitigation and without."""
+    loop, (result, unmitigated) = draws.task.loop, runs
+    said = [
+        "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",
+        _other_admittance(loop, draws.task.scenario),
+        _recession(loop),
+        *_detection(loop, draws, result),
+        _push(loop, result, unmitigated),
+        _impact(comparisons),
+        *_reported(loop, result),
+        _unknown_calibration(draws.task.calibration),
+    ]
+    return tuple(text for text in said if text)
+
+
+def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> str:
+    own: Any = getattr(loop.law, "admittance", None)
+    a = scenario.admittance
+    if own is None or all(
+        np.allclose(getattr(own, name), getattr(a, name), rtol=1e-9, atol=1e-12)
+        for name in ("mass", "damping", "stiffness")
+    ):
+        return ""
+    return (
+        f"The controller's virtual mass, damping and stiffness ({own.mass:g} kg, {own.damping:g} N s/m, "
+        f"{own.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
+        f"{a.stiffness:g} N/m)."
+    )
+
+
+def _recession(loop: ClosedLoop) -> str:
+    law, chain = loop.law, loop.chain
+    if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
+        return ""
+    falls = chain.lowest <= law.conditioning.offset + law.conditioning.floor
+    if not (chain.dropout > 0 or falls):
+        return ""
+    return (
+        "largest_rate is not set: a cable that breaks reads 0, which looks like an object that recedes at once, and "
+        "the robot leaps after it. No run here has such a fault."
+    )
+
+
+def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> list[str]:
+    seen = np.isfinite(result.detection_time)
+    said = []
+    if not seen.all():
+        said.append(f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs.")
+    s = draws.scenarios
+    free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
+    if not (seen.any() and free):
+        return said
+    # until it is detected nothing acts: the robot goes on with its reference
+    t = np.asarray(result.detection_time)
+    velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
+    acceleration = np.asarray(s.obstacle.acceleration) - s.reference.acceleration
+    distance = (draws.distance + t * (velocity + 0.5 * acceleration * t))[seen]
+    start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
+    if distance.mean() < _LATE * start:
+        said.append(
+            f"The object is first detected {format_quantity(late, 's')} after the start on average, at "
+            f"{format_quantity(float(distance.mean()), 'm')} instead of {format_quantity(start, 'm')}: "
+            f"{_why_late(loop, late)}."
+        )
+    return said
+
+
+def _why_late(loop: ClosedLoop, late: float) -> str:
+    """Say how much of the time until an object is detected the sensor takes, and how much its floor."""
+    chain = loop.chain
+    phase = chain.period / 2 if chain.random_phase else chain.phase
+    wait = phase + chain.exposure + chain.delay + loop.law.period / 2
+    hidden = "farther away, what is read is not above the floor"
+    if late - wait < _SHARE * late:
+        return "no reading can be had before, for the sensor is that slow"
+    return hidden if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {hidden}"
+
+
+def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> str:
+    """Say that the largest force of the whole contact grows with mitigation, where that is not the impact's."""
+    contact, both = loop.contact, result.touched & unmitigated.touched
+    if contact is None or not both.any():
+        return ""
+    peak, free, impact, free_impact = (
+        np.asarray(values)[both]
+        for values in (result.peak_force, unmitigated.peak_force, result.impact_force, unmitigated.impact_force)
+    )
+    more, error = mean_and_error(peak - free)
+    chance = max(_ERRORS * error if np.isfinite(error) else 0.0, _ROUNDING * float(free.mean()))
+    if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
+        return ""
+    driven = contact.obstacle_mass == np.inf
+    pushing = "the obstacle, which is driven on, and the robot's drive push" if driven else "the robot's drive pushes"
+    newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
+    return (
+        f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
+        f"{newton[1]}. It is not that of the impact ({newton[2]} with, {newton[3]} without), but of the push after it: "
+        f"{pushing} on while the bodies are in contact."
+    )
+
+
+def _impact(comparisons: tuple[Comparison, ...]) -> str:
+    force = next((c for c in comparisons if c.name == "impact_force"), None)
+    if force is None or not force.predicted or force.simulated is None:
+        return ""
+    times = force.simulated.mean / force.predicted
+    if 1 / _FORCE_APART < times < _FORCE_APART:
+        return ""
+    why = (
+        "the robot's drive and the obstacle push on while the bodies are in contact"
+        if times > 1
+        else "the contact loses energy, or the robot gives way while it lasts"
+    )
+    return f"The simulated impact force is {times:.3g} times the predicted one, which is elastic: {why}."
+
+
+def _reported(loop: ClosedLoop, result: SimulationResult) -> list[str]:
+    if not isinstance(loop.law, Controller):  # what another law reports is its own
+        return []
+    said = []
+    for flag, text in _FLAGS.items():
+        share = float(np.mean((np.asarray(result.flags) & int(flag)) != 0))
+        if share > 0:
+            said.append(f"In {_percent(share)} of the runs {text}.")
+    stale = _stale(result)
+    if stale > 0:
+        said.append(
+            f"While an object was detected, no reading that was due could be used in {_percent(stale)} of the steps."
+        )
+    return said
+
+
+def _stale(result: SimulationResult) -> float:
+    """Return the share of steps without a reading that was due; before the first one, all are, and none counts."""
+    late = count = 0
+    for i in range(min(result.shape[0], _TRACED)):
+        flags = result.trace(i).flags.astype(np.int64)
+        flags = flags[np.maximum.accumulate((flags & int(Status.DETECTING)) != 0)]
+        late, count = late + int(((flags & int(Status.STALE)) != 0).sum()), count + len(flags)
+    return late / count if count else 0.0
+
+
+def _percent(share: float) -> str:
+    return share_in_words(share) if share >= 1e-4 else "less than 0.01 %"
+
+
+def _unknown_calibration(report: CalibrationReport | None) -> str:
+    """Say that a calibration has too few readings to tell what else they allow."""
+    if report is None or report.best is None or report.curves is not None:
+        return ""
+    return (
+        f"The calibration has {len(report.window.distances)} usable distances, too few to tell which other curves its "
+        "readings allow: nothing is said of whether it is good enough."
+    )

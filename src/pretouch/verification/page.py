@@ -14,9 +14,8 @@ from pretouch.motion.describing import inputs_section, method_section
 from pretouch.simulation.describing import loop_section
 from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
-from .checks import Comparison, LimitCheck, RunSpread, VerdictStatus
 from .improvement_page import best_change_section, changes_section, gain_section
-from .result import Verdict
+from .result import Comparison, LimitCheck, RunSpread, Verdict, VerdictStatus
 from .stability import StabilityCheck
 
 __all__ = ["verdict_page"]

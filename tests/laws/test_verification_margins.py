@@ -82,7 +82,7 @@ def test_the_rate_that_is_tried_gives_the_gain_its_margin() -> None:
     assert change.helps
     # beyond the controller's own rate, the controller follows
     quick = loop_of(period=0.05, rate=20.0)
-    asked = candidates_of(quick, replace(APPROACH, wanted_rate=123.0))[0]
+    asked = candidates_of(quick, APPROACH._replace(wanted_rate=123.0))[0]
     assert asked.loop.chain.rate == 130
     assert asked.loop.law.period == pytest.approx(1 / 130)
     assert "and step the controller 130 times a second" in asked.sentence

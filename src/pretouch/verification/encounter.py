@@ -18,6 +18,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 
 from .encounter_parts import (
+    SAME,
     Detection,
     LoopContact,
     QuantityComparison,
@@ -34,7 +35,6 @@ __all__ = ["SimulatedEncounter", "ending_in_words"]
 _SAMPLES: Final = 400
 _LATE: Final = 0.1  # of the change of ln xi until contact, from which a detection is called late
 _PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
-_SAME: Final = 5e-5  # relative: what four digits do not tell apart
 _PASSING: Final = 0.01  # of the approach: readings that are late for less are no news
 _RUN: Final = (
     *("time", "position", "velocity", "displacement", "relative_velocity", "closest_distance", "largest_excursion"),
@@ -107,12 +107,8 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def comparisons(self) -> tuple[QuantityComparison, ...]:
         """The quantities of the contact on the loop and as predicted, with the gain and without."""
-        return compare_contacts(
-            (self.run, self.unmitigated),
-            (self.prediction, self.unmitigated_prediction),
-            impact=self.impact,
-            has_contact_force=self.has_contact_force,
-        )
+        runs, predictions = (self.run, self.unmitigated), (self.prediction, self.unmitigated_prediction)
+        return compare_contacts(runs, predictions, self.impact, self.has_contact_force)
 
     def comparison(self, name: str) -> QuantityComparison:
         """Return the comparison of one quantity.
@@ -135,17 +131,17 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:
         """The contacts of the run with the gain, a repeated contact one by one."""
-        return contacts_of(self.run, has_contact_force=self.has_contact_force)
+        return contacts_of(self.run, self.has_contact_force)
 
     @cached_property
     def unmitigated_contacts(self) -> tuple[LoopContact, ...]:
         """The contacts of the run with gain 0."""
-        return contacts_of(self.unmitigated, has_contact_force=self.has_contact_force)
+        return contacts_of(self.unmitigated, self.has_contact_force)
 
     @cached_property
     def flags(self) -> tuple[ReportedFlag, ...]:
         """What the law reported in the run with the gain, in the order in which it came."""
-        return flags_of(self.trace, period=self.loop.law.period, contact_time=self.run.time)
+        return flags_of(self.trace, self.loop.law.period, self.run.time)
 
     @cached_property
     def detection(self) -> Detection | None:
@@ -236,9 +232,9 @@ def _against(encounter: SimulatedEncounter) -> str:
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
-        parts.append("as hard" if abs(share) < _SAME else f"{percent(share)} {'harder' if share > 0 else 'softer'}")
+        parts.append("as hard" if abs(share) < SAME else f"{percent(share)} {'harder' if share > 0 else 'softer'}")
     if late is not None and time.predicted is not None:
-        same = abs(late) < _SAME * time.predicted
+        same = abs(late) < SAME * time.predicted
         shown = format_quantity(abs(late), "s", 2 if abs(late) < 0.1 else 3)
         parts.append("at the same time" if same else f"{shown} {'later' if late > 0 else 'earlier'}")
     return ", ".join(parts)

@@ -20,6 +20,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult
 
 __all__ = [
+    "SAME",
     "Detection",
     "LoopContact",
     "QuantityComparison",
@@ -31,33 +32,25 @@ __all__ = [
     "percent",
 ]
 
+SAME: Final = 5e-5
+"""Relative: what four digits do not tell apart."""
+
 _AT_CONTACT: Final = ("time", "relative_velocity", "position")
 _LARGEST: Final = ("largest_excursion", "largest_virtual_force")
 _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity")
-_SAME: Final = 5e-5  # relative: what four digits do not tell apart
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class QuantityComparison(Value):
-    """One quantity of an encounter, on the loop and as predicted, with the gain and without; None where there is none.
+    """One quantity of an encounter, on the loop and as predicted, with the gain and without; None where it has none."""
 
-    Args:
-        name: the quantity, as SimulationResult and ContactState call it.
-        label: words for it.
-        unit: its SI unit.
-        loop: on the loop with the gain.
-        predicted: by the continuous solution with the gain.
-        loop_unmitigated: on the loop with gain 0.
-        predicted_unmitigated: by the continuous solution with gain 0.
-    """
-
-    name: str
-    label: str
-    unit: str
-    loop: float | None
-    predicted: float | None
-    loop_unmitigated: float | None
-    predicted_unmitigated: float | None
+    name: str  # as SimulationResult and ContactState call it
+    label: str  # words for it
+    unit: str  # its SI unit
+    loop: float | None  # on the loop with the gain
+    predicted: float | None  # by the continuous solution with the gain
+    loop_unmitigated: float | None  # on the loop with gain 0
+    predicted_unmitigated: float | None  # by the continuous solution with gain 0
 
     @property
     def values(self) -> tuple[float | None, ...]:
@@ -87,7 +80,7 @@ class QuantityComparison(Value):
         share = self.relative_difference
         if self.difference is None:
             return ""
-        if not self.difference or (share is not None and abs(share) < _SAME):
+        if not self.difference or (share is not None and abs(share) < SAME):
             return "none"
         text = format_quantity(self.difference, self.unit, 3)
         text = text if text.startswith("-") else f"+{text}"
@@ -98,44 +91,27 @@ class QuantityComparison(Value):
         return {**asdict(self), "difference": self.difference, "relative_difference": self.relative_difference}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class LoopContact(Value):
-    """One contact of a run; None for what a run without a contact model does not tell.
+    """One contact of a run; None for what a run without a contact model does not tell."""
 
-    Args:
-        time: of the touch [s].
-        relative_velocity: l' there [m/s].
-        peak_force: largest contact force [N].
-        impulse: of the contact force [N s].
-        rebound_velocity: l' at its end [m/s]; None where the bodies still touch when the run ends.
-        duration: how long it lasts, or has lasted when the run ends [s].
-    """
-
-    time: float
-    relative_velocity: float
-    peak_force: float | None
-    impulse: float | None
-    rebound_velocity: float | None
-    duration: float | None
+    time: float  # of the touch [s]
+    relative_velocity: float  # l' there [m/s]
+    peak_force: float | None  # largest contact force [N]
+    impulse: float | None  # of the contact force [N s]
+    rebound_velocity: float | None  # l' at its end [m/s]; None where the bodies still touch when the run ends
+    duration: float | None  # how long it lasts, or has lasted when the run ends [s]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class ReportedFlag(Value):
-    """A flag that the law reported in a run.
+    """A flag that the law reported in a run."""
 
-    Args:
-        name: short name, such as `force-limited`.
-        meaning: what it says.
-        since: when it was reported first [s].
-        duration: for how long in all [s], in whole periods of the law.
-        approach_duration: for how long of that before the first contact [s].
-    """
-
-    name: str
-    meaning: str
-    since: float
-    duration: float
-    approach_duration: float
+    name: str  # such as `force-limited`
+    meaning: str  # what it says
+    since: float  # when it was reported first [s]
+    duration: float  # for how long in all [s], in whole periods of the law
+    approach_duration: float  # for how long of that before the first contact [s]
 
     @property
     def is_trouble(self) -> bool:
@@ -145,22 +121,15 @@ class ReportedFlag(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection(Value):
-    """When the law first saw the object. The prediction lets it act from the start on.
+    """When the law first saw the object. The prediction lets it act from the start on."""
 
-    Args:
-        time: when the law first reported an object [s].
-        distance: how far it was then [m].
-        start_distance: how far it was at the start [m].
-        missed_share: share of the change of ln xi from the start to contact that had passed by then, 0 to 1: what the
-            law cannot have answered. None where the curve does not change.
-        time_left: from then until contact [s]; None without contact.
-    """
-
-    time: float
-    distance: float
-    start_distance: float
+    time: float  # when the law first reported an object [s]
+    distance: float  # how far it was then [m]
+    start_distance: float  # how far it was at the start [m]
+    # of the change of ln xi from the start to contact, what had passed by then, 0 to 1: what the law cannot have
+    # answered; None where the curve does not change
     missed_share: float | None
-    time_left: float | None
+    time_left: float | None  # from then until contact [s]; None without contact
 
     @property
     def sentence(self) -> str:
@@ -199,35 +168,22 @@ def percent(share: float) -> str:
 def compare_contacts(
     runs: tuple[SimulationResult, SimulationResult],
     predictions: tuple[ContactResult, ContactResult],
-    *,
     impact: ImpactModel | None,
-    has_contact_force: bool,
+    has_force: bool,
 ) -> tuple[QuantityComparison, ...]:
-    """Return the numbers of runs and predictions side by side, each with the gain and without.
-
-    Those are time, relative velocity and position of the contact; the smallest distance where a run has none; the
-    largest excursion and virtual force; and what the contact force comes to, an elastic impact as it is predicted.
-    """
+    """Return the numbers of runs and predictions side by side, with the gain and without, of a contact with a force."""
     ends = [p.end if p.reached.all() else None for p in predictions]
 
     def row(name: str, loop: Iterable[float], predicted: Iterable[float]) -> QuantityComparison:
         (own, free), (foreseen, foreseen_free) = map(finite_or_none, loop), map(finite_or_none, predicted)
-        return QuantityComparison(
-            name=name,
-            label=words_for(name),
-            unit=unit_of(name),
-            loop=own,
-            predicted=foreseen,
-            loop_unmitigated=free,
-            predicted_unmitigated=foreseen_free,
-        )
+        return QuantityComparison(name, words_for(name), unit_of(name), own, foreseen, free, foreseen_free)
 
     def solved(name: str) -> QuantityComparison:
         predicted = (math.nan if end is None else getattr(end, name) for end in ends)
         return row(name, (getattr(r, name) for r in runs), predicted)
 
     def of_contact(name: str) -> QuantityComparison:
-        known = impact if name == "impact_force" else None
+        known = impact if name == "impact_force" else None  # an elastic impact is predicted
         elastic = (math.nan if known is None or e is None else known.peak_force(e.relative_velocity) for e in ends)
         return row(name, (getattr(r, name) if r.touched else math.nan for r in runs), elastic)
 
@@ -236,33 +192,20 @@ def compare_contacts(
         nearest = (0.0 if r.touched else r.closest_distance for r in runs)
         rows.append(row("closest_distance", nearest, (p.closest_distance for p in predictions)))
     rows += [solved(name) for name in _LARGEST]
-    return (*rows, *(of_contact(name) for name in _OF_CONTACT if has_contact_force))
+    return (*rows, *(of_contact(name) for name in _OF_CONTACT if has_force))
 
 
-def contacts_of(run: SimulationResult, *, has_contact_force: bool) -> tuple[LoopContact, ...]:
+def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ...]:
     """Read the contacts of a single run, of which it tells 32 apart."""
     found = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
         time, velocity, *rest = map(finite_or_none, row)
-        peak, impulse, rebound, duration = rest if has_contact_force else (None,) * 4
-        found.append(
-            LoopContact(
-                time=time or 0.0,
-                relative_velocity=velocity or 0.0,
-                peak_force=peak,
-                impulse=impulse,
-                rebound_velocity=rebound,
-                duration=duration,
-            )
-        )
+        found.append(LoopContact(time or 0.0, velocity or 0.0, *(rest if has_force else (None,) * 4)))
     return tuple(found)
 
 
-def flags_of(trace: LoopTrace, *, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Return the flags that a law of a period [s] reported in a run, before and after its first contact [s] or NaN.
-
-    They are in the order in which they came; one that `Status` does not know goes by its number.
-    """
+def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
+    """Return the flags that a law of a period [s] reported, before and after the contact [s, or NaN], as they came."""
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
     found = []
@@ -270,16 +213,11 @@ def flags_of(trace: LoopTrace, *, period: float, contact_time: float) -> tuple[R
         on = (flags & bit) != 0
         if not on.any():
             continue
-        known = Status(bit) if bit in _MEANINGS else None
-        found.append(
-            ReportedFlag(
-                name=f"flag-{bit}" if known is None else str(known.name).lower().replace("_", "-"),
-                meaning=_OWN if known is None else _MEANINGS[known],
-                since=float(trace.time[on.argmax()]),
-                duration=float(on.sum() * period),
-                approach_duration=float((on & before).sum() * period),
-            )
-        )
+        known = Status(bit) if bit in _MEANINGS else None  # one that `Status` does not know goes by its number
+        name = f"flag-{bit}" if known is None else str(known.name).lower().replace("_", "-")
+        meaning = _OWN if known is None else _MEANINGS[known]
+        since, lasts = float(trace.time[on.argmax()]), (float(part.sum() * period) for part in (on, on & before))
+        found.append(ReportedFlag(name, meaning, since, *lasts))
     return tuple(sorted(found, key=lambda flag: flag.since))
 
 

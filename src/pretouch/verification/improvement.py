@@ -20,7 +20,7 @@ from pretouch.motion import ContactResult
 from pretouch.simulation import GainLimit
 
 from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, foreseen_impact, mean_and_error, part_of
-from .stability import Approach, Candidate, StabilityCheck, candidates_of, limit_of, stability_margin
+from .stability import Candidate, StabilityCheck, candidates_of, limit_of, stability_margin
 
 __all__ = ["LoopChange", "LoopCurve", "Loss", "Verified", "find_improvements"]
 
@@ -147,7 +147,7 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
             found.append(_compared(candidate, better, known.outcomes, replace(outcomes, margin=margin)))
     first = part_of(known.outcomes.result, slice(runs))
     part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
-    for candidate in candidates_of(loop, _approach(problem, known)):
+    for candidate in _candidates(problem, known):
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
         if known.limit is not None:
@@ -156,23 +156,19 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
     return _loss(task, known, search, best), tuple(sorted(found, key=_rank))
 
 
-def _approach(problem: LoopProblem, known: Verified) -> Approach:
-    """Return what changes are measured by; readings are noisiest where ln xi deviates most, from contact to start."""
-    draws, check = problem.draws, known.stability
+def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
+    """Return what could be changed; readings are noisiest where ln xi deviates most, from contact to start."""
+    draws, check, free = problem.draws, known.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(known.distance)))
     xi = np.exp(np.asarray(sensor.log_output(known.distance)))
     noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
-    ends = np.abs(problem.unmitigated.relative_velocity[problem.unmitigated.touched])
+    ends = np.abs(free.relative_velocity[free.touched])
+    fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
     wanted = None
     if check is not None and check.margin < _MARGIN and math.isfinite(check.lowest_rate_with_margin):
         wanted = max(check.lowest_rate_with_margin, check.rate)
-    return Approach(
-        steepest=float(slope.max()),
-        fastest=float(max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())),
-        noise=float(noise.max()),
-        wanted_rate=wanted,
-    )
+    return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), wanted)
 
 
 def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None) -> Loss:

@@ -28,7 +28,6 @@ from pretouch.simulation import (
 )
 
 __all__ = [
-    "Approach",
     "Candidate",
     "StabilityCheck",
     "acts_as_damper",
@@ -179,14 +178,11 @@ def check_stability(
     def timing_at(rate: float) -> LoopTiming:
         return timing_of(chain_at(loop.chain, rate), controller_at(law, told / rate))
 
-    def least(factor: float) -> float:
-        if gain == 0:
-            return 0.0
-        known: dict[str, Any] = {"distance": distance, "timing_at": timing_at, "plant": loop.plant}
-        return lowest_rate(sensor, _own(law), gain, margin=factor, **known)
-
-    rates = {"rate": loop.chain.rate, "lowest_rate": least(1.0), "lowest_rate_with_margin": least(2.0)}
-    return StabilityCheck(limit=limit, margin=margin, **rates)
+    known: dict[str, Any] = {"distance": distance, "timing_at": timing_at, "plant": loop.plant}
+    least = [lowest_rate(sensor, _own(law), gain, margin=factor, **known) if gain else 0.0 for factor in (1.0, 2.0)]
+    return StabilityCheck(
+        limit=limit, margin=margin, rate=loop.chain.rate, lowest_rate=least[0], lowest_rate_with_margin=least[1]
+    )
 
 
 def _own(law: Controller) -> Admittance:
@@ -236,28 +232,23 @@ class Candidate(NamedTuple):
     loop: ClosedLoop  # the changed one
 
 
-class Approach(NamedTuple):
-    """What changes are measured by: how fast readings change, how noisy they are, and which rate the gain asks for."""
-
-    steepest: float  # largest |g| that the encounter passes [1/m]
-    fastest: float  # fastest approach [m/s]
-    noise: float  # standard deviation of ln xi from reading to reading, where it is largest
-    wanted_rate: float | None = None  # of the sensor [Hz], for a margin of 2; None where it has that, or none is enough
-
-
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
-def candidates_of(loop: ClosedLoop, approach: Approach) -> list[Candidate]:
-    """Collect what could be changed of a loop, as far as it means something for it."""
-    wanted = approach.wanted_rate
-    rate = _FASTER * loop.chain.rate if wanted is None else _rounded_up(wanted)
-    found = []
+def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
+    """Collect what could be changed of a loop; ln xi changes by `quickest` [1/s] at most and deviates by `noise`."""
+    # wanted: rate of the sensor for a margin of 2 to instability [Hz]; None where it has that, or none is enough
+    rate, found = wanted, []
+    if rate is None:
+        rate = _FASTER * loop.chain.rate
+    else:  # rounded up to two digits: one that is sensible, and not below what is needed
+        step = 10.0 ** (math.floor(math.log10(rate)) - 1)
+        rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
     for name, sentence, make in (
         ("sensor-rate", "", partial(loop_at, loop, rate)),
         *_of_chain(loop),
         *_of_robot(loop),
-        *(_of_controller(loop, loop.law, approach) if isinstance(loop.law, Controller) else ()),
+        *(_of_controller(loop, loop.law, quickest, noise) if isinstance(loop.law, Controller) else ()),
     ):
         try:
             changed = make()
@@ -277,12 +268,6 @@ def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
     return replace(loop, **found)
 
 
-def _rounded_up(rate: float) -> float:
-    """Round a rate up to two digits: one that is sensible, and not below what is needed."""
-    step = 10.0 ** (math.floor(math.log10(rate)) - 1)
-    return float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
-
-
 def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
     text = f"Read the sensor {_hertz(after.chain.rate)} instead of {loop.chain.rate:.6g}"
     if after.chain.exposure < loop.chain.exposure:
@@ -297,7 +282,7 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     if chain.delay > 0:
         text = f"Hand over readings without the delay of {format_quantity(chain.delay, 's')} after their exposure."
         yield "delay", text, partial(_with, loop, chain={"delay": 0.0})
-    if _is_noisy(loop):
+    if any(getattr(chain, name) > 0 for name in _NOISES):
         half = {name: getattr(chain, name) / 2 for name in _NOISES}
         parts = [f"{half['noise']:.3g} in the unit of xi instead of {chain.noise:.3g}"] if chain.noise else []
         if chain.relative_noise:
@@ -308,13 +293,12 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         text = f"Halve the noise of the sensor to a standard deviation of {' and '.join(parts)}."
         yield "noise", text, partial(_with, loop, chain=half)
     if chain.misfit > 0:
-        half_misfit = chain.misfit / 2
         text = (
-            f"Calibrate anew, so that the sensor lies off its curve by {100 * half_misfit:.3g} % of xi instead of "
+            f"Calibrate anew, so that the sensor lies off its curve by {50 * chain.misfit:.3g} % of xi instead of "
             f"{100 * chain.misfit:.3g} %: at more distances, set more exactly; or sink it to where its curve fits "
             "better."
         )
-        yield "calibration", text, partial(_with, loop, chain={"misfit": half_misfit})
+        yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 
 
 def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
@@ -332,8 +316,8 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
         yield "robot-stiffness", text, partial(_with, loop, plant={"stiffness": stiffness, "damping": damping})
 
 
-def _of_controller(loop: ClosedLoop, law: Controller, approach: Approach) -> Iterator[_Made]:
-    c, noisy = law.conditioning, _is_noisy(loop)
+def _of_controller(loop: ClosedLoop, law: Controller, quickest: float, noise: float) -> Iterator[_Made]:
+    c, noisy = law.conditioning, any(getattr(loop.chain, name) > 0 for name in _NOISES)
     if c.median_window > 1:
         text = f"Leave out the median over {c.median_window} readings."
         yield "median", text, partial(_with, loop, conditioning={"median_window": 1})
@@ -357,15 +341,11 @@ def _of_controller(loop: ClosedLoop, law: Controller, approach: Approach) -> Ite
         text += ", and follow its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
     # a reading is refused only where approach and noise together could not have made it
-    rate = _ROOM * approach.fastest * approach.steepest + _DEVIATIONS * approach.noise * loop.chain.rate
+    rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
     if c.largest_rate is None and rate > 0:
         text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice what the fastest approach makes of ln xi"
         text += f"{' and what noise adds' if noisy else ''}."
         yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})
-
-
-def _is_noisy(loop: ClosedLoop) -> bool:
-    return any(getattr(loop.chain, name) > 0 for name in _NOISES)
 
 
 def _hertz(rate: float) -> str:

@@ -135,18 +135,9 @@ def _polish(function: Function, left: float, right: float) -> tuple[float, float
 
 
 def minimize_polynomials(values: FloatArray, fit: float = _FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
-    """Minimize functions by the polynomials that meet them at the nodes, between the neighbors of the lowest node.
-
-    Newton's steps for df/dz = 0, and halving where they leave the bracket: at minima that are flatter than a parabola.
-
-    Args:
-        values: the functions at NODES, shape (m, 17).
-        fit: of the range of values, how well the polynomial must meet them.
-        steps: how many steps at most.
-
-    Returns:
-        The places in [-1, 1], and where there is a minimum inside that is certain, each shape (m,).
-    """
+    """Return minima in [-1, 1] of functions known at NODES, shape (m, 17), by polynomials, and which are certain."""
+    # Newton's steps for df/dz = 0 between the neighbors of the lowest node, and halving where they leave these: at
+    # minima flatter than a parabola; a polynomial must meet the values to `fit` of their range
     lowest = np.argmin(values, axis=1)
     z, low, high = NODES[lowest], _ENDS[lowest + 2], _ENDS[lowest]
     settled: BoolArray = np.asarray(np.isfinite(values).all(axis=1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -104,13 +104,8 @@ class CalibrationCheck(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI."""
-        names = ("draws", "promised", "low", "median", "high", "missing", "harder", "broken", "failing")
-        return {
-            "is_good_enough": self.is_good_enough,
-            **{name: getattr(self, name) for name in names},
-            "decisive": self.decisive or None,
-            "remedy": self.remedy or None,
-        }
+        open_ends = {"decisive": self.decisive or None, "remedy": self.remedy or None}
+        return {"is_good_enough": self.is_good_enough, **asdict(self), **open_ends}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +157,7 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     )
     if check.is_good_enough:
         return check
-    decisive = _decisive(task, gain, drawn, promised)
+    decisive = _decisive(task, gain, drawn, found, promised)
     return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))
 
 
@@ -206,15 +201,14 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve 
     return _Outcome(speed=speed, ratios=ratios)
 
 
-def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve | None, ...], promised: _Outcome) -> str:
-    """Return what matters most, found by leaving out the misfit, what is open of the offset, and all but the misfit.
-
-    Offset and curve are open together: a pedestal that is moved bends the curve through the same readings. So what is
-    left where the offset is known is told by those of many draws whose offset is nearest to the fitted one.
-    """
-    report, chain = task.calibration, _quiet(task.loop.chain)
-    if report is None or report.curves is None or report.offset is None:  # nothing was drawn
-        return ""
+def _decisive(
+    task: Task, gain: float, drawn: tuple[DrawnCurve | None, ...], found: _Outcome, promised: _Outcome
+) -> str:
+    """Return what matters most, found by leaving out the misfit, what is open of the offset, and all but the misfit."""
+    # offset and curve are open together: a pedestal that is moved bends the curve through the same readings; so what is
+    # left where the offset is known is told by those of many draws whose offset is nearest to the fitted one
+    report: Any = task.calibration
+    chain = _quiet(task.loop.chain)
     value = report.offset.value
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
@@ -224,7 +218,7 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve | None, ...], pro
     rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(promised)
     if chain.misfit and smooth < rest:
         return "misfit"
-    failing = _run(task, gain, chain, drawn).badness(promised)
+    failing = found.badness(promised)
     return "offset" if known[0] <= failing[0] / 2 and known < failing else "curve"
 
 

@@ -56,20 +56,11 @@ def compare_quantities(
         names.append("peak_force")
     found = []
     for name in names:
-        told = name != "peak_force"
-        predicted = [_magnitude(name, r, impact) if told else None for r in foreseen]
+        predicted = [None if name == "peak_force" else _magnitude(name, r, impact) for r in foreseen]
         simulated = [_spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in runs]
-        found.append(
-            Comparison(
-                name=name,
-                label=words_for(name),
-                unit=unit_of(name),
-                predicted=predicted[0],
-                predicted_unmitigated=predicted[1],
-                simulated=simulated[0],
-                unmitigated=simulated[1],
-            )
-        )
+        ideal: dict[str, Any] = {"predicted": predicted[0], "predicted_unmitigated": predicted[1]}
+        real: dict[str, Any] = {"simulated": simulated[0], "unmitigated": simulated[1]}
+        found.append(Comparison(name=name, label=words_for(name), unit=unit_of(name), **ideal, **real))
     return tuple(found)
 
 
@@ -78,17 +69,10 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
     some = values[counted]
     if not len(some):
         return None
+    mean, error = mean_and_error(some)
     low, median, high = (float(q) for q in np.quantile(some, [0.05, 0.5, 0.95]))
-    error = float(np.std(some, ddof=1)) / math.sqrt(len(some)) if len(some) > 1 else math.nan
-    return RunSpread(
-        mean=float(some.mean()),
-        standard_error=error,
-        low=low,
-        median=median,
-        high=high,
-        worst=float(some.max()),
-        runs=len(some),
-    )
+    told = {"low": low, "median": median, "high": high, "worst": float(some.max())}
+    return RunSpread(mean=mean, standard_error=error, **told, runs=len(some))
 
 
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:

@@ -1,9 +1,9 @@
-"""What a run of the loop is asked: its numbers beside the predicted ones, its contacts, its flags, and what it saw."""
+"""What a run of the loop is asked, and in words: numbers beside the predicted ones, contacts, flags, what it saw."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -15,26 +15,27 @@ from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.control import Status
 from pretouch.design.impact import ImpactModel
-from pretouch.motion import ContactResult, Scenario
+from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult
 
 __all__ = [
-    "SAME",
     "Detection",
     "LoopContact",
     "QuantityComparison",
     "ReportedFlag",
+    "cautions_in_words",
     "compare_contacts",
     "contacts_of",
     "detection_of",
+    "ending_in_words",
     "flags_of",
-    "percent",
+    "headline_of",
 ]
 
-SAME: Final = 5e-5
-"""Relative: what four digits do not tell apart."""
-
+_SAME: Final = 5e-5  # relative: what four digits do not tell apart
+_LATE: Final = 0.1  # of the change of ln xi until contact, from which a detection is called late
+_PASSING: Final = 0.01  # of the approach: readings that are late for less are no news
 _AT_CONTACT: Final = ("time", "relative_velocity", "position")
 _LARGEST: Final = ("largest_excursion", "largest_virtual_force")
 _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity")
@@ -80,7 +81,7 @@ class QuantityComparison(Value):
         share = self.relative_difference
         if self.difference is None:
             return ""
-        if not self.difference or (share is not None and abs(share) < SAME):
+        if not self.difference or (share is not None and abs(share) < _SAME):
             return "none"
         text = format_quantity(self.difference, self.unit, 3)
         text = text if text.startswith("-") else f"+{text}"
@@ -237,3 +238,106 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
         missed_share=min(max((seen - start) / whole, 0.0), 1.0) if whole else None,
         time_left=run.time - run.detection_time if run.touched else None,
     )
+
+
+def headline_of(
+    run: SimulationResult,
+    free: SimulationResult,
+    predicted: ContactResult,
+    compared: tuple[QuantityComparison, QuantityComparison],
+    grows: bool | None,
+) -> str:
+    """Say what a run came to beside its prediction, by speed and time, and beside that without mitigation."""
+    text = _loop_clause(run)
+    if predicted.reached.all():
+        text += f"; predicted {_speed(predicted.end.relative_velocity)} after {_time(predicted.end.time)}"
+        text += f" ({_against(*compared)})" if run.touched else ""
+    else:
+        nearest = format_quantity(float(predicted.closest_distance), "m", 3)
+        text += f"; predicted: {ending_in_words(predicted.status)}, {nearest} at the nearest"
+    text += f"; without mitigation {_speed(free.relative_velocity) if free.touched else 'no contact'}."
+    # the contact force may grow after the impact; None where there is none
+    return text + (_force_sentence(run, free, grows) if grows is not None and run.touched else "")
+
+
+def _loop_clause(run: SimulationResult) -> str:
+    if run.touched:
+        return f"Contact on the loop at {_speed(run.relative_velocity)} after {_time(run.time)}"
+    if run.status == ContactStatus.UNRESOLVED:
+        return f"The loop runs away: its numbers leave all bounds after {_time(run.end_time)}"
+    nearest = format_quantity(run.closest_distance, "m", 3)
+    return f"No contact on the loop within {_time(run.end_time)}, {nearest} at the nearest"
+
+
+def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
+    """Say how much harder and earlier the contact is than predicted."""
+    share, late = speed.relative_difference, time.difference
+    parts = []
+    if share is not None:
+        parts.append("as hard" if abs(share) < _SAME else f"{percent(share)} {'harder' if share > 0 else 'softer'}")
+    if late is not None and time.predicted is not None:
+        same = abs(late) < _SAME * time.predicted
+        shown = format_quantity(abs(late), "s", 2 if abs(late) < 0.1 else 3)
+        parts.append("at the same time" if same else f"{shown} {'later' if late > 0 else 'earlier'}")
+    return ", ".join(parts)
+
+
+def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) -> str:
+    """Say what the contact force comes to, which may grow after the impact, beside that without mitigation."""
+    text = f" Impact force {_force(run.impact_force)}"
+    text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
+    text += f", later up to {_force(run.peak_force)}" if grows else ""
+    return text + (f", {run.contacts} contacts." if run.contacts > 1 else ".")
+
+
+def cautions_in_words(
+    run: SimulationResult,
+    seen: Detection | None,
+    flags: tuple[ReportedFlag, ...],
+    contacts: tuple[LoopContact, ...],
+    grows: bool,
+) -> Iterator[str]:
+    """Yield what a user should read beside the numbers of a run, in order of weight."""
+    if seen is None:
+        yield "The law never saw the object, so it made no force: look at its floor, its offset and the sensor's range."
+    elif seen.missed_share is not None and seen.missed_share > _LATE:
+        yield (
+            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} The prediction lets the law act from "
+            f"{format_quantity(seen.start_distance, 'm')} on."
+        )
+    approach = run.time if run.touched else run.end_time
+    for flag in flags:
+        if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
+            yield (
+                f"During the approach the law reported {flag.name} ({flag.meaning}): from {_time(flag.since)} on, for "
+                f"{_time(flag.approach_duration)} in all."
+            )
+    if run.contacts > 1:
+        hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
+        which = f"the one after {_time(hardest.time)}, at {_speed(hardest.relative_velocity)},"
+        which = "the first" if hardest is contacts[0] else which
+        told = len(contacts)
+        beyond = f"; the first {told} are told apart" if run.contacts > told else ""
+        yield f"The bodies meet {run.contacts} times; {which} is the fastest{beyond}."
+    if grows:
+        yield (
+            f"After the impact the contact force grows to {_force(run.peak_force)}: a push or another contact, not the "
+            "first impact, is the strongest."
+        )
+
+
+def ending_in_words(status: Any) -> str:
+    """Return how a run or a prediction ended, as `never in contact`."""
+    return ContactStatus(status).label.replace("-", " ")
+
+
+def _speed(velocity: float) -> str:
+    return format_quantity(abs(float(velocity)), "m/s", 3)
+
+
+def _time(seconds: float) -> str:
+    return format_quantity(float(seconds), "s", 3)
+
+
+def _force(newton: float) -> str:
+    return format_quantity(newton, "N", 3 if newton < 1000 else 4)

@@ -68,14 +68,7 @@ _OF_THE_RUNS: Final = (
 
 
 def verdict_page(verdict: Verdict) -> Page:
-    """Describe a verdict.
-
-    Args:
-        verdict: a verdict of any status.
-
-    Returns:
-        Its page.
-    """
+    """Describe a verdict of any status."""
     v = verdict
     return Page(
         kind="Does the gain hold on this loop?",

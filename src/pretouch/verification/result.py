@@ -270,14 +270,7 @@ class Verdict(Described, Value):
         return "; ".join(parts) + "."
 
     def comparison(self, name: str) -> Comparison | None:
-        """Return one of the comparisons.
-
-        Args:
-            name: the quantity.
-
-        Returns:
-            The comparison; None where there is none of it.
-        """
+        """Return one of the comparisons, by the name of its quantity; None where there is none of it."""
         return next((c for c in self.comparisons if c.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:

@@ -244,12 +244,8 @@ def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float
     else:  # rounded up to two digits: one that is sensible, and not below what is needed
         step = 10.0 ** (math.floor(math.log10(rate)) - 1)
         rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
-    for name, sentence, make in (
-        ("sensor-rate", "", partial(loop_at, loop, rate)),
-        *_of_chain(loop),
-        *_of_robot(loop),
-        *(_of_controller(loop, loop.law, quickest, noise) if isinstance(loop.law, Controller) else ()),
-    ):
+    made: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
+    for name, sentence, make in (*made, *_of_controller(loop, quickest, noise)):
         try:
             changed = make()
         except InvalidInputError:  # the parts of this loop do not go together with it: nothing to be proposed
@@ -269,11 +265,11 @@ def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
 
 
 def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
-    text = f"Read the sensor {_hertz(after.chain.rate)} instead of {loop.chain.rate:.6g}"
+    text = f"Read the sensor {after.chain.rate:.6g} times a second instead of {loop.chain.rate:.6g}"
     if after.chain.exposure < loop.chain.exposure:
         text += f", with an exposure of {format_quantity(after.chain.exposure, 's')}"
     if after.law.period < loop.law.period:
-        text += f", and step the controller {_hertz(1 / after.law.period)}"
+        text += f", and step the controller {1 / after.law.period:.6g} times a second"
     return f"{text}."
 
 
@@ -316,7 +312,10 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
         yield "robot-stiffness", text, partial(_with, loop, plant={"stiffness": stiffness, "damping": damping})
 
 
-def _of_controller(loop: ClosedLoop, law: Controller, quickest: float, noise: float) -> Iterator[_Made]:
+def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[_Made]:
+    law = loop.law
+    if not isinstance(law, Controller):
+        return
     c, noisy = law.conditioning, any(getattr(loop.chain, name) > 0 for name in _NOISES)
     if c.median_window > 1:
         text = f"Leave out the median over {c.median_window} readings."
@@ -332,7 +331,7 @@ def _of_controller(loop: ClosedLoop, law: Controller, quickest: float, noise: fl
         text = f"Filter readings by a low-pass of order 2 at {format_quantity(cutoff, 'Hz')}."
         yield "add-low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 2, "cutoff": cutoff})
     period = law.period / _FASTER
-    text = f"Step the controller {_hertz(1 / period)} instead of {1 / law.period:.6g}."
+    text = f"Step the controller {1 / period:.6g} times a second instead of {1 / law.period:.6g}."
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
     pedestal, own = loop.chain.offset + loop.chain.crosstalk, c.offset
     if pedestal != own or loop.chain.drift:
@@ -346,7 +345,3 @@ def _of_controller(loop: ClosedLoop, law: Controller, quickest: float, noise: fl
         text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice what the fastest approach makes of ln xi"
         text += f"{' and what noise adds' if noisy else ''}."
         yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})
-
-
-def _hertz(rate: float) -> str:
-    return f"{rate:.6g} times a second"

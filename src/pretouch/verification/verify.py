@@ -56,22 +56,16 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
+        >>> own = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> told = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> law = Controller(period=1e-3, conditioning=told, law=VirtualDamper(gain=0.0), admittance=own)
+        >>> chain = SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, relative_noise=2e-3)
+        >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
         >>> task = Task(
-        ...     Scenario(
-        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ...     ),
+        ...     Scenario(admittance=admittance, obstacle=Obstacle(position=0.0422, velocity=-0.3)),
         ...     InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
         ...     excursion_objective(position_scale=0.5, velocity_scale=0.3),
-        ...     loop=ClosedLoop(
-        ...         law=Controller(
-        ...             period=1e-3,
-        ...             conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
-        ...             law=VirtualDamper(gain=0.0),
-        ...             admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...         ),
-        ...         chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, relative_noise=2e-3),
-        ...     ),
+        ...     loop=ClosedLoop(law=law, chain=chain),
         ...     bounds=(-10.0, -0.01),
         ...     constraints=[Constraint(name="relative_velocity", limit=0.1)],
         ...     runs=100,
@@ -262,20 +256,13 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
+        >>> own = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> told = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> law = Controller(period=1e-3, conditioning=told, law=VirtualDamper(gain=0.0), admittance=own)
+        >>> loop = ClosedLoop(law=law, chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6))
+        >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> scenario = Scenario(admittance=admittance, obstacle=Obstacle(position=0.0422, velocity=-0.3))
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> loop = ClosedLoop(
-        ...     law=Controller(
-        ...         period=1e-3,
-        ...         conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
-        ...         law=VirtualDamper(gain=0.0),
-        ...         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     ),
-        ...     chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6),
-        ... )
         >>> encounter = simulate_encounter(Task(scenario, sensor, loop=loop, gain=-0.7463))
         >>> round(encounter.comparison("relative_velocity").relative_difference, 3)
         0.001

@@ -171,12 +171,9 @@ def _quiet(chain: SensorChain) -> SensorChain:
 def _mounted(drawn: DrawnCurve, like: SensorModel) -> DrawnCurve | None:
     """Extend and sink a curve as the one that was fitted; None where it has no value at a distance that is needed."""
     try:
-        if not isinstance(like, Recessed):
-            low, high = like.valid_range
-            return replace(drawn, sensor=replace(drawn.sensor, minimum_distance=low, maximum_distance=high))
-        low, high = like.sensor.valid_range
+        low, high = (like.sensor if isinstance(like, Recessed) else like).valid_range
         curve = replace(drawn.sensor, minimum_distance=low, maximum_distance=high)
-        return replace(drawn, sensor=replace(like, sensor=curve))
+        return replace(drawn, sensor=replace(like, sensor=curve) if isinstance(like, Recessed) else curve)
     except InvalidInputError:
         return None
 

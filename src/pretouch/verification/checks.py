@@ -162,57 +162,49 @@ def cautions_of(
     design: GainDesign,
 ) -> tuple[str, ...]:
     """Return sentences on what to look at, from the runs with mitigation and without."""
-    loop, (result, unmitigated) = draws.task.loop, runs
-    said = [
-        "" if design.gain is not None else f"The ideal design has no gain. {design.headline.removesuffix('.')}.",
-        _other_admittance(loop, draws.task.scenario),
-        _recession(loop),
-        *_detection(loop, draws, result),
-        _push(loop, result, unmitigated),
-        _impact(comparisons),
-        *_reported(loop, result),
-        _unknown_calibration(draws.task.calibration),
-    ]
-    return tuple(text for text in said if text)
-
-
-def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> str:
-    own: Any = getattr(loop.law, "admittance", None)
-    a = scenario.admittance
-    if own is None or all(
-        np.allclose(getattr(own, name), getattr(a, name), rtol=1e-9, atol=1e-12)
-        for name in ("mass", "damping", "stiffness")
-    ):
-        return ""
+    loop = draws.task.loop
     return (
+        *(() if design.gain is not None else (f"The ideal design has no gain. {design.headline.removesuffix('.')}.",)),
+        *_other_admittance(loop, draws.task.scenario),
+        *_recession(loop),
+        *_detection(loop, draws, runs[0]),
+        *_push(loop, *runs),
+        *_impact(comparisons),
+        *_reported(loop, runs[0]),
+        *_unknown_calibration(draws.task.calibration),
+    )
+
+
+def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
+    own: Any = getattr(loop.law, "admittance", None)
+    a, names = scenario.admittance, ("mass", "damping", "stiffness")
+    if own is None or all(np.allclose(getattr(own, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
+        return
+    yield (
         f"The controller's virtual mass, damping and stiffness ({own.mass:g} kg, {own.damping:g} N s/m, "
         f"{own.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
         f"{a.stiffness:g} N/m)."
     )
 
 
-def _recession(loop: ClosedLoop) -> str:
+def _recession(loop: ClosedLoop) -> Iterator[str]:
     law, chain = loop.law, loop.chain
     if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
-        return ""
-    falls = chain.lowest <= law.conditioning.offset + law.conditioning.floor
-    if not (chain.dropout > 0 or falls):
-        return ""
-    return (
-        "largest_rate is not set: a cable that breaks reads 0, which looks like an object that recedes at once, and "
-        "the robot leaps after it. No run here has such a fault."
-    )
+        return
+    if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
+        yield (
+            "largest_rate is not set: a cable that breaks reads 0, which looks like an object that recedes at once, "
+            "and the robot leaps after it. No run here has such a fault."
+        )
 
 
-def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> list[str]:
-    seen = np.isfinite(result.detection_time)
-    said = []
+def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iterator[str]:
+    seen, s = np.isfinite(result.detection_time), draws.scenarios
     if not seen.all():
-        said.append(f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs.")
-    s = draws.scenarios
+        yield f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs."
     free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
     if not (seen.any() and free):
-        return said
+        return
     # until it is detected nothing acts: the robot goes on with its reference
     t = np.asarray(result.detection_time)
     velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
@@ -220,12 +212,11 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> list
     distance = (draws.distance + t * (velocity + 0.5 * acceleration * t))[seen]
     start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
     if distance.mean() < _LATE * start:
-        said.append(
-            f"The object is first detected {format_quantity(late, 's')} after the start on average, at "
-            f"{format_quantity(float(distance.mean()), 'm')} instead of {format_quantity(start, 'm')}: "
-            f"{_why_late(loop, late)}."
+        near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
+        yield (
+            f"The object is first detected {format_quantity(late, 's')} after the start on average, at {near} instead "
+            f"of {far}: {_why_late(loop, late)}."
         )
-    return said
 
 
 def _why_late(loop: ClosedLoop, late: float) -> str:
@@ -239,11 +230,11 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
     return hidden if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {hidden}"
 
 
-def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> str:
+def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
     """Say that the largest force of the whole contact grows with mitigation, where that is not the impact's."""
     contact, both = loop.contact, result.touched & unmitigated.touched
     if contact is None or not both.any():
-        return ""
+        return
     peak, free, impact, free_impact = (
         np.asarray(values)[both]
         for values in (result.peak_force, unmitigated.peak_force, result.impact_force, unmitigated.impact_force)
@@ -251,46 +242,39 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     more, error = mean_and_error(peak - free)
     chance = max(_ERRORS * error if np.isfinite(error) else 0.0, _ROUNDING * float(free.mean()))
     if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
-        return ""
+        return
     driven = contact.obstacle_mass == np.inf
     pushing = "the obstacle, which is driven on, and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
-    return (
+    yield (
         f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
         f"{newton[1]}. It is not that of the impact ({newton[2]} with, {newton[3]} without), but of the push after it: "
         f"{pushing} on while the bodies are in contact."
     )
 
 
-def _impact(comparisons: tuple[Comparison, ...]) -> str:
+def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
     force = next((c for c in comparisons if c.name == "impact_force"), None)
     if force is None or not force.predicted or force.simulated is None:
-        return ""
+        return
     times = force.simulated.mean / force.predicted
     if 1 / _FORCE_APART < times < _FORCE_APART:
-        return ""
-    why = (
-        "the robot's drive and the obstacle push on while the bodies are in contact"
-        if times > 1
-        else "the contact loses energy, or the robot gives way while it lasts"
-    )
-    return f"The simulated impact force is {times:.3g} times the predicted one, which is elastic: {why}."
+        return
+    pushed = "the robot's drive and the obstacle push on while the bodies are in contact"
+    why = pushed if times > 1 else "the contact loses energy, or the robot gives way while it lasts"
+    yield f"The simulated impact force is {times:.3g} times the predicted one, which is elastic: {why}."
 
 
-def _reported(loop: ClosedLoop, result: SimulationResult) -> list[str]:
+def _reported(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
     if not isinstance(loop.law, Controller):  # what another law reports is its own
-        return []
-    said = []
+        return
     for flag, text in _FLAGS.items():
         share = float(np.mean((np.asarray(result.flags) & int(flag)) != 0))
         if share > 0:
-            said.append(f"In {_percent(share)} of the runs {text}.")
+            yield f"In {_percent(share)} of the runs {text}."
     stale = _stale(result)
     if stale > 0:
-        said.append(
-            f"While an object was detected, no reading that was due could be used in {_percent(stale)} of the steps."
-        )
-    return said
+        yield f"While an object was detected, no reading that was due could be used in {_percent(stale)} of the steps."
 
 
 def _stale(result: SimulationResult) -> float:
@@ -307,11 +291,11 @@ def _percent(share: float) -> str:
     return share_in_words(share) if share >= 1e-4 else "less than 0.01 %"
 
 
-def _unknown_calibration(report: CalibrationReport | None) -> str:
+def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
     """Say that a calibration has too few readings to tell what else they allow."""
     if report is None or report.best is None or report.curves is not None:
-        return ""
-    return (
+        return
+    yield (
         f"The calibration has {len(report.window.distances)} usable distances, too few to tell which other curves its "
         "readings allow: nothing is said of whether it is good enough."
     )

@@ -31,7 +31,7 @@ _THROUGH: Final = chebyshev_basis(_COUNT)  # all, for the value
 NODES: Final = _SMOOTH.nodes
 """Where a bracket is sampled for its polynomial, on [-1, 1]."""
 
-Function: TypeAlias = Callable[[FloatArray], FloatArray]
+OnAxis: TypeAlias = Callable[[FloatArray], FloatArray]
 """From coordinates to values; infinite where the function does not exist."""
 
 
@@ -69,7 +69,7 @@ def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EX
     return found, refine(lambda u: evaluate(u).merit, found.coordinate, found.landscape.merit, effort)
 
 
-def refine(function: Function, u: FloatArray, values: FloatArray, effort: Effort = EXACT) -> list[Minimum]:
+def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort = EXACT) -> list[Minimum]:
     """Refine the local minima of a scanned function.
 
     Args:
@@ -96,7 +96,7 @@ def refine(function: Function, u: FloatArray, values: FloatArray, effort: Effort
     return sorted(minima, key=lambda m: m.value)
 
 
-def _zoom(function: Function, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
+def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
     """Narrow a bracket around its lowest value; where the function is smooth there, polish by a polynomial."""
     left, right = low, high
     best = (low, math.inf)
@@ -119,7 +119,7 @@ def _zoom(function: Function, low: float, high: float, effort: Effort) -> tuple[
     return *best, True
 
 
-def _polish(function: Function, left: float, right: float) -> tuple[float, float] | None:
+def _polish(function: OnAxis, left: float, right: float) -> tuple[float, float] | None:
     """Minimize the interpolating polynomial over a narrow bracket; None where the function has a corner there."""
     middle, half = 0.5 * (left + right), 0.5 * (right - left)
     values = function(middle + half * NODES)

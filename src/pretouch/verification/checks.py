@@ -148,11 +148,11 @@ def _force(task: Task) -> Iterator[str]:
         if task.impact is not None:
             yield "An impact model makes an impact force of the speed of contact."
         return
-    if task.impact is None:
-        text = "The predicted impact force is that of the same stiffness without loss on the robot's mass alone"
-    else:
-        text = "The predicted impact force is that of the impact model that was given"
-    yield f"{text}; loss in the contact lowers the simulated one, the robot's drive and a driven obstacle raise it."
+    own = "the same stiffness without loss on the robot's mass alone"
+    yield (
+        f"The predicted impact force is that of {own if task.impact is None else 'the impact model that was given'}; "
+        "loss in the contact lowers the simulated one, the robot's drive and a driven obstacle raise it."
+    )
 
 
 def cautions_of(

@@ -275,18 +275,14 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     one = finite(_gain_of(task), "gain", "N*s")
     if not isinstance(one, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
+    same = ("scenario", "sensor", "loop", "impact", "method", "horizon")
     return SimulatedEncounter(
-        scenario=scenario,
-        sensor=sensor,
-        loop=loop,
+        **{name: getattr(task, name) for name in same},
         gain=one,
-        impact=task.impact,
         run=loop.run(scenario, sensor, one),
         unmitigated=loop.run(scenario, sensor, 0.0),
         prediction=predicted_contact(task, one),
         unmitigated_prediction=predicted_contact(task, 0.0),
-        method=task.method,
-        horizon=task.horizon,
     )
 
 

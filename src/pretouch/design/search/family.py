@@ -46,7 +46,7 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
         return None
     family = _family(problem, *varied[0])
     out = np.full((2, family.place.size), np.nan)
-    _cover(family, float(family.place.min()), float(family.place.max()), slice(None), out)
+    _cover(family, float(family.place.min()), float(family.place.max()), None, out)
     gain, value = out
     known = bool(np.isfinite(gain).all())
     tried = np.clip(gain if known else np.where(np.isnan(gain), problem.axis.high, gain), *problem.axis.ends)
@@ -54,23 +54,25 @@ def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray
 
 
 def _cover(family: _Family, low: float, high: float, which: Any, out: FloatArray) -> None:
-    """Interpolate gain and objective of some encounters on an interval or on its parts."""
-    place = family.place[which]
+    """Interpolate gain and objective of some encounters, or of all, on an interval or on its parts."""
+    place = family.place if which is None else family.place[which]
     if len(place) < _FEW or not low < high:
         return
     coefficients = family.interpolate(low, high, place)
     if coefficients is not None:
-        out[:, which] = _evaluate(place, low, high, coefficients)
+        if which is None:
+            _evaluate(place, low, high, coefficients, out)
+        else:
+            out[:, which] = _evaluate(place, low, high, coefficients, np.empty((2, len(place))))
         return
     middle = 0.5 * (low + high)
-    every = np.arange(family.place.size)[which]
+    every = np.arange(len(place)) if which is None else which
     _cover(family, low, middle, every[place <= middle], out)
     _cover(family, middle, high, every[place > middle], out)
 
 
-def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArray) -> FloatArray:
-    """Return gain and objective at some places of an interval, shape (2, n)."""
-    coefficients, out = np.ascontiguousarray(coefficients), np.empty((2, place.size))
+def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArray, out: FloatArray) -> FloatArray:
+    coefficients = np.ascontiguousarray(coefficients)
     _interpolate(address(place), place.size, low, high, address(coefficients), coefficients.shape[1], address(out))
     return out
 
@@ -108,7 +110,7 @@ class _Family:
         both = found[:2]
         coefficients = both[:, :_NODES] @ _BASIS.to_terms.T
         least = np.array([_GAIN, _VALUE]) * np.abs(both).min(axis=1)
-        between = _evaluate(probes, low, high, coefficients)
+        between = _evaluate(probes, low, high, coefficients, np.empty((2, _PROBES)))
         error = np.abs(between - both[:, _NODES:]).max(axis=1)
         if (np.abs(coefficients[:, -2:]).sum(axis=1) > least).any() or (error > least).any():
             return None

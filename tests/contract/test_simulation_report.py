@@ -19,6 +19,7 @@ from page_checks import EVIL, assert_sound, parse
 from page_rows import row, table
 from pretouch._core.block_html import cell_as_html
 from pretouch._core.files import is_own_unchanged
+from pretouch._core.units import format_quantity
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.report import plots, report_html, write_report
 from pretouch.simulation import PARTS, ClosedLoop, ContactModel, PlantModel
@@ -167,15 +168,17 @@ def test_figures_show_the_numbers_of_the_run(pushing: pt.SimulatedEncounter) -> 
 
 
 def test_reports_are_sound_however_a_run_ends(encounter: pt.SimulatedEncounter) -> None:
-    words = assert_sound(report_html(encounter)).words
+    page = report_html(encounter)
+    words = assert_sound(page).words
     assert encounter.headline in words
     assert "Method and assumptions" in words
     assert "Whether a robot cell is acceptable is for its integrator to assess" in words
     for warning in encounter.warnings:
         assert warning in words
     for flag in encounter.flags:
-        assert flag.meaning in words
-    assert (" Contacts " in words) == (encounter.has_contact_force and bool(encounter.run.touched))
+        times = (flag.since, flag.duration, flag.approach_duration)
+        assert row(page, flag.name, "Detection") == [flag.meaning, *(format_quantity(t, "s", 3) for t in times)]
+    assert bool(table(page, "Contacts")) == (encounter.has_contact_force and bool(encounter.run.touched))
     assert ("on the loop: contact" in words) == bool(encounter.run.touched)
 
 

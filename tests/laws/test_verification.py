@@ -297,7 +297,10 @@ def test_the_objective_of_a_run_is_that_of_its_contact() -> None:
     own = (result.displacement / 0.5) ** 2 + (result.relative_velocity / 0.3) ** 2
     assert loss.objective == pytest.approx(own.mean())
     assert loss.standard_error == pytest.approx(own.std(ddof=1) / np.sqrt(60))
-    assert OBJECTIVE.name in str(found)
+    heads = [" ".join(part.split()) for part in str(found).splitlines()]
+    assert f"gain D_p objective ({OBJECTIVE.name})" in heads
+    mean = line(str(found), "verified gain, mean of the runs")
+    assert mean == f"-0.5 N s {loss.objective:.5g} \u00b1 {loss.standard_error:.1g}"
 
 
 def test_an_objective_of_forces_is_that_of_the_runs() -> None:

@@ -13,11 +13,10 @@ import pretouch as pt
 from loop_samples import BareLaw
 from pretouch.control import VirtualDamper
 from pretouch.simulation import ClosedLoop
-from pretouch.verification.candidates import Approach, candidates_of
-from pretouch.verification.stability import acts_as_damper, chain_at, loop_at, told_period
+from pretouch.verification.stability import acts_as_damper, candidates_of, chain_at, loop_at, told_period
 from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, controller, loop_of, velocity_limit, verdict
 
-APPROACH = Approach(steepest=80.0, fastest=0.3, noise=0.0)
+APPROACH = {"quickest": 24.0, "noise": 0.0}
 SLOW = loop_of(rate=100.0, delay=0.02, relative_noise=2e-3, random_phase=True)
 
 
@@ -89,7 +88,7 @@ def test_every_change_is_what_its_own_loop_gives() -> None:
     found = verdict(SLOW, gain=-0.7463, runs=60)
     before = objective_of(SLOW, -0.7463, 60)
     assert found.stability.lowest_rate_with_margin == math.inf  # so that twice the rate is tried
-    loops = {c.name: c.loop for c in candidates_of(SLOW, APPROACH)}
+    loops = {c.name: c.loop for c in candidates_of(SLOW, **APPROACH)}
     assert {"sensor-rate", "delay", "noise", "controller-rate", "add-median", "largest-rate"} <= set(loops)
     for change in found.changes:
         if change.name not in loops or change.name == "largest-rate":
@@ -119,7 +118,7 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
         loop_of(offset=0.1, crosstalk=0.02, drift=0.01, delay=0.003, noise=1e-3, conditioning=filtered),
         plant=pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0, bandwidth=50.0),
     )
-    said = {c.name: c.sentence for c in candidates_of(loop, APPROACH)}
+    said = {c.name: c.sentence for c in candidates_of(loop, **APPROACH)}
     assert said == {
         "sensor-rate": "Read the sensor 500 times a second instead of 250.",
         "delay": "Hand over readings without the delay of 3 ms after their exposure.",
@@ -137,7 +136,7 @@ def test_a_change_has_one_sentence_with_its_numbers() -> None:
 
 
 def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() -> None:
-    said = {c.name: c for c in candidates_of(loop_of(misfit=0.03, misfit_length=0.005), APPROACH)}
+    said = {c.name: c for c in candidates_of(loop_of(misfit=0.03, misfit_length=0.005), **APPROACH)}
     assert {"noise", "add-median", "add-low-pass"}.isdisjoint(said)
     assert said["calibration"].sentence == (
         "Calibrate anew, so that the sensor lies off its curve by 1.5 % of xi instead of 3 %: at more distances, set "
@@ -145,8 +144,8 @@ def test_no_noise_is_halved_that_is_not_there_and_a_misfit_is_calibrated_away() 
     )
     chain = said["calibration"].loop.chain
     assert (chain.misfit, chain.misfit_length) == (0.015, 0.005)
-    assert "calibration" not in {c.name for c in candidates_of(NOISY, APPROACH)}
-    quiet = {c.name: c.sentence for c in candidates_of(loop_of(noise=1e-3), APPROACH)}
+    assert "calibration" not in {c.name for c in candidates_of(NOISY, **APPROACH)}
+    quiet = {c.name: c.sentence for c in candidates_of(loop_of(noise=1e-3), **APPROACH)}
     assert "%" not in quiet["noise"]
 
 

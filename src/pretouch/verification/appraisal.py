@@ -1,29 +1,122 @@
-"""One loop appraised over the drawn encounters: objective and limits of every run, and how well it stands."""
+"""The encounters that are drawn, and one loop appraised over them: objective and limits of every run, how it stands."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
-from pretouch.design import ImpactModel
+from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.own_objective import OwnObjective, appraise
 from pretouch.design.robust import Required
-from pretouch.motion import ContactState
+from pretouch.design.robust.design import limits_of
+from pretouch.motion import ContactResult, ContactState, Scenario, find_contact
+from pretouch.motion.inputs import map_fields
+from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
+from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 
-from .request import Draws
-
-__all__ = ["Effect", "LoopOutcomes", "LoopProblem", "Requirement", "effect_of", "mean_and_error", "simulated_quantity"]
+__all__ = [
+    "Draws",
+    "Effect",
+    "LoopOutcomes",
+    "LoopProblem",
+    "Requirement",
+    "draw_encounters",
+    "effect_of",
+    "foreseen_impact",
+    "mean_and_error",
+    "part_of",
+    "predicted_contact",
+    "simulated_quantity",
+]
 
 _ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
 _SAME: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less
 _ROUNDING: Final = 1e-12  # of a limit, as in the validation of robust designs
+_COMPARED: Final = 200
+_COMPARED_SENSORS: Final = 100  # where each run has a sensor curve of its own, which is tabulated first
 _IN_CONTACT: Final = frozenset({"impact_force", "peak_force"})  # the quantities that tell of what comes after a touch
+
+
+def foreseen_impact(task: Task) -> ImpactModel | None:
+    """Return the impact that is predicted with: the given one, else the loop's contact without its loss."""
+    contact, mass = task.loop.contact, task.loop.plant.coefficients()[0]
+    if task.impact is not None or contact is None or mass == 0:  # of an ideal robot, which meets no contact
+        return task.impact
+    stiffness, _, exponent, _, inverse = contact.numbers()
+    obstacle = 1 / inverse if inverse else math.inf
+    return ElasticImpact(robot_mass=mass, obstacle_mass=obstacle, stiffness=stiffness, exponent=exponent)
+
+
+def predicted_contact(task: Task, gain: float) -> ContactResult:
+    """Return how the nominal encounter ends with a gain [N s], in continuous time with a perfect sensor."""
+    return find_contact(task.scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Draws:
+    """Encounters that may happen, the i-th of which always meets the i-th noise."""
+
+    task: Task  # with the nominal encounter and sensor curve
+    scenarios: Scenario  # of the shape () or (runs,)
+    ensemble: Ensemble | None = None  # None where each is the nominal one
+    sensors: tuple[SensorModel, ...] = ()  # where each has one of its own
+
+    @property
+    def compared(self) -> int:
+        """How many of the runs changes and other gains are compared by."""
+        return min(self.task.runs, _COMPARED_SENSORS if self.sensors else _COMPARED)
+
+    @property
+    def speed(self) -> FloatArray:
+        """|x_o'| of each encounter at the start [m/s]."""
+        return self._each(np.abs(self.scenarios.obstacle.velocity))
+
+    @property
+    def distance(self) -> FloatArray:
+        """The distance of each encounter at the start [m]."""
+        return self._each(self.scenarios.distance)
+
+    def run(self, loop: ClosedLoop, gain: ArrayLike, count: int | None = None) -> SimulationResult:
+        """Run the first encounters on a loop, `count` or all, with D_p [N s]; several gains have the shape (m, 1)."""
+        n = self.task.runs if count is None else count
+        several = map_fields(self.scenarios, lambda v: v[:n] if np.ndim(v) else v)
+        if not self.sensors:
+            return loop.run(several, self.task.sensor, gain)
+        return loop.run_each(several, self.sensors[:n], gain)
+
+    def predicted(self, gain: float) -> BoolArray:
+        """Tell which encounters come to a contact with a gain [N s], in continuous time with a perfect sensor."""
+        if self.ensemble is not None:
+            return self.ensemble.contacts(gain).reached
+        return np.full(self.task.runs, bool(predicted_contact(self.task, gain).reached.all()))
+
+    def _each(self, value: Any) -> FloatArray:
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.runs,))
+
+
+def draw_encounters(task: Task) -> Draws:
+    """Draw independent encounters, for which exact bounds of a probability hold, by the seed of the task's loop."""
+    if not task.uncertainty:
+        obstacle = task.scenario.obstacle
+        alike = replace(obstacle, position=np.full(task.runs, obstacle.position))
+        return Draws(task=task, scenarios=replace(task.scenario, obstacle=alike))
+    values = sample_inputs(task.uncertainty, task.runs, seed=task.loop.seed, sampling="random")
+    known = [name for name in values if name.startswith("admittance.")]
+    if known:
+        raise InvalidInputError(
+            f"uncertainty: found {known[0]}, which is a number in the law of the loop and known exactly; leave it out"
+        )
+    several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon)
+    own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
+    return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=own)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,19 +161,12 @@ class Effect(Value):
         return max(chance, _SAME * self.unmitigated)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Requirement:
-    """Something that must come true in a share of the runs.
+class Requirement(NamedTuple):
+    """Something that must come true in a share of the runs."""
 
-    Args:
-        name: what it is called: that of a limit, or `contact`.
-        held: in which runs it does.
-        probability: the share that is required.
-    """
-
-    name: str
-    held: BoolArray
-    probability: float
+    name: str  # of a limit, or `contact`
+    held: BoolArray  # in which runs it does
+    probability: float  # the share that is required
 
     @property
     def standing(self) -> float:
@@ -95,23 +181,14 @@ class Requirement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopOutcomes:
-    """What one gain leads to on one loop.
-
-    Args:
-        result: the runs.
-        objective: of each; infinite without contact.
-        ratios: |quantity| / limit of each limit and run; infinite without contact.
-        requirements: contact where it is predicted, and every limit.
-        effect: on the speed at contact, beside no mitigation; None where it cannot be compared.
-        margin: to instability, which must be 1 at least; None where it is not known.
-    """
+    """What one gain leads to on one loop."""
 
     result: SimulationResult
-    objective: FloatArray
-    ratios: tuple[FloatArray, ...]
-    requirements: tuple[Requirement, ...]
-    effect: Effect | None
-    margin: float | None = None
+    objective: FloatArray  # of each run; infinite without contact
+    ratios: tuple[FloatArray, ...]  # |quantity| / limit of each limit and run; infinite without contact
+    requirements: tuple[Requirement, ...]  # contact where it is predicted, and every limit
+    effect: Effect | None  # on the speed at contact, beside no mitigation; None where it cannot be compared
+    margin: float | None = None  # to instability, which must be 1 at least; None where it is not known
 
     @property
     def standing(self) -> float:
@@ -153,57 +230,53 @@ class LoopOutcomes:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopProblem:
-    """What a loop is appraised by.
-
-    Args:
-        draws: the encounters, with what was asked.
-        predicted: which of them come to a contact in continuous time.
-        unmitigated: the encounters on the loop with D_p = 0; changes of the loop are held against it too.
-    """
+    """What a loop is appraised by."""
 
     draws: Draws
-    predicted: BoolArray
-    unmitigated: SimulationResult
+    predicted: BoolArray  # which of the encounters come to a contact in continuous time
+    unmitigated: SimulationResult  # of them on the loop with D_p = 0; changes of the loop are held against it too
 
     def compared(self, loop: ClosedLoop) -> ClosedLoop:
-        """Return a loop as far as gains and changes are compared on it: to the contact, unless its forces count.
-
-        What it says of each run until contact is the same to the bit.
-        """
-        asked = self.draws.asked
-        own = isinstance(asked.task.goal, OwnObjective)
-        needed = {limit.constraint.quantity for limit in asked.limits}
-        needed |= set() if own else {term.quantity for term in asked.task.goal.terms}
+        """Return a loop as far as gains and changes are compared on it: to the contact, unless its forces count."""
+        task = self.draws.task
+        own = isinstance(task.goal, OwnObjective)
+        needed = {constraint.quantity for constraint in task.limits}
+        needed |= set() if own else {term.quantity for term in task.goal.terms}
+        # what is said of each run until contact is the same to the bit
         return loop if own or needed & _IN_CONTACT else replace(loop, follow=0.0)
 
     def appraise(self, loop: ClosedLoop, gain: float, count: int | None = None) -> LoopOutcomes:
         """Run encounters, the first `count` or all, and appraise each; the gain is D_p [N s]."""
         return self.appraised(self.draws.run(loop, gain, count), loop, gain)
 
+    def appraise_each(self, gains: FloatArray) -> list[LoopOutcomes]:
+        """Run the encounters that gains [N s] are compared by with each of them, shape (m,), and appraise all runs."""
+        loop = self.compared(self.draws.task.loop)
+        runs = self.draws.run(loop, gains[:, None], self.draws.compared)
+        return [self.appraised(part_of(runs, i), loop, gain) for i, gain in enumerate(gains.tolist())]
+
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
         """Return what runs of the first encounters come to, on the loop and with the gain [N s] that they ran with."""
-        limits = self.draws.asked.limits
+        limits, touched = limits_of(self.draws.task), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
-        expected = self.predicted[: result.shape[0]]
-        found = [Requirement(name="contact", held=result.touched[expected], probability=1.0)]
-        found += [
-            Requirement(name=limit.constraint.name, held=ratio <= 1 + _ROUNDING, probability=limit.probability)
+        met = (
+            Requirement(limit.constraint.name, ratio <= 1 + _ROUNDING, limit.probability)
             for limit, ratio in zip(limits, ratios, strict=True)
-        ]
+        )
         return LoopOutcomes(
             result=result,
             objective=self._objective(result, loop, gain),
             ratios=ratios,
-            requirements=tuple(found),
+            requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *met),
             effect=effect_of(result, self.unmitigated) if gain < 0 else None,
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.asked.task.impact)
+        found = simulated_quantity(limit.constraint.quantity, result, gain, loop, self.draws.task.impact)
         return np.where(result.touched & np.isfinite(found), np.abs(found) / limit.constraint.limit, np.inf)
 
     def _objective(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
-        objective, impact = self.draws.asked.task.goal, self.draws.asked.task.impact
+        objective, impact = self.draws.task.goal, self.draws.task.impact
         speed, value = self.draws.speed[: result.shape[0]], np.zeros(result.shape)
         if isinstance(objective, OwnObjective):
             state = ContactState(_Runs(result, gain, loop, impact))
@@ -214,24 +287,22 @@ class LoopProblem:
         return np.where(result.touched & np.isfinite(value), value, np.inf)
 
 
-def effect_of(result: SimulationResult, unmitigated: SimulationResult) -> Effect | None:
-    """Return what mitigation does to the speed at contact of the first encounters, beside the same with D_p = 0.
+def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
+    """Return some of the runs along the first axis, which are not traced."""
+    columns = {name: column[which] for name, column in result.columns.items()}
+    return SimulationResult(columns, result.contact_list[which], result.trace_of)
 
-    None where no run comes to a contact both with and without.
-    """
+
+def effect_of(result: SimulationResult, unmitigated: SimulationResult) -> Effect | None:
+    """Return the effect of mitigation on the first encounters; None where no run comes to a contact both ways."""
     n = result.shape[0]
     both = result.touched & unmitigated.touched[:n]
     if not both.any():
         return None
     speed, free = (np.abs(np.asarray(r.relative_velocity)[:n][both]) for r in (result, unmitigated))
     difference, error = mean_and_error(speed - free)
-    return Effect(
-        speed=float(speed.mean()),
-        unmitigated=float(free.mean()),
-        difference=difference,
-        standard_error=error,
-        runs=len(speed),
-    )
+    mean, without = float(speed.mean()), float(free.mean())
+    return Effect(speed=mean, unmitigated=without, difference=difference, standard_error=error, runs=len(speed))
 
 
 def mean_and_error(values: FloatArray) -> tuple[float, float]:
@@ -245,21 +316,10 @@ def mean_and_error(values: FloatArray) -> tuple[float, float]:
 def simulated_quantity(
     name: str, result: SimulationResult, gain: float, loop: ClosedLoop, impact: ImpactModel | None
 ) -> FloatArray:
-    """Read a quantity of every run.
-
-    Args:
-        name: the quantity, one of those of objectives and limits, or `peak_force`.
-        result: the runs.
-        gain: D_p of the runs [N s].
-        loop: what they ran on.
-        impact: physical properties, where given; the ideal design has refused what needs them and has none.
-
-    Returns:
-        The quantity in SI with its sign, NaN in runs without contact where it speaks of contact.
-    """
+    """Read a quantity of objectives and limits, or `peak_force`, of every run; NaN where it speaks of no contact."""
     if name == "gain":
         return np.full(result.shape, gain)
-    known: Any = impact
+    known: Any = impact  # the ideal design has refused what needs physical properties and has none
     if name == "impact_force" and loop.contact is None:
         return np.asarray(known.peak_force(result.relative_velocity))
     if name == "impact_force":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,14 +13,14 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
 from pretouch.calibration.knowledge import DrawnCurve
+from pretouch.design import Task
 from pretouch.sensors import Recessed, SensorModel
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_in_words
 
 from .appraisal import simulated_quantity
-from .request import VerdictRequest
 
-__all__ = ["CalibrationCheck", "check_calibration", "unknown_calibration"]
+__all__ = ["CalibrationCheck", "check_calibration"]
 
 _DRAWS: Final = 100
 _ALIKE: Final = 20  # times as many are drawn, of which those with the nearest offsets are taken: as if it were known
@@ -104,13 +104,8 @@ class CalibrationCheck(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI."""
-        names = ("draws", "promised", "low", "median", "high", "missing", "harder", "broken", "failing")
-        return {
-            "is_good_enough": self.is_good_enough,
-            **{name: getattr(self, name) for name in names},
-            "decisive": self.decisive or None,
-            "remedy": self.remedy or None,
-        }
+        open_ends = {"decisive": self.decisive or None, "remedy": self.remedy or None}
+        return {"is_good_enough": self.is_good_enough, **asdict(self), **open_ends}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,22 +131,17 @@ class _Outcome:
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
-def check_calibration(r: VerdictRequest, gain: float) -> CalibrationCheck | None:
-    """Return how the nominal encounter does with a gain [N s] on sensors that the readings of the calibration allow.
-
-    None without a calibration, where its readings are too few to tell what they allow, and where the fitted curve
-    itself comes to no contact.
-    """
-    report = r.task.calibration
-    if report is None or report.curves is None or report.offset is None:
+def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
+    """Return how the nominal encounter does with a gain [N s] on sensors that the readings of the calibration allow."""
+    if report.curves is None or report.offset is None:  # too few readings to tell what they allow
         return None
-    chain = _quiet(r.loop.chain)
-    nominal = DrawnCurve(sensor=r.task.sensor, offset=report.offset.value)
-    promised = _run(r, gain, replace(chain, misfit=0.0), (nominal,))
+    chain = _quiet(task.loop.chain)
+    nominal = DrawnCurve(sensor=task.sensor, offset=report.offset.value)
+    promised = _run(task, gain, replace(chain, misfit=0.0), (nominal,))
     if np.isnan(promised.speed[0]):
         return None
-    drawn = tuple(_mounted(curve, r.task.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
-    found = _run(r, gain, chain, drawn)
+    drawn = tuple(_mounted(curve, task.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
+    found = _run(task, gain, chain, drawn)
     missing, harder, broken = found.failures(promised)
     ends = [finite_or_none(v) for v in np.quantile(found.speed, (0.05, 0.5, 0.95))]
     check = CalibrationCheck(
@@ -167,19 +157,8 @@ def check_calibration(r: VerdictRequest, gain: float) -> CalibrationCheck | None
     )
     if check.is_good_enough:
         return check
-    decisive = _decisive(r, gain, drawn, promised)
-    return replace(check, decisive=decisive, remedy=_remedy(r, report, decisive))
-
-
-def unknown_calibration(report: CalibrationReport | None) -> tuple[str, ...]:
-    """Return a sentence where a calibration has too few readings to tell what else they allow; else nothing."""
-    if report is None or report.best is None or report.curves is not None:
-        return ()
-    count = len(report.window.distances)
-    return (
-        f"The calibration has {count} usable distances, too few to tell which other curves its readings allow: nothing "
-        "is said of whether it is good enough.",
-    )
+    decisive = _decisive(task, gain, drawn, found, promised)
+    return replace(check, decisive=decisive, remedy=_remedy(task, report, decisive))
 
 
 def _quiet(chain: SensorChain) -> SensorChain:
@@ -192,66 +171,62 @@ def _quiet(chain: SensorChain) -> SensorChain:
 def _mounted(drawn: DrawnCurve, like: SensorModel) -> DrawnCurve | None:
     """Extend and sink a curve as the one that was fitted; None where it has no value at a distance that is needed."""
     try:
-        if not isinstance(like, Recessed):
-            low, high = like.valid_range
-            return replace(drawn, sensor=replace(drawn.sensor, minimum_distance=low, maximum_distance=high))
-        low, high = like.sensor.valid_range
+        low, high = (like.sensor if isinstance(like, Recessed) else like).valid_range
         curve = replace(drawn.sensor, minimum_distance=low, maximum_distance=high)
-        return replace(drawn, sensor=replace(like, sensor=curve))
+        return replace(drawn, sensor=replace(like, sensor=curve) if isinstance(like, Recessed) else curve)
     except InvalidInputError:
         return None
 
 
-def _run(r: VerdictRequest, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
+def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
     """Run the nominal encounter once on each sensor, the i-th with the misfit of the i-th run."""
-    own = 0.0 if r.task.calibration is None or r.task.calibration.offset is None else r.task.calibration.offset.value
-    limits = [limit.constraint for limit in r.limits if limit.constraint.name != "gain"]
+    own = 0.0 if task.calibration is None or task.calibration.offset is None else task.calibration.offset.value
+    limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
         if drawn is None:
             continue
         there = replace(chain, offset=chain.offset + drawn.offset - own)
-        loop = replace(r.loop.after(i), chain=there)
-        result = loop.run(r.task.scenario, drawn.sensor, gain)
+        loop = replace(task.loop.after(i), chain=there)
+        result = loop.run(task.scenario, drawn.sensor, gain)
         if not np.all(result.touched):
             continue
         speed[i] = abs(float(result.relative_velocity))
         for k, limit in enumerate(limits):
-            quantity = simulated_quantity(limit.quantity, result, gain, loop, r.task.impact)
+            quantity = simulated_quantity(limit.quantity, result, gain, loop, task.impact)
             ratios[i, k] = abs(float(quantity)) / limit.limit
     return _Outcome(speed=speed, ratios=ratios)
 
 
-def _decisive(r: VerdictRequest, gain: float, drawn: tuple[DrawnCurve | None, ...], promised: _Outcome) -> str:
-    """Return what matters most, found by leaving out the misfit, what is open of the offset, and all but the misfit.
-
-    Offset and curve are open together: a pedestal that is moved bends the curve through the same readings. So what is
-    left where the offset is known is told by those of many draws whose offset is nearest to the fitted one.
-    """
-    report, chain = r.task.calibration, _quiet(r.loop.chain)
-    if report is None or report.curves is None or report.offset is None:  # nothing was drawn
-        return ""
+def _decisive(
+    task: Task, gain: float, drawn: tuple[DrawnCurve | None, ...], found: _Outcome, promised: _Outcome
+) -> str:
+    """Return what matters most, found by leaving out the misfit, what is open of the offset, and all but the misfit."""
+    # offset and curve are open together: a pedestal that is moved bends the curve through the same readings; so what is
+    # left where the offset is known is told by those of many draws whose offset is nearest to the fitted one
+    report: Any = task.calibration
+    chain = _quiet(task.loop.chain)
     value = report.offset.value
     many = report.curves.draw(_ALIKE * _DRAWS, _SEED)
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
-    fitted = DrawnCurve(sensor=r.task.sensor, offset=value)
-    smooth = _run(r, gain, replace(chain, misfit=0.0), drawn).badness(promised)
-    known = _run(r, gain, chain, tuple(_mounted(curve, r.task.sensor) for curve in nearest)).badness(promised)
-    rest = _run(r, gain, chain, (fitted,) * _DRAWS).badness(promised)
+    fitted = DrawnCurve(sensor=task.sensor, offset=value)
+    smooth = _run(task, gain, replace(chain, misfit=0.0), drawn).badness(promised)
+    known = _run(task, gain, chain, tuple(_mounted(curve, task.sensor) for curve in nearest)).badness(promised)
+    rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(promised)
     if chain.misfit and smooth < rest:
         return "misfit"
-    failing = _run(r, gain, chain, drawn).badness(promised)
+    failing = found.badness(promised)
     return "offset" if known[0] <= failing[0] / 2 and known < failing else "curve"
 
 
-def _remedy(r: VerdictRequest, report: CalibrationReport, decisive: str) -> str:
+def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
     """Say what to measure."""
-    window, recess = report.window, getattr(r.task.sensor, "recess", 0.0)
+    window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
         again = "again, more often, " if report.offset is not None and report.offset.kind == "measured" else ""
         return f"record the output {again}with no object in range, and give it to the calibration as no_object"
     if decisive == "misfit":
-        apart = format_quantity(r.loop.chain.misfit_length, "m", 2)
+        apart = format_quantity(task.loop.chain.misfit_length, "m", 2)
         return (
             f"check how distances were set, and calibrate anew at distances no farther apart than {apart}, or sink the "
             "sensor by a larger recess where the curve is missed near contact"
@@ -261,7 +236,7 @@ def _remedy(r: VerdictRequest, report: CalibrationReport, decisive: str) -> str:
     if window.l_min - recess > _CLOSE:
         deeper = recess_in_words(window.l_min)
         parts.append(f'nearer than {format_quantity(window.l_min, "m")}, or sink the sensor by recess = "{deeper}"')
-    start = float(np.max(r.task.scenario.distance))
+    start = float(np.max(task.scenario.distance))
     if window.l_max - recess < start:
         parts.append(f"out to {format_quantity(start + recess, 'm')}")
     if report.offset is not None and report.offset.kind == "fitted":

@@ -1,211 +1,66 @@
-"""Predicted beside simulated: each quantity, each limit, and which runs came to a contact."""
+"""What runs come to beside the prediction, what a verdict rests on, and what to look at beside it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
-from pretouch._core.values import Value
+from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch.design import ImpactModel, quantity_of
-from pretouch.design.robust import Required
+from pretouch.calibration import CalibrationReport
+from pretouch.control import Controller, Status
+from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
+from pretouch.design.robust.design import limits_of
 from pretouch.design.robust.validation import least_probability
-from pretouch.motion import ContactResult
+from pretouch.motion import ContactResult, Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
+from pretouch.simulation.describing import loop_sentences
+from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
-from .appraisal import LoopOutcomes
-from .request import VerdictRequest
+from .appraisal import Draws, LoopOutcomes, foreseen_impact, mean_and_error
+from .result import Comparison, LimitCheck, Reached, RunSpread
 
-__all__ = [
-    "Comparison",
-    "LimitCheck",
-    "Reached",
-    "RunSpread",
-    "VerdictStatus",
-    "check_limits",
-    "check_reached",
-    "compare_quantities",
-]
+__all__ = ["assumptions_of", "cautions_of", "check_limits", "check_reached", "compare_quantities"]
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
-_SAME: Final = 1e-9  # of a force: the peak of a contact is then that of its impact
-
-
-class VerdictStatus(StrEnum):
-    """What a verdict comes to. `meaning` says it in a sentence."""
-
-    HOLDS = "holds"
-    HOLDS_NARROWLY = "holds-narrowly"
-    DOES_NOT_HOLD = "does-not-hold"
-    NO_GAIN = "no-gain"
-
-    @property
-    def meaning(self) -> str:
-        """One sentence for a person."""
-        return {
-            VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
-            "gain can at least double until the loop is unstable.",
-            VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
-            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is harder than without "
-            "mitigation, the loop is unstable, or the calibration is not good enough.",
-            VerdictStatus.NO_GAIN: "There is no gain to verify.",
-        }[self]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunSpread(Value):
-    """How a quantity differs from run to run, over the runs that came to a contact.
-
-    Args:
-        mean: the mean.
-        standard_error: of the mean; NaN for a single run.
-        low: 5 % of the runs stay below.
-        median: half of the runs stay below.
-        high: 95 % of the runs stay below.
-        worst: the largest of all.
-        runs: how many.
-    """
-
-    mean: float
-    standard_error: float
-    low: float
-    median: float
-    high: float
-    worst: float
-    runs: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison(Value):
-    """One quantity, predicted and simulated, with and without mitigation; magnitudes in SI.
-
-    Args:
-        name: the quantity.
-        label: what it is called in reports.
-        unit: its SI unit.
-        predicted: of the nominal encounter in continuous time with a perfect sensor; None where it is not told.
-        predicted_unmitigated: the same with D_p = 0.
-        simulated: on the loop; None where no run came to a contact.
-        unmitigated: on the loop with D_p = 0 and the same noise.
-    """
-
-    name: str
-    label: str
-    unit: str
-    predicted: float | None
-    predicted_unmitigated: float | None
-    simulated: RunSpread | None
-    unmitigated: RunSpread | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LimitCheck(Value):
-    """One limit on the loop.
-
-    Args:
-        required: the constraint and the probability with which it must hold; 1 where it must in every run.
-        predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
-        held: the share of the runs in which it holds.
-        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
-        value: |quantity| that is not exceeded with the required probability, SI; None where runs that count end
-            without contact.
-        margin: limit - value, SI; negative where it is missed; None with it.
-        source: where the quantity comes from, in words.
-    """
-
-    required: Required
-    predicted: float | None
-    held: float
-    low: float
-    value: float | None
-    margin: float | None
-    source: str
-
-    @property
-    def name(self) -> str:
-        """Short name of the constraint, as in a scenario file."""
-        return self.required.constraint.name
-
-    @property
-    def limit(self) -> float:
-        """The largest allowed magnitude, SI."""
-        return self.required.constraint.limit
-
-    @property
-    def unit(self) -> str:
-        """The SI unit of the limit."""
-        return self.required.constraint.unit
-
-    @property
-    def is_met(self) -> bool:
-        """Whether it held in as many runs as it must."""
-        return self.held >= self.required.probability - 1e-12
-
-    @property
-    def label(self) -> str:
-        """What is limited, in words."""
-        return words_for(self.required.constraint.quantity)
-
-    @property
-    def statement(self) -> str:
-        """The limit in words, such as `largest excursion <= 0.1 m`."""
-        return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the check as one JSON object, in SI."""
-        names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
-        told = {name: getattr(self, name) for name in names}
-        return {**told, "probability": self.required.probability, "held_at_least": self.low}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reached(Value):
-    """Which runs came to a contact.
-
-    Args:
-        predicted: the share of the drawn encounters that do in continuous time with a perfect sensor.
-        simulated: the share of the runs that did.
-        missing: how many runs did not although it was predicted.
-        low: lower end of the exact interval of the probability that a predicted contact comes; None where none is.
-    """
-
-    predicted: float
-    simulated: float
-    missing: int
-    low: float | None
+_SHARE: Final = 0.1  # of a late detection, below which a cause is not named
+_LATE: Final = 0.95  # of the distance at the start: nearer, a first detection is late
+_FORCE_APART: Final = 1.25  # times: beyond, a predicted impact force is another thing than the simulated one
+_ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
+_ROUNDING: Final = 1e-9  # of a force
+_TRACED: Final = 8  # runs, whose steps are looked at one by one
+_FLAGS: Final = {
+    Status.SATURATED: "the sensor was saturated",
+    Status.INVALID: "readings were no numbers, too old or out of order",
+    Status.IMPLAUSIBLE: "readings changed faster than any approach that was allowed for",
+    Status.LOST: "the sensor was lost",
+    Status.FORCE_LIMITED: "the virtual force was limited",
+    Status.MOTION_LIMITED: "the motion was limited",
+    Status.INPUT_FAULT: "contact force or reference were no numbers",
+}
 
 
 def compare_quantities(
-    asked: VerdictRequest,
+    task: Task,
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
     """Return magnitudes of the runs beside those predicted for the nominal encounter, with the gain and D_p = 0."""
-    contact = asked.loop.contact
+    contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
-    if contact is not None and any(np.any(r.peak_force > (1 + _SAME) * r.impact_force) for r in runs):
+    if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
         names.append("peak_force")
     found = []
     for name in names:
-        told = name != "peak_force"
-        predicted = [_magnitude(name, r, asked.foreseen_impact) if told else None for r in foreseen]
+        predicted = [None if name == "peak_force" else _magnitude(name, r, impact) for r in foreseen]
         simulated = [_spread_of(np.abs(np.asarray(getattr(r, name))), r.touched) for r in runs]
-        found.append(
-            Comparison(
-                name=name,
-                label=words_for(name),
-                unit=unit_of(name),
-                predicted=predicted[0],
-                predicted_unmitigated=predicted[1],
-                simulated=simulated[0],
-                unmitigated=simulated[1],
-            )
-        )
+        ideal: dict[str, Any] = {"predicted": predicted[0], "predicted_unmitigated": predicted[1]}
+        real: dict[str, Any] = {"simulated": simulated[0], "unmitigated": simulated[1]}
+        found.append(Comparison(name=name, label=words_for(name), unit=unit_of(name), **ideal, **real))
     return tuple(found)
 
 
@@ -214,25 +69,16 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
     some = values[counted]
     if not len(some):
         return None
+    mean, error = mean_and_error(some)
     low, median, high = (float(q) for q in np.quantile(some, [0.05, 0.5, 0.95]))
-    error = float(np.std(some, ddof=1)) / math.sqrt(len(some)) if len(some) > 1 else math.nan
-    return RunSpread(
-        mean=float(some.mean()),
-        standard_error=error,
-        low=low,
-        median=median,
-        high=high,
-        worst=float(some.max()),
-        runs=len(some),
-    )
+    told = {"low": low, "median": median, "high": high, "worst": float(some.max())}
+    return RunSpread(mean=mean, standard_error=error, **told, runs=len(some))
 
 
-def check_limits(
-    asked: VerdictRequest, outcomes: LoopOutcomes, predicted: ContactResult, gain: float
-) -> tuple[LimitCheck, ...]:
+def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
     """Return how often each limit holds in the runs with a gain [N s], beside the nominal encounter as predicted."""
-    found = []
-    for required, ratio in zip(asked.limits, outcomes.ratios, strict=True):
+    found, impact = [], foreseen_impact(task)
+    for required, ratio in zip(limits_of(task), outcomes.ratios, strict=True):
         constraint = required.constraint
         count = int((ratio <= 1 + 1e-12).sum())
         reached = float(required.share(ratio)) * constraint.limit
@@ -241,12 +87,12 @@ def check_limits(
         found.append(
             LimitCheck(
                 required=required,
-                predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, asked.foreseen_impact),
+                predicted=abs(gain) if own else _magnitude(constraint.quantity, predicted, impact),
                 held=count / len(ratio),
-                low=least_probability(count, len(ratio), asked.task.confidence),
+                low=least_probability(count, len(ratio), task.confidence),
                 value=value,
                 margin=None if value is None else constraint.limit - value,
-                source=_source_of(constraint.quantity, asked.loop),
+                source=_source_of(constraint.quantity, task.loop),
             )
         )
     return tuple(found)
@@ -275,3 +121,181 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
         return None
     value: Any = quantity_of(name, result.end, impact)
     return abs(float(value)) if math.isfinite(float(value)) else None
+
+
+def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
+    """Return sentences on what a verdict rests on; changes and gains are compared by so many of its runs."""
+    loop, runs = task.loop, task.runs
+    uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
+    first = f" in the first {compared} of them" if compared < runs else ""
+    number = f"a single one, of seed {loop.seed}" if runs == 1 else f"{runs}, independent, from seed {loop.seed}"
+    return (
+        *loop_sentences(loop),
+        *_force(task),
+        *(uncertain or ["Encounter: the nominal one in every run; nothing of it is uncertain."]),
+        f"Runs: {number}; other gains and changes meet the same noise{first}.",
+        "Predicted is the nominal encounter in continuous time with a perfect sensor, the robot following exactly.",
+        "Stability is that of the loop linearized at each distance of the nominal curve, without noise, misfit, "
+        "jitter, limits and friction.",
+        "Left out: whatever changes the sensor curve (color, shape and angle of the object, other light) beyond what "
+        "is named as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
+    )
+
+
+def _force(task: Task) -> Iterator[str]:
+    """Say where the predicted impact force comes from."""
+    if task.loop.contact is None:
+        if task.impact is not None:
+            yield "An impact model makes an impact force of the speed of contact."
+        return
+    own = "the same stiffness without loss on the robot's mass alone"
+    yield (
+        f"The predicted impact force is that of {own if task.impact is None else 'the impact model that was given'}; "
+        "loss in the contact lowers the simulated one, the robot's drive and a driven obstacle raise it."
+    )
+
+
+def cautions_of(
+    draws: Draws,
+    runs: tuple[SimulationResult, SimulationResult],
+    comparisons: tuple[Comparison, ...],
+    design: GainDesign,
+) -> tuple[str, ...]:
+    """Return sentences on what to look at, from the runs with mitigation and without."""
+    loop = draws.task.loop
+    return (
+        *(() if design.gain is not None else (f"The ideal design has no gain. {design.headline.removesuffix('.')}.",)),
+        *_other_admittance(loop, draws.task.scenario),
+        *_recession(loop),
+        *_detection(loop, draws, runs[0]),
+        *_push(loop, *runs),
+        *_impact(comparisons),
+        *_reported(loop, runs[0]),
+        *_unknown_calibration(draws.task.calibration),
+    )
+
+
+def _other_admittance(loop: ClosedLoop, scenario: Scenario) -> Iterator[str]:
+    own: Any = getattr(loop.law, "admittance", None)
+    a, names = scenario.admittance, ("mass", "damping", "stiffness")
+    if own is None or all(np.allclose(getattr(own, n), getattr(a, n), rtol=1e-9, atol=1e-12) for n in names):
+        return
+    yield (
+        f"The controller's virtual mass, damping and stiffness ({own.mass:g} kg, {own.damping:g} N s/m, "
+        f"{own.stiffness:g} N/m) are not those of the prediction ({a.mass:g} kg, {a.damping:g} N s/m, "
+        f"{a.stiffness:g} N/m)."
+    )
+
+
+def _recession(loop: ClosedLoop) -> Iterator[str]:
+    law, chain = loop.law, loop.chain
+    if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
+        return
+    if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
+        yield (
+            "largest_rate is not set: a cable that breaks reads 0, which looks like an object that recedes at once, "
+            "and the robot leaps after it. No run here has such a fault."
+        )
+
+
+def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iterator[str]:
+    seen, s = np.isfinite(result.detection_time), draws.scenarios
+    if not seen.all():
+        yield f"The object was never detected in {_percent(1 - float(seen.mean()))} of the runs."
+    free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
+    if not (seen.any() and free):
+        return
+    # until it is detected nothing acts: the robot goes on with its reference
+    t = np.asarray(result.detection_time)
+    velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
+    acceleration = np.asarray(s.obstacle.acceleration) - s.reference.acceleration
+    distance = (draws.distance + t * (velocity + 0.5 * acceleration * t))[seen]
+    start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
+    if distance.mean() < _LATE * start:
+        near, far = format_quantity(float(distance.mean()), "m"), format_quantity(start, "m")
+        yield (
+            f"The object is first detected {format_quantity(late, 's')} after the start on average, at {near} instead "
+            f"of {far}: {_why_late(loop, late)}."
+        )
+
+
+def _why_late(loop: ClosedLoop, late: float) -> str:
+    """Say how much of the time until an object is detected the sensor takes, and how much its floor."""
+    chain = loop.chain
+    phase = chain.period / 2 if chain.random_phase else chain.phase
+    wait = phase + chain.exposure + chain.delay + loop.law.period / 2
+    hidden = "farther away, what is read is not above the floor"
+    if late - wait < _SHARE * late:
+        return "no reading can be had before, for the sensor is that slow"
+    return hidden if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {hidden}"
+
+
+def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
+    """Say that the largest force of the whole contact grows with mitigation, where that is not the impact's."""
+    contact, both = loop.contact, result.touched & unmitigated.touched
+    if contact is None or not both.any():
+        return
+    peak, free, impact, free_impact = (
+        np.asarray(values)[both]
+        for values in (result.peak_force, unmitigated.peak_force, result.impact_force, unmitigated.impact_force)
+    )
+    more, error = mean_and_error(peak - free)
+    chance = max(_ERRORS * error if np.isfinite(error) else 0.0, _ROUNDING * float(free.mean()))
+    if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
+        return
+    driven = contact.obstacle_mass == np.inf
+    pushing = "the obstacle, which is driven on, and the robot's drive push" if driven else "the robot's drive pushes"
+    newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
+    yield (
+        f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
+        f"{newton[1]}. It is not that of the impact ({newton[2]} with, {newton[3]} without), but of the push after it: "
+        f"{pushing} on while the bodies are in contact."
+    )
+
+
+def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
+    force = next((c for c in comparisons if c.name == "impact_force"), None)
+    if force is None or not force.predicted or force.simulated is None:
+        return
+    times = force.simulated.mean / force.predicted
+    if 1 / _FORCE_APART < times < _FORCE_APART:
+        return
+    pushed = "the robot's drive and the obstacle push on while the bodies are in contact"
+    why = pushed if times > 1 else "the contact loses energy, or the robot gives way while it lasts"
+    yield f"The simulated impact force is {times:.3g} times the predicted one, which is elastic: {why}."
+
+
+def _reported(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
+    if not isinstance(loop.law, Controller):  # what another law reports is its own
+        return
+    for flag, text in _FLAGS.items():
+        share = float(np.mean((np.asarray(result.flags) & int(flag)) != 0))
+        if share > 0:
+            yield f"In {_percent(share)} of the runs {text}."
+    stale = _stale(result)
+    if stale > 0:
+        yield f"While an object was detected, no reading that was due could be used in {_percent(stale)} of the steps."
+
+
+def _stale(result: SimulationResult) -> float:
+    """Return the share of steps without a reading that was due; before the first one, all are, and none counts."""
+    late = count = 0
+    for i in range(min(result.shape[0], _TRACED)):
+        flags = result.trace(i).flags.astype(np.int64)
+        flags = flags[np.maximum.accumulate((flags & int(Status.DETECTING)) != 0)]
+        late, count = late + int(((flags & int(Status.STALE)) != 0).sum()), count + len(flags)
+    return late / count if count else 0.0
+
+
+def _percent(share: float) -> str:
+    return share_in_words(share) if share >= 1e-4 else "less than 0.01 %"
+
+
+def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
+    """Say that a calibration has too few readings to tell what else they allow."""
+    if report is None or report.best is None or report.curves is not None:
+        return
+    yield (
+        f"The calibration has {len(report.window.distances)} usable distances, too few to tell which other curves its "
+        "readings allow: nothing is said of whether it is good enough."
+    )

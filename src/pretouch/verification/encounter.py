@@ -3,44 +3,84 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Final
 
+from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.vocabulary import words_for
 from pretouch.design.impact import ImpactModel
+from pretouch.design.page import impact_rows
 from pretouch.motion import ContactResult, ContactStatus, Motion, Scenario, solve_motion
+from pretouch.motion.describing import inputs_section, method_section
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
+from pretouch.simulation.describing import loop_section
 
 from .encounter_parts import (
     Detection,
     LoopContact,
     QuantityComparison,
     ReportedFlag,
+    cautions_in_words,
     compare_contacts,
     contacts_of,
     detection_of,
+    ending_in_words,
     flags_of,
-    percent,
+    headline_of,
 )
 
-__all__ = ["SimulatedEncounter", "ending_in_words"]
+__all__ = ["SimulatedEncounter"]
 
 _SAMPLES: Final = 400
-_LATE: Final = 0.1  # of the change of ln xi until contact, from which a detection is called late
 _PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
-_SAME: Final = 5e-5  # relative: what four digits do not tell apart
-_PASSING: Final = 0.01  # of the approach: readings that are late for less are no news
 _RUN: Final = (
     *("time", "position", "velocity", "displacement", "relative_velocity", "closest_distance", "largest_excursion"),
     *("largest_travel", "largest_speed", "largest_virtual_force", "peak_force", "impact_force", "impulse"),
     *("rebound_velocity", "detection_time", "end_time", "contacts", "flags"),
 )
+_HEAD: Final = ("", "on the loop", "predicted", "difference", "loop, D_p = 0", "predicted, D_p = 0")
+_COMPARED: Final = (
+    "Predicted: the continuous solution, with a perfect sensor and a plant that follows exactly. On the loop: one run "
+    "with the sensor chain, the controller, the robot and the contact that are stated below. With D_p = 0, without "
+    "mitigation, the same loop meets the same noise. An approach has a negative relative velocity l\u2032; "
+    '"largest" means until the first contact, or until the end where there is none. Shares compare magnitudes. '
+    "Simulated and predicted, not measured."
+)
+_ELASTIC: Final = (
+    "The predicted impact force is that of a lossless impact of two free bodies at the predicted relative velocity. "
+    "The impact force on the loop is the largest until the bodies stop approaching each other: the robot's drive and "
+    "an obstacle that does not yield add to it, losses take from it."
+)
+_COURSE: Final = (
+    "The course of the run on the loop, the prediction, and the run without mitigation until its contact. Dotted: when "
+    "the law first saw the object, where that is not at the start, and the first contact. Virtual force and reading "
+    "stay the same over a period of the law; the predicted reading is the output of the curve at the predicted "
+    "distance, without delay and noise."
+)
+_SEEN: Final = (
+    "A law answers the change of ln \u03be that it sees; what had passed before is lost to it. Seen too late, an "
+    "object is met as hard as without mitigation. The prediction begins at the start."
+)
+_OF_THE_LOOP: Final = (
+    "One run, with one draw of the noise: another seed comes to another contact. How often a limit holds is a question "
+    "to many runs.",
+    "The sensor chain is as stated: its noise is normal and independent from reading to reading, and the curve holds "
+    "for the object that comes.",
+    "The robot is the mass, the controller and the friction that are stated; its actuators have no other limits, its "
+    "links do not bend, and its contact point moves in one dimension.",
+    "The contact force is a function of depth and its rate. Plant and contact are integrated by Runge-Kutta's method "
+    "of order 4, at 1/50 of the contact's time scale.",
+    "The law starts with the encounter, with nothing detected.",
+)
+
+Row = tuple[Cell, ...]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -73,7 +113,7 @@ class SimulatedEncounter(Described, Value):
     prediction: ContactResult
     unmitigated_prediction: ContactResult
 
-    page: ClassVar[str] = "pretouch.verification.encounter_page:encounter_page"
+    page: ClassVar[str] = "pretouch.verification.encounter:encounter_page"
 
     @cached_property
     def trace(self) -> LoopTrace:
@@ -107,25 +147,11 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def comparisons(self) -> tuple[QuantityComparison, ...]:
         """The quantities of the contact on the loop and as predicted, with the gain and without."""
-        return compare_contacts(
-            (self.run, self.unmitigated),
-            (self.prediction, self.unmitigated_prediction),
-            impact=self.impact,
-            has_contact_force=self.has_contact_force,
-        )
+        runs, predictions = (self.run, self.unmitigated), (self.prediction, self.unmitigated_prediction)
+        return compare_contacts(runs, predictions, self.impact, self.has_contact_force)
 
     def comparison(self, name: str) -> QuantityComparison:
-        """Return the comparison of one quantity.
-
-        Args:
-            name: such as `relative_velocity`.
-
-        Returns:
-            The comparison.
-
-        Raises:
-            InvalidInputError: that quantity is not compared.
-        """
+        """Return the comparison of one quantity, such as `relative_velocity`; one that is not compared is refused."""
         for found in self.comparisons:
             if found.name == name:
                 return found
@@ -135,17 +161,17 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def contacts(self) -> tuple[LoopContact, ...]:
         """The contacts of the run with the gain, a repeated contact one by one."""
-        return contacts_of(self.run, has_contact_force=self.has_contact_force)
+        return contacts_of(self.run, self.has_contact_force)
 
     @cached_property
     def unmitigated_contacts(self) -> tuple[LoopContact, ...]:
         """The contacts of the run with gain 0."""
-        return contacts_of(self.unmitigated, has_contact_force=self.has_contact_force)
+        return contacts_of(self.unmitigated, self.has_contact_force)
 
     @cached_property
     def flags(self) -> tuple[ReportedFlag, ...]:
         """What the law reported in the run with the gain, in the order in which it came."""
-        return flags_of(self.trace, period=self.loop.law.period, contact_time=self.run.time)
+        return flags_of(self.trace, self.loop.law.period, self.run.time)
 
     @cached_property
     def detection(self) -> Detection | None:
@@ -155,21 +181,15 @@ class SimulatedEncounter(Described, Value):
     @cached_property
     def headline(self) -> str:
         """What the run came to beside the prediction, in one sentence or two."""
-        predicted, free = self.prediction, self.unmitigated
-        text = _loop_clause(self.run)
-        if predicted.reached.all():
-            text += f"; predicted {_speed(predicted.end.relative_velocity)} after {_time(predicted.end.time)}"
-            text += f" ({_against(self)})" if self.run.touched else ""
-        else:
-            nearest = format_quantity(float(predicted.closest_distance), "m", 3)
-            text += f"; predicted: {ending_in_words(predicted.status)}, {nearest} at the nearest"
-        text += f"; without mitigation {_speed(free.relative_velocity) if free.touched else 'no contact'}."
-        return text + _force_sentence(self)
+        compared = self.comparison("relative_velocity"), self.comparison("time")
+        grows = self.grows_after_impact if self.has_contact_force else None
+        return headline_of(self.run, self.unmitigated, self.prediction, compared, grows)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a user should read beside the numbers, in order of weight."""
-        return tuple(_warnings(self))
+        found = self.detection, self.flags, self.contacts, self.grows_after_impact
+        return tuple(cautions_in_words(self.run, *found))
 
     @property
     def grows_after_impact(self) -> bool:
@@ -221,81 +241,109 @@ def _part_as_dict(part: object) -> dict[str, Any]:
     return {"model": type(part).__name__, **(plain(part) if is_dataclass(part) else {})}
 
 
-def _loop_clause(run: SimulationResult) -> str:
+def encounter_page(encounter: SimulatedEncounter) -> Page:
+    """Describe what `simulate_encounter` returned, however it ended."""
+    e = encounter
+    impact = ((f"predicted impact: {name}", cell) for name, cell in impact_rows(e.impact))
+    return Page(
+        kind="One encounter on the sampled loop",
+        headline=e.headline,
+        status=f"on the loop: {ending_in_words(e.run.status)}",
+        good=bool(e.run.touched),
+        key_figures=tuple(_key_figures(e)),
+        warnings=e.warnings,
+        blocks=(
+            _comparison(e),
+            _course(e),
+            _contacts(e),
+            _detection(e),
+            loop_section(e.loop, ("gain D_p", Measured(e.gain, "N*s"))),
+            inputs_section(e.scenario, e.sensor, *impact),
+            _method(e),
+        ),
+    )
+
+
+def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
+    run, predicted, free = e.run, e.prediction, e.unmitigated
+    yield "gain D_p", Measured(e.gain, "N*s")
     if run.touched:
-        return f"Contact on the loop at {_speed(run.relative_velocity)} after {_time(run.time)}"
-    if run.status == ContactStatus.UNRESOLVED:
-        return f"The loop runs away: its numbers leave all bounds after {_time(run.end_time)}"
-    nearest = format_quantity(run.closest_distance, "m", 3)
-    return f"No contact on the loop within {_time(run.end_time)}, {nearest} at the nearest"
+        yield f"{words_for('relative_velocity')}, on the loop", Measured(abs(run.relative_velocity), "m/s", 3)
+    else:
+        yield f"{words_for('closest_distance')}, on the loop", Measured(run.closest_distance, "m", 3)
+    if predicted.reached.all():
+        yield "predicted", Measured(abs(float(predicted.end.relative_velocity)), "m/s", 3)
+    if free.touched:
+        yield "without mitigation, on the loop", Measured(abs(free.relative_velocity), "m/s", 3)
+    if run.touched and e.has_contact_force:
+        yield f"{words_for('impact_force')}, on the loop", Measured(run.impact_force, "N", 3)
+    elif run.touched:
+        yield f"{words_for('time')}, on the loop", Measured(run.time, "s", 3)
 
 
-def _against(encounter: SimulatedEncounter) -> str:
-    """Say how much harder and earlier the contact is than predicted."""
-    speed, time = encounter.comparison("relative_velocity"), encounter.comparison("time")
-    share, late = speed.relative_difference, time.difference
-    parts = []
-    if share is not None:
-        parts.append("as hard" if abs(share) < _SAME else f"{percent(share)} {'harder' if share > 0 else 'softer'}")
-    if late is not None and time.predicted is not None:
-        same = abs(late) < _SAME * time.predicted
-        shown = format_quantity(abs(late), "s", 2 if abs(late) < 0.1 else 3)
-        parts.append("at the same time" if same else f"{shown} {'later' if late > 0 else 'earlier'}")
-    return ", ".join(parts)
+def _comparison(e: SimulatedEncounter) -> Chapter:
+    table = Rows(head=_HEAD, rows=tuple(_comparison_rows(e)), note=_COMPARED, brief=True)
+    loop, contact = e.loop, e.loop.contact
+    model = "no contact model" if contact is None else type(contact).__name__
+    made = (
+        f"On the loop: {type(loop.law).__name__} every {format_quantity(loop.law.period, 's', 3)}, readings at "
+        f"{loop.chain.rate:g} Hz, {type(loop.plant).__name__}, {model}, seed {loop.seed}. Predicted: "
+        f"{e.prediction.method}."
+    )
+    elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
+    return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=made, brief=True), elastic))
 
 
-def _force_sentence(encounter: SimulatedEncounter) -> str:
-    run, free = encounter.run, encounter.unmitigated
-    if not (encounter.has_contact_force and run.touched):
-        return ""
-    text = f" Impact force {_force(run.impact_force)}"
-    text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
-    text += f", later up to {_force(run.peak_force)}" if encounter.grows_after_impact else ""
-    return text + (f", {run.contacts} contacts." if run.contacts > 1 else ".")
+def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
+    ends = [ending_in_words(r.status) for r in (e.run, e.prediction, e.unmitigated, e.unmitigated_prediction)]
+    if set(ends) != {"contact"}:
+        yield "ends with", *ends[:2], "", *ends[2:]
+    for one in e.comparisons:
+        if not one.is_empty:
+            cells = [Measured(value, one.unit) for value in one.values]
+            difference = one.difference_in_words or Measured(None)
+            yield named(one.name), *cells[:2], difference, *cells[2:]
 
 
-def _warnings(encounter: SimulatedEncounter) -> Iterator[str]:
-    run, seen = encounter.run, encounter.detection
-    if seen is None:
-        yield "The law never saw the object, so it made no force: look at its floor, its offset and the sensor's range."
-    elif seen.missed_share is not None and seen.missed_share > _LATE:
-        yield (
-            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} The prediction lets the law act from "
-            f"{format_quantity(seen.start_distance, 'm')} on."
-        )
-    approach = run.time if run.touched else run.end_time
-    for flag in encounter.flags:
-        if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
-            yield (
-                f"During the approach the law reported {flag.name} ({flag.meaning}): from {_time(flag.since)} on, for "
-                f"{_time(flag.approach_duration)} in all."
-            )
-    if run.contacts > 1:
-        hardest = max(encounter.contacts, key=lambda contact: -contact.relative_velocity)
-        which = f"the one after {_time(hardest.time)}, at {_speed(hardest.relative_velocity)},"
-        which = "the first" if hardest is encounter.contacts[0] else which
-        told = len(encounter.contacts)
-        beyond = f"; the first {told} are told apart" if run.contacts > told else ""
-        yield f"The bodies meet {run.contacts} times; {which} is the fastest{beyond}."
-    if encounter.grows_after_impact:
-        yield (
-            f"After the impact the contact force grows to {_force(run.peak_force)}: a push or another contact, not the "
-            "first impact, is the strongest."
-        )
+def _course(e: SimulatedEncounter) -> Chapter:
+    shown = " The last panel shows the first contact, from its touch on." if e.has_contact_force else ""
+    name = "Distance, relative velocity, virtual force, sensor reading and contact force over time"
+    return Chapter(title="The run", blocks=(Picture(figure="simulation", of=e, name=name, caption=_COURSE + shown),))
 
 
-def ending_in_words(status: Any) -> str:
-    """Return how a run or a prediction ended, as `never in contact`."""
-    return ContactStatus(status).label.replace("-", " ")
+def _contacts(e: SimulatedEncounter) -> Chapter | None:
+    if not (e.has_contact_force and e.contacts):
+        return None
+    head = ("touch", "l'", "peak force", "impulse", "l' after", "duration")
+    return Chapter(title="Contacts", blocks=(Rows(head=head, rows=tuple(map(_contact_row, e.contacts)), brief=True),))
 
 
-def _speed(velocity: float) -> str:
-    return format_quantity(abs(float(velocity)), "m/s", 3)
+def _contact_row(contact: LoopContact) -> Row:
+    lasts = contact.rebound_velocity is None and contact.duration is not None
+    return (
+        f"after {format_quantity(contact.time, 's')}",
+        Measured(contact.relative_velocity, "m/s"),
+        Measured(contact.peak_force, "N"),
+        Measured(contact.impulse, "N*s"),
+        "in contact at the end" if lasts else Measured(contact.rebound_velocity, "m/s"),
+        Measured(contact.duration, "s", 3),
+    )
 
 
-def _time(seconds: float) -> str:
-    return format_quantity(float(seconds), "s", 3)
+def _detection(e: SimulatedEncounter) -> Chapter:
+    said = "The law never saw the object." if e.detection is None else e.detection.sentence
+    head = ("the law reported", "which means", "since", "in all", "before contact")
+    flags = Rows(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
+    seen = (Paragraph(text=said, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
+    return Chapter(title="Detection", blocks=(*seen, flags))
 
 
-def _force(newton: float) -> str:
-    return format_quantity(newton, "N", 3 if newton < 1000 else 4)
+def _flag_row(flag: ReportedFlag) -> Row:
+    times = (Measured(time, "s", 3) for time in (flag.since, flag.duration, flag.approach_duration))
+    return flag.name, flag.meaning, *times
+
+
+def _method(e: SimulatedEncounter) -> Chapter:
+    loop = Chapter(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
+    prediction = replace(method_section(e.prediction.method), title="Of the prediction")
+    return Chapter(title="Method and assumptions", blocks=(loop, prediction))

@@ -6,34 +6,58 @@ Every candidate is run with the noise that the verdict has met.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray, finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.design import GainDesign
+from pretouch.design import GainDesign, Task
+from pretouch.design.search import RUNS, GainAxis, Landscape, refine, scan
 from pretouch.motion import ContactResult
-from pretouch.simulation import GainLimit, SimulationResult
+from pretouch.simulation import GainLimit
 
-from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, mean_and_error
-from .best_gain import LoopCurve, LoopOptimum, best_on_loop
-from .candidates import Approach, Candidate, candidates_of
-from .request import VerdictRequest
-from .stability import StabilityCheck, limit_of, stability_margin
+from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, foreseen_impact, mean_and_error, part_of
+from .stability import Candidate, StabilityCheck, candidates_of, limit_of, stability_margin
 
-__all__ = ["LoopChange", "Loss", "Verified", "compared_runs", "find_improvements"]
+__all__ = ["LoopChange", "LoopCurve", "Loss", "Verified", "find_improvements"]
 
 _ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
 _WORTH: Final = 0.01  # of the objective: less is not worth a change
-_MARGIN: Final = 2.0  # to instability: a change must not go below it
+_MARGIN: Final = (
+    2.0  # to instability: a gain that is proposed has it where any within the bounds can, a change keeps it
+)
 _FALL: Final = 0.8  # of the margin: what is left of it is said where it is less
 _BEYOND: Final = 1e3  # a margin that needs no word
 _SAME: Final = 1e-6  # of a gain
-_COMPARED: Final = 200
-_COMPARED_SENSORS: Final = 100  # where each run has a sensor curve of its own, which is tabulated first
+_DIGITS: Final = 12  # of u = ln|D_p|: beyond, it is the same gain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LoopCurve(Value):
+    """The gains that were tried on the loop.
+
+    Args:
+        gain: D_p [N s], ascending, shape (n,).
+        objective: its mean over the runs; infinite where a run ends without contact.
+        standing: the least share of runs in which a limit holds beside the share required, at most 1; less where
+            contact is harder than without mitigation.
+        share: the share of runs in which all limits hold at once.
+        runs: how many runs of each.
+    """
+
+    gain: FloatArray
+    objective: FloatArray
+    standing: FloatArray
+    share: FloatArray
+    runs: int
+
+    def __repr__(self) -> str:
+        if not len(self.gain):
+            return "<LoopCurve: no gain>"
+        return f"<LoopCurve: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s, {self.runs} runs>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,103 +118,66 @@ class LoopChange(Value):
     helps: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Verified:
-    """The verified gain, and what is known of it before anything else is tried.
+class Verified(NamedTuple):
+    """The verified gain, and what is known of it before anything else is tried."""
 
-    Args:
-        gain: D_p [N s].
-        predicted: the nominal encounter with it in continuous time.
-        outcomes: what it leads to on the loop, over all runs.
-        design: the ideal design.
-        stability: its margin; None where it is not known.
-        limit: the strongest stable gains of the loop; None where they are not known.
-        distance: those that the encounter passes [m].
-        fastest: fastest approach [m/s].
-    """
-
-    gain: float
-    predicted: ContactResult
-    outcomes: LoopOutcomes
-    design: GainDesign
-    stability: StabilityCheck | None
-    limit: GainLimit | None
-    distance: FloatArray
-    fastest: float
-
-    @property
-    def margin(self) -> float | None:
-        """To instability; None where it is not known."""
-        return None if self.stability is None else self.stability.margin
-
-    @property
-    def wanted_rate(self) -> float | None:
-        """The rate [Hz] that gives the gain the usual margin, where it has it not and any rate does."""
-        check = self.stability
-        if check is None or check.margin >= _MARGIN or not math.isfinite(check.lowest_rate_with_margin):
-            return None
-        return max(check.lowest_rate_with_margin, check.rate)
+    gain: float  # D_p [N s]
+    predicted: ContactResult  # the nominal encounter with it in continuous time
+    outcomes: LoopOutcomes  # what it leads to on the loop, over all runs
+    design: GainDesign  # the ideal one
+    stability: StabilityCheck | None  # None where it is not known, as the limit
+    limit: GainLimit | None  # the strongest stable gains of the loop
+    distance: FloatArray  # those that the encounter passes [m]
 
 
 def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tuple[LoopChange, ...]]:
-    """Find the best gain on the loop and try the changes.
-
-    Args:
-        problem: what gains and changes are appraised by.
-        known: the verified gain.
-
-    Returns:
-        What the verified gain loses, and the changes: first by the limits that are missed, then by the objective.
-    """
-    asked, gain, runs = problem.draws.asked, known.gain, compared_runs(problem)
-    among = [g for g in (gain, known.design.gain) if g is not None]
-    optimum = best_on_loop(problem, asked.loop, asked.bounds, limit=known.limit, runs=runs, among=among)
-    better, best = optimum.nearest if optimum.gain is None else optimum.gain, known.outcomes
-    found = []
-    if better is not None and not math.isclose(better, gain, rel_tol=_SAME):
+    """Return what a verified gain loses, and changes: first by the limits that are missed, then by the objective."""
+    task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
+    loop = task.loop
+    search = _best_on_loop(problem, known)
+    optimum, best, found = search.best, None, []
+    better = search.nearest if optimum is None else optimum
+    if better is not None:
         # over all runs: over those alone that it was chosen by, it would look better than it is
-        best, margin = problem.appraise(asked.loop, better), stability_margin(known.limit, better)
-        candidate = Candidate(name="gain", sentence=_redesign(gain, better, margin), loop=asked.loop)
-        found.append(
-            _compared(candidate, better, replace(known.outcomes, margin=known.margin), replace(best, margin=margin))
-        )
-    part = replace(problem.appraised(_first(known.outcomes.result, runs), asked.loop, gain), margin=known.margin)
-    for candidate in candidates_of(asked.loop, _approach(asked, known)):
+        same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(known.limit, better)
+        outcomes = known.outcomes if same else problem.appraise(problem.compared(loop), better)
+        best = None if optimum is None else outcomes.objective
+        if not same:
+            candidate = Candidate("gain", _redesign(gain, better, margin), loop)
+            found.append(_compared(candidate, better, known.outcomes, replace(outcomes, margin=margin)))
+    first = part_of(known.outcomes.result, slice(runs))
+    part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
+    for candidate in _candidates(problem, known):
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
         if known.limit is not None:
-            after = stability_margin(limit_of(candidate.loop, asked.task.sensor, known.distance), gain)
+            after = stability_margin(limit_of(candidate.loop, task.sensor, known.distance), gain)
         found.append(_compared(candidate, gain, part, replace(outcomes, margin=after)))
-    return _loss(asked, known, optimum, None if optimum.gain is None else best), tuple(sorted(found, key=_rank))
+    return _loss(task, known, search, best), tuple(sorted(found, key=_rank))
 
 
-def compared_runs(problem: LoopProblem) -> int:
-    """Return how many of the runs changes and gains are compared by."""
-    return min(problem.draws.asked.task.runs, _COMPARED_SENSORS if problem.draws.sensors else _COMPARED)
-
-
-def _first(result: SimulationResult, count: int) -> SimulationResult:
-    columns = {name: column[:count] for name, column in result.columns.items()}
-    return SimulationResult(columns, result.contact_list[:count], result.trace_of)
-
-
-def _approach(asked: VerdictRequest, known: Verified) -> Approach:
-    """Return what changes are measured by; readings are noisiest where ln xi deviates most, from contact to start."""
-    sensor, c = asked.task.sensor, asked.loop.chain
+def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
+    """Return what could be changed; readings are noisiest where ln xi deviates most, from contact to start."""
+    draws, check, free = problem.draws, known.stability, problem.unmitigated
+    sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(known.distance)))
     xi = np.exp(np.asarray(sensor.log_output(known.distance)))
     noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
-    return Approach(
-        steepest=float(slope.max()), fastest=known.fastest, noise=float(noise.max()), wanted_rate=known.wanted_rate
-    )
+    ends = np.abs(free.relative_velocity[free.touched])
+    fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
+    wanted = None
+    if check is not None and check.margin < _MARGIN and math.isfinite(check.lowest_rate_with_margin):
+        wanted = max(check.lowest_rate_with_margin, check.rate)
+    return candidates_of(draws.task.loop, float(fastest * slope.max()), float(noise.max()), wanted)
 
 
-def _loss(asked: VerdictRequest, known: Verified, optimum: LoopOptimum, best: LoopOutcomes | None) -> Loss:
+def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None) -> Loss:
+    """Put the objective of every run beside that with the best gain on the loop; None where there is none."""
     predicted, ideal = known.predicted, None
     if predicted.reached.all():
-        speed = abs(asked.task.scenario.obstacle.velocity)
-        ideal = float(asked.task.goal.value(predicted.end, speed, asked.foreseen_impact))
-    own, other = known.outcomes.objective, np.full(asked.task.runs, np.nan) if best is None else best.objective
+        speed = abs(task.scenario.obstacle.velocity)
+        ideal = float(task.goal.value(predicted.end, speed, foreseen_impact(task)))
+    own, other = known.outcomes.objective, np.full(task.runs, np.nan) if best is None else best
     mean, error = mean_and_error(own)
     with np.errstate(invalid="ignore"):
         loss, loss_error = mean_and_error(own - other)
@@ -198,13 +185,86 @@ def _loss(asked: VerdictRequest, known: Verified, optimum: LoopOptimum, best: Lo
         predicted=ideal,
         objective=finite_or_none(mean),
         standard_error=finite_or_none(error),
-        loop_gain=optimum.gain,
-        sought_margin=optimum.sought_margin,
+        loop_gain=search.best,
+        sought_margin=search.margin,
         loop_objective=finite_or_none(mean_and_error(other)[0]),
         loss=finite_or_none(loss),
         loss_error=finite_or_none(loss_error),
-        curve=optimum.curve,
+        curve=search.curve,
     )
+
+
+class _Tried(NamedTuple):
+    """What is kept of a gain that was tried."""
+
+    gain: float  # D_p [N s]
+    objective: float  # its mean
+    standing: float  # how well limits are kept
+    share: float  # of runs in which all are
+    kept: bool  # whether they are kept as they must
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Search:
+    """The search for the gain that is best on the loop: over the same encounters and noise for each."""
+
+    problem: LoopProblem
+    axis: GainAxis
+    margin: float | None  # to instability, which all gains within the axis have; None where it is not known
+    tried: dict[float, _Tried] = field(default_factory=dict)  # by the coordinate
+
+    def merit(self, coordinate: FloatArray) -> FloatArray:
+        """Return the mean objective at coordinates u where the limits are kept, infinity elsewhere."""
+        places = {round(u, _DIGITS): u for u in coordinate.tolist()}
+        new = {place: u for place, u in places.items() if place not in self.tried}
+        if new:
+            gains = self.axis.gain(np.array(list(new.values())))
+            several = self.problem.appraise_each(gains)
+            for place, gain, found in zip(new, gains.tolist(), several, strict=True):
+                self.tried[place] = _Tried(gain, found.mean, found.standing, found.whole_share, found.is_kept)
+        of = (self.tried[round(u, _DIGITS)] for u in coordinate.tolist())
+        return np.array([one.objective if one.kept else math.inf for one in of])
+
+    def landscape(self, coordinate: FloatArray) -> Landscape:
+        """Return the merit as a scan takes it."""
+        return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
+
+    @property
+    def best(self) -> float | None:
+        """The best gain that keeps the limits [N s]; None where none that was tried does."""
+        kept = [one for one in sorted(self.tried.values()) if one.kept]
+        return min(kept, key=lambda one: one.objective).gain if kept else None
+
+    @property
+    def nearest(self) -> float | None:
+        """The gain that stands best where none keeps them [N s]; None where none may be tried."""
+        tried = sorted(self.tried.values())
+        return max(tried, key=lambda one: (one.standing, -one.objective)).gain if tried else None
+
+    @property
+    def curve(self) -> LoopCurve:
+        """All gains that were tried."""
+        columns = np.array(sorted(self.tried.values()), dtype=np.float64).reshape(-1, len(_Tried._fields)).T
+        gain, objective, standing, share, _ = columns
+        runs = self.problem.draws.compared
+        return LoopCurve(gain=gain, objective=objective, standing=standing, share=share, runs=runs)
+
+
+def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
+    """Search the gain that is best on the loop, the verified and the ideal one among those that are tried."""
+    (low, high), limit = problem.draws.task.stable_bounds(), known.limit
+    margin = None if limit is None else _MARGIN if -limit.allowed(_MARGIN) <= high else 1.0
+    strongest = -math.inf if limit is None or margin is None else limit.strongest / margin
+    # the ends of the axis are met to the bit: a gain that is proposed has the margin that it was sought with
+    axis = GainAxis(low=max(low, strongest), high=high)
+    search = _Search(problem=problem, axis=axis, margin=margin)
+    if axis.low <= axis.high:  # else no gain within the bounds may be tried
+        among = [g for g in (known.gain, known.design.gain) if g is not None and axis.low <= g <= axis.high]
+        search.merit(axis.coordinate(np.array(among)))
+        scan(search.landscape, *axis.span, RUNS)
+        u = np.array(sorted(search.tried))
+        refine(search.merit, u, search.merit(u), RUNS)
+    return search
 
 
 def _redesign(gain: float, loop_gain: float, margin: float | None) -> str:
@@ -216,27 +276,20 @@ def _redesign(gain: float, loop_gain: float, margin: float | None) -> str:
 def _compared(candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:
     worst, same = _worst_of_both(before, after)
     improvement, error = _improvement(before.objective, after.objective)
-    mean = after.mean
+    keeps_margin = before.margin is None or (after.margin is not None and after.margin >= min(before.margin, _MARGIN))
+    gains = improvement is not None and improvement > max(_ERRORS * (error or 0.0), _WORTH)
+    better = after.standing >= before.standing and keeps_margin and gains
     return LoopChange(
         name=candidate.name,
         sentence=_with_margin(candidate, before.margin, after.margin),
         gain=gain,
-        objective=mean if math.isfinite(mean) else None,
+        objective=finite_or_none(after.mean),
         improvement=improvement,
         improvement_error=error,
         standing=after.standing,
         held=None if worst.is_met else float(same.held.mean()),
         margin=after.margin,
-        helps=_is_stable(after.margin)
-        and (
-            _stands_better(before, after)
-            or (
-                after.standing >= before.standing
-                and _keeps_margin(before.margin, after.margin)
-                and improvement is not None
-                and improvement > max(_ERRORS * (error or 0.0), _WORTH)
-            )
-        ),
+        helps=after.stable == 1 and (_stands_better(before, after) or better),
     )
 
 
@@ -263,24 +316,11 @@ def _stands_better(before: LoopOutcomes, after: LoopOutcomes) -> bool:
     if before.stable <= before.standing:  # it was the margin, which no chance moves
         return True
     if before.softness <= before.standing:
-        return _falls(before, after)
+        change = effect_of(after.result, before.result)  # whether the speed at contact falls
+        return change is not None and change.is_softer
     worst, same = _worst_of_both(before, after)
     rise = same.held.astype(np.float64) - worst.held
     return float(rise.mean()) > _ERRORS * float(rise.std()) / math.sqrt(len(rise))
-
-
-def _falls(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Tell whether the speed at contact falls, by more than chance."""
-    change = effect_of(after.result, before.result)
-    return change is not None and change.is_softer
-
-
-def _is_stable(margin: float | None) -> bool:
-    return margin is None or margin >= 1
-
-
-def _keeps_margin(before: float | None, after: float | None) -> bool:
-    return before is None or (after is not None and after >= min(before, _MARGIN))
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:

@@ -14,9 +14,8 @@ from pretouch.motion.describing import inputs_section, method_section
 from pretouch.simulation.describing import loop_section
 from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
 
-from .checks import Comparison, LimitCheck, RunSpread, VerdictStatus
 from .improvement_page import best_change_section, changes_section, gain_section
-from .result import Verdict
+from .result import Comparison, LimitCheck, RunSpread, Verdict, VerdictStatus
 from .stability import StabilityCheck
 
 __all__ = ["verdict_page"]
@@ -69,14 +68,7 @@ _OF_THE_RUNS: Final = (
 
 
 def verdict_page(verdict: Verdict) -> Page:
-    """Describe a verdict.
-
-    Args:
-        verdict: a verdict of any status.
-
-    Returns:
-        Its page.
-    """
+    """Describe a verdict of any status."""
     v = verdict
     return Page(
         kind="Does the gain hold on this loop?",
@@ -95,7 +87,7 @@ def verdict_page(verdict: Verdict) -> Page:
             _calibration(v),
             gain_section(v),
             changes_section(v),
-            _assumptions(v),
+            _listed("What this rests on", v.assumptions),
             loop_section(v.loop),
             inputs_section(v.scenario, v.sensor),
             _uncertain(v),
@@ -135,11 +127,13 @@ def _rate(rate: float) -> Cell:
     return "none is enough" if math.isinf(rate) else Measured(rate, "Hz", 3)
 
 
+def _listed(title: str, said: tuple[str, ...]) -> Chapter | None:
+    return Chapter(title=title, titled=True, blocks=(Listing(items=said, brief=True),)) if said else None
+
+
 def _reasons(v: Verdict) -> Chapter | None:
-    if not v.reasons:
-        return None
-    if v.gain is not None:
-        return Chapter(title=_WHY[v.status], titled=True, blocks=(Listing(items=v.reasons, brief=True),))
+    if v.gain is not None or not v.reasons:
+        return _listed(_WHY.get(v.status, ""), v.reasons)
     tried = (
         "Nothing was run. What can be tried: a relaxed limit, a wider range of gains, an earlier detection, another "
         "admittance."
@@ -213,17 +207,8 @@ def _reached(v: Verdict) -> str:
 def _limits(v: Verdict) -> Chapter | None:
     if not v.limits:
         return None
-    head = (
-        "limit",
-        "at most",
-        "must hold in",
-        "held in",
-        "at least",
-        "predicted",
-        "value at that share",
-        "margin",
-        "state",
-    )
+    first = ("limit", "at most", "must hold in", "held in", "at least")
+    head = (*first, "predicted", "value at that share", "margin", "state")
     sources = (f" {c.label.capitalize()}: {c.source}." for c in v.limits if c.source != "simulated")
     note = _OF_LIMITS.format(confidence=100 * v.confidence) + "".join(sources)
     table = Rows(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
@@ -283,11 +268,6 @@ def _calibration(v: Verdict) -> Chapter | None:
     )
     text = Paragraph(text=check.text, brief=check.is_good_enough)  # else it is one of the reasons
     return Chapter(title="Is the calibration good enough?", blocks=(text, Rows(rows=rows, note=_OF_CALIBRATION)))
-
-
-def _assumptions(v: Verdict) -> Chapter | None:
-    said = Listing(items=v.assumptions, brief=True)
-    return Chapter(title="What this rests on", titled=True, blocks=(said,)) if v.assumptions else None
 
 
 def _uncertain(v: Verdict) -> Chapter | None:

@@ -1,17 +1,20 @@
-"""What `verify_gain` returns: whether a gain holds on a loop, what it rests on, and what would help."""
+"""What `verify_gain` returns: whether a gain holds on a loop, quantity by quantity, limit by limit, and what helps."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, ClassVar, Final
 
 from pretouch._core.described import Described
 from pretouch._core.json_text import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
+from pretouch._core.vocabulary import words_for
 from pretouch.design import GainDesign, Objective
+from pretouch.design.robust import Required
 from pretouch.motion import ContactResult, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -19,12 +22,155 @@ from pretouch.uncertainty import Uncertainty
 
 from .appraisal import Effect
 from .calibration_check import CalibrationCheck
-from .checks import Comparison, LimitCheck, Reached, VerdictStatus
 from .improvement import LoopChange, Loss
-from .request import VerdictRequest
 from .stability import StabilityCheck
 
-__all__ = ["Verdict"]
+__all__ = ["Comparison", "LimitCheck", "Reached", "RunSpread", "Verdict", "VerdictStatus"]
+
+
+class VerdictStatus(StrEnum):
+    """What a verdict comes to. `meaning` says it in a sentence."""
+
+    HOLDS = "holds"
+    HOLDS_NARROWLY = "holds-narrowly"
+    DOES_NOT_HOLD = "does-not-hold"
+    NO_GAIN = "no-gain"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for a person."""
+        return {
+            VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
+            "gain can at least double until the loop is unstable.",
+            VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
+            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is harder than without "
+            "mitigation, the loop is unstable, or the calibration is not good enough.",
+            VerdictStatus.NO_GAIN: "There is no gain to verify.",
+        }[self]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSpread(Value):
+    """How a quantity differs from run to run, over the runs that came to a contact.
+
+    Args:
+        mean: the mean.
+        standard_error: of the mean; NaN for a single run.
+        low: 5 % of the runs stay below.
+        median: half of the runs stay below.
+        high: 95 % of the runs stay below.
+        worst: the largest of all.
+        runs: how many.
+    """
+
+    mean: float
+    standard_error: float
+    low: float
+    median: float
+    high: float
+    worst: float
+    runs: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison(Value):
+    """One quantity, predicted and simulated, with and without mitigation; magnitudes in SI.
+
+    Args:
+        name: the quantity.
+        label: what it is called in reports.
+        unit: its SI unit.
+        predicted: of the nominal encounter in continuous time with a perfect sensor; None where it is not told.
+        predicted_unmitigated: the same with D_p = 0.
+        simulated: on the loop; None where no run came to a contact.
+        unmitigated: on the loop with D_p = 0 and the same noise.
+    """
+
+    name: str
+    label: str
+    unit: str
+    predicted: float | None
+    predicted_unmitigated: float | None
+    simulated: RunSpread | None
+    unmitigated: RunSpread | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitCheck(Value):
+    """One limit on the loop.
+
+    Args:
+        required: the constraint and the probability with which it must hold; 1 where it must in every run.
+        predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
+        held: the share of the runs in which it holds.
+        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
+        value: |quantity| that is not exceeded with the required probability, SI; None where runs that count end
+            without contact.
+        margin: limit - value, SI; negative where it is missed; None with it.
+        source: where the quantity comes from, in words.
+    """
+
+    required: Required
+    predicted: float | None
+    held: float
+    low: float
+    value: float | None
+    margin: float | None
+    source: str
+
+    @property
+    def name(self) -> str:
+        """Short name of the constraint, as in a scenario file."""
+        return self.required.constraint.name
+
+    @property
+    def limit(self) -> float:
+        """The largest allowed magnitude, SI."""
+        return self.required.constraint.limit
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of the limit."""
+        return self.required.constraint.unit
+
+    @property
+    def is_met(self) -> bool:
+        """Whether it held in as many runs as it must."""
+        return self.held >= self.required.probability - 1e-12
+
+    @property
+    def label(self) -> str:
+        """What is limited, in words."""
+        return words_for(self.required.constraint.quantity)
+
+    @property
+    def statement(self) -> str:
+        """The limit in words, such as `largest excursion <= 0.1 m`."""
+        return f"{self.label} <= {self.limit:g} {self.unit.replace('*', ' ')}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the check as one JSON object, in SI."""
+        names = ("name", "label", "limit", "unit", "is_met", "predicted", "held", "value", "margin", "source")
+        told = {name: getattr(self, name) for name in names}
+        return {**told, "probability": self.required.probability, "held_at_least": self.low}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reached(Value):
+    """Which runs came to a contact.
+
+    Args:
+        predicted: the share of the drawn encounters that do in continuous time with a perfect sensor.
+        simulated: the share of the runs that did.
+        missing: how many runs did not although it was predicted.
+        low: lower end of the exact interval of the probability that a predicted contact comes; None where none is.
+    """
+
+    predicted: float
+    simulated: float
+    missing: int
+    low: float | None
+
 
 _HOLDS: Final = {
     VerdictStatus.HOLDS: "holds on this loop",
@@ -99,13 +245,6 @@ class Verdict(Described, Value):
 
     page: ClassVar[str] = "pretouch.verification.page:verdict_page"
 
-    @classmethod
-    def of(cls, asked: VerdictRequest, compared: int, **found: Any) -> Verdict:
-        """Return what was found beside what was asked, with how many runs changes were compared by."""
-        same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
-        given = {name: getattr(asked.task, name) for name in same}
-        return cls(**given, seed=asked.loop.seed, definition=asked.task.goal, compared_runs=compared, **found)
-
     @property
     def best_change(self) -> LoopChange | None:
         """The one change that helps most; None where nothing helps by more than chance."""
@@ -131,25 +270,20 @@ class Verdict(Described, Value):
         return "; ".join(parts) + "."
 
     def comparison(self, name: str) -> Comparison | None:
-        """Return one of the comparisons.
-
-        Args:
-            name: the quantity.
-
-        Returns:
-            The comparison; None where there is none of it.
-        """
+        """Return one of the comparisons, by the name of its quantity; None where there is none of it."""
         return next((c for c in self.comparisons if c.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as one JSON object: numbers in SI, None where there is none."""
+        names = (
+            *("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence"),
+            *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
+            *("calibration_check", "loss", "changes", "assumptions", "warnings"),
+        )
         design, best = self.design, self.best_change
-        first = ("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence")
-        found = ("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text")
-        more = ("calibration_check", "loss", "changes", "assumptions", "warnings")
         told: dict[str, Any] = plain(
             {
-                **{name: getattr(self, name) for name in (*first, *found, *more)},
+                **{name: getattr(self, name) for name in names},
                 "objective_name": self.definition.name,
                 "design": {"status": design.status, "gain": design.gain, "objective": design.objective},
                 "best_change": None if best is None else best.name,

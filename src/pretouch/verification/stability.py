@@ -1,28 +1,41 @@
-"""Is my sensor fast enough? How far the loop is from oscillating, and which rate the gain asks for."""
+"""Is my sensor fast enough? How far the loop is from oscillating, which rate the gain asks for, and other loops."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from functools import partial
+from typing import Any, Final, NamedTuple
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.control import Controller
 from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
-from pretouch.simulation import ClosedLoop, GainLimit, LoopTiming, SensorChain, gain_limit, lowest_rate, timing_of
+from pretouch.simulation import (
+    ClosedLoop,
+    GainLimit,
+    ImpedancePlant,
+    LoopTiming,
+    PositionPlant,
+    SensorChain,
+    gain_limit,
+    lowest_rate,
+    timing_of,
+)
 
 __all__ = [
+    "Candidate",
     "StabilityCheck",
     "acts_as_damper",
+    "candidates_of",
     "chain_at",
     "check_stability",
-    "controller_at",
     "limit_of",
     "loop_at",
-    "no_stability_in_words",
     "stability_margin",
     "told_period",
 ]
@@ -32,6 +45,12 @@ _WAIT: Final = 0.5  # s before and after the change, for ramps and filters to se
 _READINGS: Final = 40
 _ALIKE: Final = 1e-3  # of the impulse: what is left of a low-pass after the wait is less
 _BELOW_HALF: Final = 0.45  # of the rate: the highest cutoff of a low-pass whose sensor becomes too slow for its own
+_FASTER: Final = 2.0
+_ROOM: Final = 2.0  # times the fastest change of ln xi that an approach makes
+_DEVIATIONS: Final = 6.0 * 2**0.5  # of the difference of two readings
+_SHORT_MEDIAN: Final = 3  # readings: it takes out single spikes
+_LOW: Final = 0.2  # of the rate: a cutoff that averages some readings
+_NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,15 +136,11 @@ class StabilityCheck(Value):
 
 
 def acts_as_damper(loop: ClosedLoop) -> bool:
-    """Return whether the impulse of a law is its gain times the change of ln xi, on which the stability limit rests.
-
-    It is tried out: a reading that stands still, rises once by a thousandth and stands still again tells the whole
-    impulse. Of a law
-    that is no `Controller` nothing is known.
-    """
+    """Return whether the impulse of a law is its gain times the change of ln xi, on which the stability limit rests."""
     law = loop.law.with_gain(-1e-3)
-    if not isinstance(law, Controller):
+    if not isinstance(law, Controller):  # of which nothing is known
         return False
+    # it is tried out: a reading that stands still, rises by a thousandth and stands still again tells the whole impulse
     c = law.conditioning
     highest = 16 * c.floor if c.saturation is None else c.saturation - c.offset
     level = math.sqrt(c.floor * highest)
@@ -138,24 +153,15 @@ def acts_as_damper(loop: ClosedLoop) -> bool:
     return abs(impulse / (-1e-3 * _PROBE) - 1) < _ALIKE
 
 
-def limit_of(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray) -> GainLimit | None:
-    """Return the strongest gains that are stable at distances [m] that an encounter passes.
-
-    The law has been found to act as a damper; None where it is no controller.
-    """
-    law = loop.law
-    if not isinstance(law, Controller):
-        return None
-    timing = timing_of(loop.chain, law)
-    return gain_limit(sensor, _own(law), timing, distance=distance, plant=loop.plant)
+def limit_of(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray) -> GainLimit:
+    """Return the strongest gains that are stable at distances [m], of a controller that acts as a damper."""
+    law: Any = loop.law
+    return gain_limit(sensor, _own(law), timing_of(loop.chain, law), distance=distance, plant=loop.plant)
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
-    """Return how many times a gain [N s] can grow until the loop is unstable; infinite where none is too strong.
-
-    None where no limit is known, or the gain does not mitigate.
-    """
-    if limit is None or gain > 0:
+    """Return how many times a gain [N s] can grow until the loop is unstable; None where that is not known."""
+    if limit is None or gain > 0:  # which does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
 
@@ -163,10 +169,7 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 def check_stability(
     loop: ClosedLoop, sensor: SensorModel, distance: FloatArray, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
-    """Return how far a loop is from oscillating with a gain [N s] at the distances [m] that the encounter passes.
-
-    None where no limit of the gain is known, or the gain does not mitigate.
-    """
+    """Return how far a loop is from oscillating with a gain [N s] at distances [m]; None where that is not known."""
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
@@ -175,19 +178,10 @@ def check_stability(
     def timing_at(rate: float) -> LoopTiming:
         return timing_of(chain_at(loop.chain, rate), controller_at(law, told / rate))
 
-    def least(factor: float) -> float:
-        if gain == 0:
-            return 0.0
-        return lowest_rate(
-            sensor, _own(law), gain, distance=distance, timing_at=timing_at, plant=loop.plant, margin=factor
-        )
-
+    known: dict[str, Any] = {"distance": distance, "timing_at": timing_at, "plant": loop.plant}
+    least = [lowest_rate(sensor, _own(law), gain, margin=factor, **known) if gain else 0.0 for factor in (1.0, 2.0)]
     return StabilityCheck(
-        limit=limit,
-        margin=margin,
-        rate=loop.chain.rate,
-        lowest_rate=least(1.0),
-        lowest_rate_with_margin=least(2.0),
+        limit=limit, margin=margin, rate=loop.chain.rate, lowest_rate=least[0], lowest_rate_with_margin=least[1]
     )
 
 
@@ -196,21 +190,8 @@ def _own(law: Controller) -> Admittance:
     return Admittance(mass=a.mass, damping=a.damping, stiffness=a.stiffness)
 
 
-def no_stability_in_words(gain: float, damper: bool) -> str:
-    """Return why nothing is said of stability with a gain [N s]: of the law or, where that is a damper, of the gain."""
-    if damper:
-        return f"Nothing is said of stability: D_p = {format_quantity(gain, 'N*s')} does not mitigate."
-    return (
-        "How far the loop is from oscillating is not known: the limit is that of an impulse of D_p times the change of "
-        "ln xi, which this law does not make."
-    )
-
-
 def chain_at(chain: SensorChain, rate: float) -> SensorChain:
-    """Return a sensor read at another rate [Hz]; its exposure stays, but where a period is too short for it.
-
-    Exposure and jitter are cut to what the new period allows: continuous in the exposure.
-    """
+    """Return a sensor read at another rate [Hz]; exposure and jitter are cut to what the new period allows."""
     period = 1 / rate
     return replace(chain, rate=rate, exposure=min(chain.exposure, period), jitter=min(chain.jitter, period / 4))
 
@@ -222,10 +203,7 @@ def told_period(controller: Controller) -> float:
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Return a controller that is told of another time between two readings [s], never less than its own period [s].
-
-    Its own period may be another, too. A cutoff that such a sensor is too slow for is lowered to 0.45 of its rate.
-    """
+    """Return a controller that is told of another time between readings [s], at least its period, which may change."""
     own = controller.period if period is None else period
     told, c = max(sensor_period, own), controller.conditioning
     conditioning = replace(
@@ -244,3 +222,126 @@ def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
         sensor_period = told_period(law) * loop.chain.rate / rate
         law = controller_at(law, sensor_period, min(law.period, sensor_period))
     return replace(loop, chain=chain, law=law)
+
+
+class Candidate(NamedTuple):
+    """A loop that differs in one thing."""
+
+    name: str  # short name of the change
+    sentence: str  # what to do, with numbers
+    loop: ClosedLoop  # the changed one
+
+
+_Made = tuple[str, str, Callable[[], ClosedLoop]]
+
+
+def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
+    """Collect what could be changed of a loop; ln xi changes by `quickest` [1/s] at most and deviates by `noise`."""
+    # wanted: rate of the sensor for a margin of 2 to instability [Hz]; None where it has that, or none is enough
+    rate, found = wanted, []
+    if rate is None:
+        rate = _FASTER * loop.chain.rate
+    else:  # rounded up to two digits: one that is sensible, and not below what is needed
+        step = 10.0 ** (math.floor(math.log10(rate)) - 1)
+        rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
+    made: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
+    for name, sentence, make in (*made, *_of_controller(loop, quickest, noise)):
+        try:
+            changed = make()
+        except InvalidInputError:  # the parts of this loop do not go together with it: nothing to be proposed
+            continue
+        found.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
+    return found
+
+
+def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
+    """Return a loop with other fields of its chain, its plant or the conditioning of its controller."""
+    parts: dict[str, Any] = {"chain": loop.chain, "plant": loop.plant}
+    found = {name: replace(part, **changes[name]) for name, part in parts.items() if name in changes}
+    if "conditioning" in changes:
+        law: Any = loop.law
+        found["law"] = replace(law, conditioning=replace(law.conditioning, **changes["conditioning"]))
+    return replace(loop, **found)
+
+
+def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
+    text = f"Read the sensor {after.chain.rate:.6g} times a second instead of {loop.chain.rate:.6g}"
+    if after.chain.exposure < loop.chain.exposure:
+        text += f", with an exposure of {format_quantity(after.chain.exposure, 's')}"
+    if after.law.period < loop.law.period:
+        text += f", and step the controller {1 / after.law.period:.6g} times a second"
+    return f"{text}."
+
+
+def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
+    chain = loop.chain
+    if chain.delay > 0:
+        text = f"Hand over readings without the delay of {format_quantity(chain.delay, 's')} after their exposure."
+        yield "delay", text, partial(_with, loop, chain={"delay": 0.0})
+    if any(getattr(chain, name) > 0 for name in _NOISES):
+        half = {name: getattr(chain, name) / 2 for name in _NOISES}
+        parts = [f"{half['noise']:.3g} in the unit of xi instead of {chain.noise:.3g}"] if chain.noise else []
+        if chain.relative_noise:
+            parts.append(f"{100 * half['relative_noise']:.3g} % of xi instead of {100 * chain.relative_noise:.3g} %")
+        if chain.distance_noise:
+            noises = (half["distance_noise"], chain.distance_noise)
+            parts.append(" instead of ".join(format_quantity(noise, "m") for noise in noises))
+        text = f"Halve the noise of the sensor to a standard deviation of {' and '.join(parts)}."
+        yield "noise", text, partial(_with, loop, chain=half)
+    if chain.misfit > 0:
+        text = (
+            f"Calibrate anew, so that the sensor lies off its curve by {50 * chain.misfit:.3g} % of xi instead of "
+            f"{100 * chain.misfit:.3g} %: at more distances, set more exactly; or sink it to where its curve fits "
+            "better."
+        )
+        yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
+
+
+def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
+    plant = loop.plant
+    if isinstance(plant, PositionPlant | ImpedancePlant) and plant.bandwidth < math.inf:
+        new, own = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
+        text = f"Give the robot's own control a bandwidth of {new} instead of {own}."
+        yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": _FASTER * plant.bandwidth})
+    if isinstance(plant, ImpedancePlant):
+        stiffness, damping = 2 * plant.stiffness, 2**0.5 * plant.damping
+        text = (
+            f"Raise the stiffness of the robot's impedance controller to {format_quantity(stiffness, 'N/m')} from "
+            f"{format_quantity(plant.stiffness, 'N/m')}, and its damping to {format_quantity(damping, 'N*s/m')}."
+        )
+        yield "robot-stiffness", text, partial(_with, loop, plant={"stiffness": stiffness, "damping": damping})
+
+
+def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[_Made]:
+    law = loop.law
+    if not isinstance(law, Controller):
+        return
+    c, noisy = law.conditioning, any(getattr(loop.chain, name) > 0 for name in _NOISES)
+    if c.median_window > 1:
+        text = f"Leave out the median over {c.median_window} readings."
+        yield "median", text, partial(_with, loop, conditioning={"median_window": 1})
+    if c.low_pass_order and c.cutoff is not None:
+        text = f"Leave out the low-pass of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}."
+        yield "low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 0, "cutoff": None})
+    if c.median_window == 1 and noisy:
+        text = f"Take the running median over {_SHORT_MEDIAN} readings."
+        yield "add-median", text, partial(_with, loop, conditioning={"median_window": _SHORT_MEDIAN})
+    if not c.low_pass_order and noisy:
+        cutoff = _LOW / told_period(law)
+        text = f"Filter readings by a low-pass of order 2 at {format_quantity(cutoff, 'Hz')}."
+        yield "add-low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 2, "cutoff": cutoff})
+    period = law.period / _FASTER
+    text = f"Step the controller {1 / period:.6g} times a second instead of {1 / law.period:.6g}."
+    yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
+    pedestal, own = loop.chain.offset + loop.chain.crosstalk, c.offset
+    if pedestal != own or loop.chain.drift:
+        text = f"Subtract the offset exactly, {pedestal:.4g} in the unit of xi"
+        text += f" instead of {own:.4g}" if pedestal != own else ""
+        text += ", and follow its drift." if loop.chain.drift else "."
+        yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
+    # a reading is refused only where approach and noise together could not have made it
+    rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
+    if c.largest_rate is None and rate > 0:
+        text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice what the fastest approach makes of ln xi"
+        text += f"{' and what noise adds' if noisy else ''}."
+        yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})

@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
+from pretouch._core.units import format_quantity
 from pretouch.design import GainDesign, Task, design_gain
 from pretouch.design.task import placed
-from pretouch.motion import find_contact
+from pretouch.motion import ContactResult
+from pretouch.simulation import ClosedLoop
+from pretouch.simulation.law import TunableLaw
+from pretouch.simulation.size import refuse_too_many_runs
 from pretouch.simulation.stability import passed_distances
+from pretouch.uncertainty.describing import share_in_words
 
-from .appraisal import LoopProblem
-from .calibration_check import check_calibration, unknown_calibration
-from .checks import VerdictStatus, check_limits, check_reached, compare_quantities
+from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
+from .calibration_check import check_calibration
+from .checks import assumptions_of, cautions_of, check_limits, check_reached, compare_quantities
 from .encounter import SimulatedEncounter
-from .improvement import Verified, compared_runs, find_improvements
-from .judging import judge
-from .remarks import assumptions_of, cautions_of
-from .request import VerdictRequest, draw_encounters, loop_of
-from .result import Verdict
-from .stability import acts_as_damper, check_stability, limit_of, no_stability_in_words
+from .improvement import Verified, find_improvements
+from .result import LimitCheck, Verdict, VerdictStatus
+from .stability import acts_as_damper, check_stability, limit_of, stability_margin
 
 __all__ = ["simulate_encounter", "verify_gain"]
+
+_NO_LOOP: Final = (
+    "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
+    '[chain] with part = "VCNL4010" and [controller] with rate = "1 kHz"'
+)
+_MARGIN: Final = 2.0  # of the gain to instability: the usual 6 dB
+_ROOM: Final = 0.03  # of a limit
 
 
 @placed
@@ -47,22 +56,16 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
+        >>> own = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> told = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> law = Controller(period=1e-3, conditioning=told, law=VirtualDamper(gain=0.0), admittance=own)
+        >>> chain = SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, relative_noise=2e-3)
+        >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
         >>> task = Task(
-        ...     Scenario(
-        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ...     ),
+        ...     Scenario(admittance=admittance, obstacle=Obstacle(position=0.0422, velocity=-0.3)),
         ...     InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
         ...     excursion_objective(position_scale=0.5, velocity_scale=0.3),
-        ...     loop=ClosedLoop(
-        ...         law=Controller(
-        ...             period=1e-3,
-        ...             conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
-        ...             law=VirtualDamper(gain=0.0),
-        ...             admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...         ),
-        ...         chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6, relative_noise=2e-3),
-        ...     ),
+        ...     loop=ClosedLoop(law=law, chain=chain),
         ...     bounds=(-10.0, -0.01),
         ...     constraints=[Constraint(name="relative_velocity", limit=0.1)],
         ...     runs=100,
@@ -71,68 +74,164 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         >>> verdict.status.value, round(verdict.gain, 4), round(verdict.stability.margin, 1)
         ('holds', -0.7463, 6.3)
     """
-    asked = VerdictRequest.of(task)
-    ideal = task.replace(bounds=asked.bounds, impact=asked.foreseen_impact, stability_margin=None, evaluate=None)
-    design = design_gain(ideal)
+    task = _checked(task)
+    design = design_gain(task.replace(impact=foreseen_impact(task)))
     chosen = design.gain if task.gain is None else float(finite(task.gain, "gain", "N*s"))
+    same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
+    asked: dict[str, Any] = {name: getattr(task, name) for name in same}
+    asked |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
     if chosen is None:
         reason = f"the ideal design is {design.status.value}"
-        return Verdict.of(asked, 0, status=VerdictStatus.NO_GAIN, gain=None, reasons=(reason,), design=design)
-    return _verdict(asked, design, chosen, changes)
+        return Verdict(**asked, status=VerdictStatus.NO_GAIN, reasons=(reason,), compared_runs=0)
+    found = Verdict(**asked, status=VerdictStatus.HOLDS, reasons=(), **_found(task, design, chosen, changes))
+    status, reasons = _judge(found)
+    return replace(found, status=status, reasons=reasons)
 
 
-def _verdict(asked: VerdictRequest, design: GainDesign, gain: float, changes: bool) -> Verdict:
-    loop, predicted = asked.loop, asked.predicted(gain)
-    asked.check_horizon(predicted)
-    draws = draw_encounters(asked)
+def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
+    """Return the fields of a verdict that tell what was found with a gain [N s], before it is judged."""
+    loop, sensor = task.loop, task.sensor
+    predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
+    _check_horizon(loop, predicted)
+    draws = draw_encounters(task)
     unmitigated = draws.run(loop, 0.0)
     problem = LoopProblem(draws=draws, predicted=draws.predicted(gain), unmitigated=unmitigated)
-    outcomes = problem.appraise(loop, gain)
-    runs, foreseen = (outcomes.result, unmitigated), (predicted, asked.predicted(0.0))
-    distance = passed_distances(asked.task.sensor, float(draws.distance.max()))
-    limit = limit_of(loop, asked.task.sensor, distance) if acts_as_damper(loop) else None
-    stability = check_stability(loop, asked.task.sensor, distance, gain, limit)
-    reached = check_reached(outcomes.result, problem.predicted, asked.task.confidence)
-    limits = check_limits(asked, outcomes, predicted, gain)
-    calibrated = check_calibration(asked, gain)
-    status, reasons = judge(
-        asked, reached=reached, effect=outcomes.effect, limits=limits, stability=stability, calibration=calibrated
-    )
-    comparisons = compare_quantities(asked, runs, foreseen)
-    ends = np.abs(unmitigated.relative_velocity)
-    known = Verified(
-        gain=gain,
-        predicted=predicted,
-        outcomes=outcomes,
-        design=design,
-        stability=stability,
-        limit=limit,
-        distance=distance,
-        fastest=float(max(np.max(ends, initial=0.0, where=np.isfinite(ends)), draws.approach.max())),
-    )
+    distance = passed_distances(sensor, float(draws.distance.max()))
+    limit = limit_of(loop, sensor, distance) if acts_as_damper(loop) else None
+    outcomes = replace(problem.appraise(loop, gain), margin=stability_margin(limit, gain))
+    stability = check_stability(loop, sensor, distance, gain, limit)
+    runs = outcomes.result, unmitigated
+    comparisons = compare_quantities(task, runs, (predicted, free))
+    known = Verified(gain, predicted, outcomes, design, stability, limit, distance)
     loss, tried = find_improvements(problem, known) if changes else (None, ())
-    compared = compared_runs(problem)
-    return Verdict.of(
-        asked,
-        compared,
-        status=status,
-        gain=gain,
-        reasons=reasons,
-        design=design,
-        predicted=predicted,
-        reached=reached,
-        effect=outcomes.effect,
-        comparisons=comparisons,
-        limits=limits,
-        stability=stability,
-        stability_text=no_stability_in_words(gain, limit is not None) if stability is None else stability.text,
-        calibration_check=calibrated,
-        loss=loss,
-        changes=tried,
-        assumptions=assumptions_of(asked, compared),
-        warnings=(*cautions_of(draws, runs, comparisons, design), *unknown_calibration(asked.task.calibration)),
-        mitigated=outcomes.result,
-        unmitigated=unmitigated,
+    return {
+        "reached": check_reached(outcomes.result, problem.predicted, task.confidence),
+        "effect": outcomes.effect,
+        "limits": check_limits(task, outcomes, predicted, gain),
+        "stability": stability,
+        "calibration_check": None if task.calibration is None else check_calibration(task, task.calibration, gain),
+        "predicted": predicted,
+        "comparisons": comparisons,
+        "stability_text": _no_stability_in_words(gain, limit is not None) if stability is None else stability.text,
+        "loss": loss,
+        "changes": tried,
+        "assumptions": assumptions_of(task, draws.compared),
+        "warnings": cautions_of(draws, runs, comparisons, design),
+        "compared_runs": draws.compared,
+        "mitigated": outcomes.result,
+        "unmitigated": unmitigated,
+    }
+
+
+def _checked(task: Task) -> Task:
+    """Refuse what makes no sense as a verdict; return the task with its bounds cut where it asks for a margin."""
+    if task.scenario.shape != ():
+        raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
+    law: Any = _loop_of(task).law
+    if not isinstance(law, TunableLaw):
+        raise InvalidInputError(
+            f"loop: found a law ({type(law).__name__}) without with_gain, which gives it another gain"
+        )
+    if type(task.runs) is not int or task.runs < 1:
+        raise InvalidInputError(f"runs: found {task.runs!r}, expected a positive whole number")
+    refuse_too_many_runs(task.runs)
+    if not 0 < finite(task.confidence, "confidence") < 1:
+        raise InvalidInputError(
+            f"confidence: found {task.confidence:g}, expected a number between 0 and 1, such as 0.95"
+        )
+    return task.replace(bounds=task.stable_bounds(), stability_margin=None, evaluate=None)
+
+
+def _loop_of(task: Task) -> ClosedLoop:
+    """Return the loop of a task; refuse a task without one."""
+    if task.loop is None:
+        raise InvalidInputError(_NO_LOOP)
+    if not isinstance(task.loop, ClosedLoop):
+        raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
+    return task.loop
+
+
+def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
+    """Refuse a loop that would be stopped before the contact that is predicted."""
+    if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
+        raise InvalidInputError(
+            f"loop horizon: found {loop.horizon:g} s, before the contact that is predicted after "
+            f"{float(predicted.end.time):.4g} s; give the loop a longer one"
+        )
+
+
+def _judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
+    """Return the status and the reasons why it is not `holds`, the graver first."""
+    missed, narrow = list(_missed(v)), list(_narrow(v))
+    if missed:
+        return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
+    return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)
+
+
+def _missed(v: Verdict) -> Iterator[str]:
+    """Say what is missed, worst first."""
+    stability, reached, effect, calibration = v.stability, v.reached, v.effect, v.calibration_check
+    if stability is not None and stability.margin < 1:
+        if stability.strongest == 0:
+            yield "the loop is unstable with any gain, however weak"
+        else:
+            strongest = format_quantity(stability.strongest, "N*s")
+            place = format_quantity(stability.critical_distance, "m")
+            yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
+    if reached is not None and reached.missing:
+        yield f"{reached.missing} of {v.runs} runs end without the contact that is predicted"
+    if effect is not None and effect.is_harder:
+        speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
+        error = f" +- {effect.standard_error:.1g}" if effect.standard_error > 0 else ""
+        yield (
+            f"contact is harder than without mitigation: {speed} on average instead of {free} "
+            f"(+{effect.difference:.2g}{error} m/s)"
+        )
+    yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
+    if calibration is not None and not calibration.is_good_enough:
+        yield calibration.reason
+
+
+def _limit_missed(check: LimitCheck, runs: int) -> str:
+    """Say that a limit is missed, how often and by how much."""
+    p = check.required.probability
+    required = "always" if p == 1 else f"in {100 * p:g} %"
+    text = f"{check.statement} holds in {round(check.held * runs)} of {runs} runs, and must {required}"
+    if check.value is not None:
+        worst = "the worst run reaches" if p == 1 else f"{100 * p:g} % of the runs stay within"
+        text += f" ({worst} {format_quantity(check.value, check.unit)})"
+    return text
+
+
+def _narrow(v: Verdict) -> Iterator[str]:
+    """Say what is near, or not shown."""
+    stability, reached = v.stability, v.reached
+    if stability is None:
+        yield "how far the loop is from instability is not known"
+    elif 1 <= stability.margin < _MARGIN:
+        yield f"a gain {stability.margin:.3g} times as strong makes the loop unstable, where a margin of 2 is usual"
+    for check in (check for check in v.limits if check.is_met):
+        p = check.required.probability
+        if check.low < p < 1:  # no bound can reach 1, which is asked of the runs alone
+            yield (
+                f"{check.statement} holds in {share_in_words(check.held)} of the runs, which shows at least "
+                f"{share_in_words(check.low)} at {100 * v.confidence:g} % confidence, where {100 * p:g} % are required"
+            )
+        # the gain is chosen, and on its limit as good as within
+        elif check.name != "gain" and check.margin is not None and check.margin < _ROOM * check.limit:
+            yield f"{check.statement} has no more than {format_quantity(check.margin, check.unit)} of room"
+    if reached is not None and not reached.predicted:
+        share = share_in_words(reached.simulated)
+        yield f"no contact is predicted with this gain, and {share} of the runs come to one"
+
+
+def _no_stability_in_words(gain: float, damper: bool) -> str:
+    """Return why nothing is said of stability with a gain [N s]: of the law or, where that is a damper, of the gain."""
+    if damper:
+        return f"Nothing is said of stability: D_p = {format_quantity(gain, 'N*s')} does not mitigate."
+    return (
+        "How far the loop is from oscillating is not known: the limit is that of an impulse of D_p times the change of "
+        "ln xi, which this law does not make."
     )
 
 
@@ -157,25 +256,18 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
         >>> from pretouch.simulation import ClosedLoop, SensorChain
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
+        >>> own = VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> told = Conditioning(floor=1e-3, sensor_period=4e-3)
+        >>> law = Controller(period=1e-3, conditioning=told, law=VirtualDamper(gain=0.0), admittance=own)
+        >>> loop = ClosedLoop(law=law, chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6))
+        >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> scenario = Scenario(admittance=admittance, obstacle=Obstacle(position=0.0422, velocity=-0.3))
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> loop = ClosedLoop(
-        ...     law=Controller(
-        ...         period=1e-3,
-        ...         conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
-        ...         law=VirtualDamper(gain=0.0),
-        ...         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     ),
-        ...     chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6),
-        ... )
         >>> encounter = simulate_encounter(Task(scenario, sensor, loop=loop, gain=-0.7463))
         >>> round(encounter.comparison("relative_velocity").relative_difference, 3)
         0.001
     """
-    scenario, sensor, loop = task.scenario, task.sensor, loop_of(task)
+    scenario, sensor, loop = task.scenario, task.sensor, _loop_of(task)
     if scenario.shape:
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
@@ -183,19 +275,14 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     one = finite(_gain_of(task), "gain", "N*s")
     if not isinstance(one, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
-    options: dict[str, Any] = {"method": task.method, "horizon": task.horizon}
-    predictions = [find_contact(scenario, sensor, g, **options) for g in (one, 0.0)]
+    same = ("scenario", "sensor", "loop", "impact", "method", "horizon")
     return SimulatedEncounter(
-        scenario=scenario,
-        sensor=sensor,
-        loop=loop,
+        **{name: getattr(task, name) for name in same},
         gain=one,
-        impact=task.impact,
         run=loop.run(scenario, sensor, one),
         unmitigated=loop.run(scenario, sensor, 0.0),
-        prediction=predictions[0],
-        unmitigated_prediction=predictions[1],
-        **options,
+        prediction=predicted_contact(task, one),
+        unmitigated_prediction=predicted_contact(task, 0.0),
     )
 
 

@@ -7,11 +7,12 @@ grid by local steps (`local`); `box_maximum` certifies the largest value on a bo
 
 from .axis import GainAxis
 from .minima import Minimum, refine, search_axis
-from .scan import EXACT, HELD, SAMPLED, Effort, Landscape, Scan, scan
+from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, Landscape, Scan, scan
 
 __all__ = [
     "EXACT",
     "HELD",
+    "RUNS",
     "SAMPLED",
     "Effort",
     "GainAxis",

@@ -34,35 +34,17 @@ Function: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifiedMaximum:
-    """The largest value on a box.
+    """The largest value on a box; where the function is infinite somewhere, that."""
 
-    Args:
-        point: where it is taken, shape (d,).
-        value: the value.
-        bound: what no point exceeds.
-        boxes: how many boxes were looked at.
-        signs: 1 or -1 for each coordinate in which the function grows or falls all over the box, else 0.
-    """
-
-    point: FloatArray
+    point: FloatArray  # where it is taken, shape (d,)
     value: float
-    bound: float
-    boxes: int
-    signs: tuple[int, ...]
+    bound: float  # what no point exceeds
+    boxes: int  # how many boxes were looked at
+    signs: tuple[int, ...]  # 1 or -1 for each coordinate in which the function grows or falls all over the box, else 0
 
 
 def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, tolerance: float) -> CertifiedMaximum:
-    """Find the largest value of a function on a box.
-
-    Args:
-        function: from points, shape (n, d), to values, shape (n,), and gradients, shape (n, d).
-        low: the lower corner, shape (d,).
-        high: the upper corner.
-        tolerance: of the value, relative: how close the bound is to come.
-
-    Returns:
-        The maximum with its bound; where the function is infinite somewhere, that is the maximum.
-    """
+    """Find the largest value of a function between two corners; the bound comes as close as the relative tolerance."""
     d = len(low)
     upper = np.array(list(product((False, True), repeat=d))).reshape(-1, d)
     waiting = [(low[None].astype(np.float64), high[None].astype(np.float64))]

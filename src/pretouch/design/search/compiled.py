@@ -19,7 +19,7 @@ from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
 
 from ..bound import falls
-from ..impact import ElasticImpact, ImpactModel
+from ..impact import ElasticImpact
 from ..objectives import Objective
 from ..problem import GainProblem
 
@@ -54,39 +54,16 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
         where a problem asks for what this search does not know: constraints, quantities of the whole motion, another
         evaluator; or there is no encounter.
     """
-    terms = known_terms(problem)
-    if terms is None:
+    found, size = known_terms(problem), math.prod(problem.scenario.shape)
+    if found is None:
         return None
-    method = checked_method(problem.scenario, problem.sensor, problem.method)
-    horizon = positive(problem.horizon, "horizon", "s")
-    linear, size = method == "closed-form", math.prod(problem.scenario.shape)
+    linear = checked_method(problem.scenario, problem.sensor, problem.method) == "closed-form"
+    horizon, terms = positive(problem.horizon, "horizon", "s"), np.array(found)
     if size == 0:
         return None
-    return _search(problem, linear, horizon, np.array(terms), size)
-
-
-def known_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
-    """Return the terms of an objective as the compiled search has them.
-
-    Args:
-        problem: the problem.
-
-    Returns:
-        A row per term, as the core's pretouch_find_gains takes it; None where the search does not know the problem.
-    """
-    if problem.evaluator is not None or problem.constraints or problem.sensor.valid_range[0] > 0:
-        return None
-    if problem.method == "uniform-motion" or type(problem.objective) is not Objective:
-        return None
-    return _terms(problem.objective, problem.impact, problem.scenario)
-
-
-def _search(problem: GainProblem, linear: bool, horizon: float, terms: FloatArray, size: int) -> FloatArray:
     axis, inputs = problem.axis, _inputs(problem.scenario, size)
-    reach = farthest(problem.scenario, problem.sensor)
-    slope, *curve, _held = _curve(problem.sensor, reach, linear)
-    scale, low, high = axis.scale, axis.low, axis.high
-    ends = (scale, math.asinh(low / scale), math.asinh(high / scale), low, high)
+    slope, *curve, _held = _curve(problem.sensor, farthest(problem.scenario, problem.sensor), linear)
+    ends = (axis.scale, math.asinh(axis.low / axis.scale), math.asinh(axis.high / axis.scale), axis.low, axis.high)
     wanted = (slope, *curve, horizon, address(terms), len(terms), *ends)
     out = np.empty((3, size))
 
@@ -102,18 +79,21 @@ def _search(problem: GainProblem, linear: bool, horizon: float, terms: FloatArra
     return out
 
 
-def _terms(
-    objective: Objective, impact: ImpactModel | None, scenario: Scenario
-) -> list[tuple[float, float, float, float]] | None:
-    """Return the rows of the kernel's terms; None where it does not know a quantity, or a scale follows a rest."""
+def known_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
+    """Return a row per term, as pretouch_find_gains takes it; None where the search does not know the problem."""
+    if problem.evaluator is not None or problem.constraints or problem.sensor.valid_range[0] > 0:
+        return None
+    if problem.method == "uniform-motion" or type(problem.objective) is not Objective:
+        return None
     rows: list[tuple[float, float, float, float]] = []
-    for term in objective.terms:
+    for term in problem.objective.terms:
         factor, exponent, quantity, scale = 1.0, 2.0, term.quantity, term.scale
-        if quantity == "impact_force" and isinstance(impact, ElasticImpact):
-            factor, quantity = impact.peak_force(1.0), "relative_velocity"
-            exponent = 2 * impact.speed_exponent
+        if quantity == "impact_force" and isinstance(problem.impact, ElasticImpact):
+            factor, quantity = problem.impact.peak_force(1.0), "relative_velocity"
+            exponent = 2 * problem.impact.speed_exponent
         row, follows = _ROWS.get(quantity), isinstance(scale, str)
-        if row is None or (follows and not np.all(np.asarray(scenario.obstacle.velocity) != 0)):
+        # a scale that follows a rest is none
+        if row is None or (follows and not np.all(np.asarray(problem.scenario.obstacle.velocity) != 0)):
             return None
         rows.append((row, term.weight * (factor if isinstance(scale, str) else factor / scale) ** 2, exponent, follows))
     return rows

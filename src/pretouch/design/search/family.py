@@ -39,15 +39,8 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 
 
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Find the optimal gains of encounters that differ in one quantity.
-
-    Args:
-        problem: the problem, with an array of encounters.
-
-    Returns:
-        The gain [N s] and the objective of each encounter and whether both are known for certain, shape (n,); or None
-        where the encounters differ in more, are few, or are no matter for the compiled search.
-    """
+    """Find gains [N s] and objectives of a family of encounters, and which are certain, shape (n,)."""
+    # none where they differ in more than one quantity, are few, or no matter for the compiled search
     varied = list(_varied(problem.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or known_terms(problem) is None:
         return None
@@ -93,21 +86,14 @@ def _is_met(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolAr
     return np.asarray(met if reached.all() else met & reached.reshape(-1))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class _Family:
-    """Encounters that differ in one quantity.
+    """Encounters that differ in one quantity."""
 
-    Args:
-        problem: the problem of any of them.
-        name: the quantity, one of SCENARIO_INPUTS.
-        sign: of the quantity where its logarithm is the coordinate, else 0.
-        place: the coordinate of every encounter, shape (n,).
-    """
-
-    problem: GainProblem
-    name: str
-    sign: float
-    place: FloatArray
+    problem: GainProblem  # of any of them
+    name: str  # of the quantity, one of SCENARIO_INPUTS
+    sign: float  # of the quantity where its logarithm is the coordinate, else 0
+    place: FloatArray  # the coordinate of every encounter, shape (n,)
 
     def at(self, place: FloatArray) -> GainProblem:
         """Return the problem of the encounters at some places."""
@@ -117,9 +103,8 @@ class _Family:
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
         """Return the coefficients of gain and objective on an interval, shape (2, nodes), or None if they do not do."""
         probes = members[np.linspace(0, len(members) - 1, _PROBES).astype(np.int64)]
-        found = search_compiled(
-            self.at(np.concatenate([0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes, probes]))
-        )
+        nodes = 0.5 * (low + high) + 0.5 * (high - low) * _BASIS.nodes
+        found = search_compiled(self.at(np.concatenate([nodes, probes])))
         if found is None or not found[2].all():
             return None
         both = found[:2]
@@ -138,7 +123,7 @@ def _family(problem: GainProblem, name: str, value: Any) -> _Family:
     near, far = sorted((abs(low), abs(high)))
     logarithmic = low * high > 0 and far > _LOGARITHMIC * near
     sign = float(np.sign(low)) if logarithmic else 0.0
-    return _Family(problem=problem, name=name, sign=sign, place=np.log(np.abs(x)) if logarithmic else x)
+    return _Family(problem, name, sign, np.log(np.abs(x)) if logarithmic else x)
 
 
 def _varied(scenario: Scenario) -> Iterator[tuple[str, Any]]:

@@ -11,6 +11,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, nonnegative
 from pretouch.motion import Admittance, Scenario
+from pretouch.motion.inputs import map_fields
 
 from .axis import GainAxis
 
@@ -22,19 +23,12 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Freedom:
-    """The parameters that are free, each by a coordinate in [0, 1], the gain first.
+    """The parameters that are free, each by a coordinate in [0, 1], the gain first; points have the shape (n, size)."""
 
-    Args:
-        scenario: the encounter, with the admittance whose mass is kept.
-        axis: the coordinate of the gain, with its bounds.
-        natural_frequency: bounds of sqrt(K / M) [rad/s]; None where it is not free.
-        damping_ratio: bounds of D / (2 sqrt(M K)); None where it is not free.
-    """
-
-    scenario: Scenario
-    axis: GainAxis
-    natural_frequency: Range | None
-    damping_ratio: Range | None
+    scenario: Scenario  # the encounter, with the admittance whose mass is kept
+    axis: GainAxis  # the coordinate of the gain, with its bounds
+    natural_frequency: Range | None  # bounds of sqrt(K / M) [rad/s]; None where it is not free
+    damping_ratio: Range | None  # bounds of D / (2 sqrt(M K)); None where it is not free
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,31 +70,17 @@ class Freedom:
         if self.size == 1:
             return self.scenario
         frequency, ratio = self.admittance(at)
-        mass = self.scenario.admittance.mass
-        admittance = Admittance.from_natural_frequency(
-            mass=np.full(len(at), mass), natural_frequency=frequency, damping_ratio=ratio
-        )
+        mass = np.full(len(at), self.scenario.admittance.mass)
+        admittance = Admittance.from_natural_frequency(mass=mass, natural_frequency=frequency, damping_ratio=ratio)
         return replace(self.scenario, admittance=admittance)
 
     def choice(self, at: FloatArray) -> tuple[Scenario, float]:
         """Return the encounter and the gain [N s] at one point, shape (size,)."""
-        scenario = self.scenario
-        if self.size > 1:
-            frequency, ratio = (float(v[0]) for v in self.admittance(at[None]))
-            mass = scenario.admittance.mass
-            admittance = Admittance.from_natural_frequency(mass=mass, natural_frequency=frequency, damping_ratio=ratio)
-            scenario = replace(scenario, admittance=admittance)
-        return scenario, float(self.gain(at[None])[0])
+        one = map_fields(self.scenarios(at[None]), lambda v: v.item() if np.ndim(v) else v)
+        return one, float(self.gain(at[None])[0])
 
     def chain(self, at: FloatArray) -> tuple[tuple[tuple[str, float], ...], ...]:
-        """Return how inputs of the encounter follow each coordinate at one point, shape (size,).
-
-        Args:
-            at: one point, shape (size,).
-
-        Returns:
-            For each coordinate the inputs, by name, with their derivatives.
-        """
+        """Return the inputs that follow each coordinate at one point, shape (size,), with their derivatives."""
         point = at[None]
         low, high = self.axis.span
         gain = float(self.gain(point)[0])
@@ -109,12 +89,8 @@ class Freedom:
         mass = self.scenario.admittance.mass
         if self.natural_frequency is not None:
             rate = _rate(self.natural_frequency, frequency)
-            found.append(
-                (
-                    ("admittance.damping", 2 * ratio * mass * rate),
-                    ("admittance.stiffness", 2 * frequency * mass * rate),
-                )
-            )
+            damping, stiffness = 2 * ratio * mass * rate, 2 * frequency * mass * rate
+            found.append((("admittance.damping", damping), ("admittance.stiffness", stiffness)))
         if self.damping_ratio is not None:
             found.append((("admittance.damping", 2 * frequency * mass * _rate(self.damping_ratio, ratio)),))
         return tuple(found)
@@ -126,11 +102,9 @@ class Freedom:
         return np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, self.size)
 
     def spread(self, count: int) -> FloatArray:
-        """Return points that lie nowhere dense and nowhere sparse between the ends, shape (count, size).
-
-        They are multiples of the inverse powers of x, where x^(size + 1) = x + 1, which generalize the golden section
-        (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992, on such sequences).
-        """
+        """Return points that lie nowhere dense and nowhere sparse between the ends, shape (count, size)."""
+        # multiples of the inverse powers of x, where x^(size + 1) = x + 1, which generalize the golden section
+        # (H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992, on such sequences)
         x = float(np.roots([1.0, *([0.0] * (self.size - 1)), -1.0, -1.0]).real.max())
         steps = x ** -np.arange(1.0, self.size + 1)
         return np.asarray((0.5 + np.arange(count)[:, None] * steps) % 1.0)
@@ -139,21 +113,7 @@ class Freedom:
 def make_freedom(
     scenario: Scenario, bounds: Range, natural_frequency: Sequence[float] | None, damping_ratio: Sequence[float] | None
 ) -> Freedom:
-    """Check what is free.
-
-    Args:
-        scenario: the encounter.
-        bounds: of the gain [N s].
-        natural_frequency: its bounds [rad/s], or None.
-        damping_ratio: its bounds, or None.
-
-    Returns:
-        The freedom.
-
-    Raises:
-        InvalidInputError: bounds are no interval, an array of encounters was given, or a ratio is kept that the
-            admittance does not have.
-    """
+    """Check what is free: bounds of the gain [N s], and where given of natural frequency [rad/s] and damping ratio."""
     axis = GainAxis.between(bounds)
     if scenario.shape:
         raise InvalidInputError(

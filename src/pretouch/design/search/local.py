@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -23,52 +22,35 @@ _SAME: Final = 1e-12  # of a value, to which encounters are known
 _INSIDE: Final = 1e-10  # of a limit, by which the search stays below it: what an SQP step leaves
 
 
-@dataclass(slots=True)
-class _Memory:
-    """Rows and derivatives of the last point: a solver asks for each of them in turn."""
+Ask: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""From coordinates to rows and derivatives, each row over its scale."""
 
-    trials: Trials
-    scale: FloatArray
-    at: FloatArray | None = None
-    rows: FloatArray | None = None
-    slopes: FloatArray | None = None
 
-    def ask(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows and derivatives, each row over its scale."""
-        if self.rows is None or self.slopes is None or self.at is None or not np.array_equal(at, self.at):
-            at = np.clip(at, 0.0, 1.0)
-            rows, slopes = self.trials.differentiate(at)
-            rows = np.where(np.isfinite(rows), rows / self.scale, _FAR)
-            self.at, self.rows, self.slopes = at.copy(), rows, slopes / self.scale[:, None]
-        return self.rows, self.slopes
+def _remembered(trials: Trials, scale: FloatArray) -> Ask:
+    """Return what asks for rows and derivatives and remembers the last point: a solver asks for each in turn."""
+    last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+    def ask(at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        key = at.tobytes()
+        if key not in last:
+            last.clear()
+            rows, slopes = trials.differentiate(np.clip(at, 0.0, 1.0))
+            last[key] = np.where(np.isfinite(rows), rows / scale, _FAR), slopes / scale[:, None]
+        return last[key]
+
+    return ask
 
 
 def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArray | None:
-    """Minimize a weighted sum of the measures within limits and bounds, from a start.
-
-    Args:
-        trials: the encounters.
-        start: coordinates, shape (size,).
-        weights: one per measure, positive or zero.
-
-    Returns:
-        The coordinates of a feasible point, or None where the search ends at none.
-    """
+    """Minimize a weighted sum of the measures within limits and bounds, from a start; None if it ends at no point."""
     count, ratios = len(trials.measures), len(trials.constraints)
-    memory = _Memory(trials, np.ones(count + ratios))
-    first = float(weights @ memory.ask(start)[0][:count]) or 1.0
-    limits = [
-        {
-            "type": "ineq",
-            "fun": lambda z: 1 - _INSIDE - memory.ask(z)[0][count:],
-            "jac": lambda z: -memory.ask(z)[1][count:],
-        }
-    ]
+    ask = _remembered(trials, np.ones(count + ratios))
+    first = float(weights @ ask(start)[0][:count]) or 1.0
     found = _minimize(
-        lambda z: float(weights @ memory.ask(z)[0][:count]) / first,
-        lambda z: weights @ memory.ask(z)[1][:count] / first,
+        lambda z: float(weights @ ask(z)[0][:count]) / first,
+        lambda z: weights @ ask(z)[1][:count] / first,
         start,
-        limits if ratios else [],
+        (lambda z: 1 - _INSIDE - ask(z)[0][count:], lambda z: -ask(z)[1][count:]) if ratios else None,
         [(0.0, 1.0)] * len(start),
     )
     return _settled(trials, np.clip(found, 0.0, 1.0), lambda z: float(weights @ trials.values(z[None])[0]))
@@ -77,38 +59,27 @@ def descend(trials: Trials, start: FloatArray, weights: FloatArray) -> FloatArra
 def advance(
     trials: Trials, start: FloatArray, origin: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Go from a point of the plane of quantities toward lower ones in all alike, as far as encounters reach.
-
-    The least t with quantities <= origin + t scale (Pascoletti and Serafini 1984): the front's point on that ray.
-
-    Args:
-        trials: the encounters.
-        start: coordinates to begin from, shape (size,).
-        origin: a point of the plane, shape (measures,).
-        scale: how far each quantity goes along the ray, shape (measures,).
-
-    Returns:
-        The coordinates of a feasible point and its t, or None where the search ends at none.
-    """
+    """Return the front's point on a ray from an origin in the plane of quantities, and its t; None if there is none."""
+    # the least t with quantities <= origin + t scale (Pascoletti and Serafini 1984), from coordinates to start with
     count = len(trials.measures)
-    memory = _Memory(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
+    ask = _remembered(trials, np.concatenate([scale, np.ones(len(trials.constraints))]))
     goal = origin / scale
 
     def room(z: FloatArray) -> FloatArray:
-        rows = memory.ask(z[:-1])[0]
+        rows = ask(z[:-1])[0]
         return np.concatenate([z[-1] + goal - rows[:count], 1 - _INSIDE - rows[count:]])
 
     def room_slope(z: FloatArray) -> FloatArray:
-        slopes = -memory.ask(z[:-1])[1]
+        slopes = -ask(z[:-1])[1]
         return np.column_stack([slopes, np.where(np.arange(len(slopes)) < count, 1.0, 0.0)])
 
-    t = float((memory.ask(start)[0][:count] - goal).max())
+    t = float((ask(start)[0][:count] - goal).max())
     up = np.append(np.zeros(len(start)), 1.0)
     found = _minimize(
         lambda z: float(z[-1]),
         lambda _: up,
         np.append(start, t),
-        [{"type": "ineq", "fun": room, "jac": room_slope}],
+        (room, room_slope),
         [*[(0.0, 1.0)] * len(start), (None, None)],
     )
 
@@ -119,18 +90,13 @@ def advance(
     return None if at is None else (at, missed(at))
 
 
-def _minimize(value: Any, slope: Any, start: FloatArray, constraints: Any, bounds: Any) -> FloatArray:
+def _minimize(value: Any, slope: Any, start: FloatArray, room: Any, bounds: Any) -> FloatArray:
+    """Minimize within bounds and, where there is some, with room that stays positive, both with their derivatives."""
     from scipy.optimize import minimize  # noqa: PLC0415 - `import pretouch` stays quick
 
-    found = minimize(
-        value,
-        start,
-        jac=slope,
-        method="SLSQP",
-        bounds=bounds,
-        constraints=constraints,
-        options={"maxiter": _ITERATIONS, "ftol": 1e-14},
-    )
+    limits = [] if room is None else [{"type": "ineq", "fun": room[0], "jac": room[1]}]
+    options: Any = {"maxiter": _ITERATIONS, "ftol": 1e-14}
+    found = minimize(value, start, jac=slope, method="SLSQP", bounds=bounds, constraints=limits, options=options)
     return np.asarray(found.x, dtype=np.float64)
 
 
@@ -153,11 +119,6 @@ def kkt_residual(trials: Trials, at: FloatArray, weights: FloatArray) -> tuple[f
     """Tell how well a point meets the first-order conditions (Karush, Kuhn and Tucker) of a weighted sum.
 
     Multipliers are those, not negative, that come nearest to balancing the gradient; the search had no part in them.
-
-    Args:
-        trials: the encounters.
-        at: coordinates, shape (size,).
-        weights: one per measure.
 
     Returns:
         What remains of the gradient by coordinates in [0, 1], over the value; the names of active limits and bounds

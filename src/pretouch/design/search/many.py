@@ -30,15 +30,7 @@ Found: TypeAlias = tuple[DesignStatus, float | None, float | None]
 
 
 def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]) -> tuple[Any, Any, Any]:
-    """Design the gain of every encounter of an array.
-
-    Args:
-        problem: the problem, with an array of encounters.
-        search_one: designs a single encounter by the whole search.
-
-    Returns:
-        Status, gain [N s] and objective of the scenario's shape; NaN unless optimal.
-    """
+    """Return status, gain [N s] and objective of every encounter, NaN unless optimal; some need the whole search."""
     shape = problem.scenario.shape
     free = problem.within_gain_limit()
     found = find_family(free)
@@ -73,14 +65,7 @@ def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]
 
 
 def settle_one(problem: GainProblem) -> tuple[float, float] | None:
-    """Design a single encounter in the way of many.
-
-    Args:
-        problem: the problem, with one encounter.
-
-    Returns:
-        The optimal gain [N s] and the objective there, or None where that is not settled for certain.
-    """
+    """Return gain [N s] and objective of one encounter, in the way of many; None where they are not certain."""
     gain, objective, settled = _design_block(problem, EXACT.first)
     return (float(gain[0]), float(objective[0])) if settled[0] else None
 

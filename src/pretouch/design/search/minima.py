@@ -31,7 +31,7 @@ _THROUGH: Final = chebyshev_basis(_COUNT)  # all, for the value
 NODES: Final = _SMOOTH.nodes
 """Where a bracket is sampled for its polynomial, on [-1, 1]."""
 
-Function: TypeAlias = Callable[[FloatArray], FloatArray]
+OnAxis: TypeAlias = Callable[[FloatArray], FloatArray]
 """From coordinates to values; infinite where the function does not exist."""
 
 
@@ -69,7 +69,7 @@ def search_axis(evaluate: Evaluate, low: float, high: float, effort: Effort = EX
     return found, refine(lambda u: evaluate(u).merit, found.coordinate, found.landscape.merit, effort)
 
 
-def refine(function: Function, u: FloatArray, values: FloatArray, effort: Effort = EXACT) -> list[Minimum]:
+def refine(function: OnAxis, u: FloatArray, values: FloatArray, effort: Effort = EXACT) -> list[Minimum]:
     """Refine the local minima of a scanned function.
 
     Args:
@@ -89,14 +89,14 @@ def refine(function: Function, u: FloatArray, values: FloatArray, effort: Effort
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
         at, value, edge = float(u[i]), float(values[i]), True
         if rank < effort.most and value <= effort.counts(float(values[lowest].min())):
-            found = _zoom(function, left, right, effort.finest)
+            found = _zoom(function, left, right, effort)
             if found[1] <= value or not found[2]:
                 at, value, edge = found
         minima.append(Minimum(coordinate=at, value=value, bracket=(left, right), edge=edge))
     return sorted(minima, key=lambda m: m.value)
 
 
-def _zoom(function: Function, low: float, high: float, finest: float) -> tuple[float, float, bool]:
+def _zoom(function: OnAxis, low: float, high: float, effort: Effort) -> tuple[float, float, bool]:
     """Narrow a bracket around its lowest value; where the function is smooth there, polish by a polynomial."""
     left, right = low, high
     best = (low, math.inf)
@@ -107,19 +107,19 @@ def _zoom(function: Function, low: float, high: float, finest: float) -> tuple[f
         if values[i] <= best[1]:
             best = float(u[i]), float(values[i])
         at_end = u[i] in {low, high}
-        if np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < _WIDEST:
+        if effort.smooth and np.isfinite(values).all() and _NARROWEST * max(1.0, abs(left)) < right - left < _WIDEST:
             polished = None if at_end else _polish(function, left, right)
             if polished is not None:
                 return *polished, False
             if at_end and right - left < 1e-3 * (high - low):
                 break
         left, right = float(u[max(i - 1, 0)]), float(u[min(i + 1, _COUNT - 1)])
-        if right - left < finest * max(1.0, abs(left)):
+        if right - left < effort.finest * max(1.0, abs(left)):
             break
     return *best, True
 
 
-def _polish(function: Function, left: float, right: float) -> tuple[float, float] | None:
+def _polish(function: OnAxis, left: float, right: float) -> tuple[float, float] | None:
     """Minimize the interpolating polynomial over a narrow bracket; None where the function has a corner there."""
     middle, half = 0.5 * (left + right), 0.5 * (right - left)
     values = function(middle + half * NODES)
@@ -135,18 +135,9 @@ def _polish(function: Function, left: float, right: float) -> tuple[float, float
 
 
 def minimize_polynomials(values: FloatArray, fit: float = _FIT, *, steps: int = 8) -> tuple[FloatArray, BoolArray]:
-    """Minimize functions by the polynomials that meet them at the nodes, between the neighbors of the lowest node.
-
-    Newton's steps for df/dz = 0, and halving where they leave the bracket: at minima that are flatter than a parabola.
-
-    Args:
-        values: the functions at NODES, shape (m, 17).
-        fit: of the range of values, how well the polynomial must meet them.
-        steps: how many steps at most.
-
-    Returns:
-        The places in [-1, 1], and where there is a minimum inside that is certain, each shape (m,).
-    """
+    """Return minima in [-1, 1] of functions known at NODES, shape (m, 17), by polynomials, and which are certain."""
+    # Newton's steps for df/dz = 0 between the neighbors of the lowest node, and halving where they leave these: at
+    # minima flatter than a parabola; a polynomial must meet the values to `fit` of their range
     lowest = np.argmin(values, axis=1)
     z, low, high = NODES[lowest], _ENDS[lowest + 2], _ENDS[lowest]
     settled: BoolArray = np.asarray(np.isfinite(values).all(axis=1))

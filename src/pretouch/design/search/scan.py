@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-__all__ = ["EXACT", "HELD", "SAMPLED", "Effort", "Evaluate", "Landscape", "Scan", "predict", "scan"]
+__all__ = ["EXACT", "HELD", "RUNS", "SAMPLED", "Effort", "Evaluate", "Landscape", "Scan", "predict", "scan"]
 
 HELD: Final = 1 - 1e-11
 """Of a limit: so that the encounter at the chosen gain, solved again, holds it, too."""
@@ -34,6 +34,7 @@ class Effort:
             minimum that is higher is not refined.
         most: how many local minima are refined, the lowest first: a smooth function has a few, one with jumps hundreds.
         finest: of u, where narrowing ends if the function is not smooth.
+        smooth: whether it may be, so that a polynomial is tried.
     """
 
     first: int = 65
@@ -43,6 +44,7 @@ class Effort:
     relevant: float = math.inf
     most: int = 16
     finest: float = 1e-14
+    smooth: bool = True
 
     def counts(self, lowest: float) -> float:
         """Return up to where values matter; everywhere, for an infinite factor of whatever is lowest."""
@@ -57,6 +59,13 @@ SAMPLED: Final = Effort(resolved=3e-3, largest=257, relevant=2.0, most=4, finest
 
 It has jumps, so that neighbors never predict each other, and what is twice the lowest need not be known; a thousandth
 of the gain is far below what another set of samples changes.
+"""
+
+RUNS: Final = Effort(first=33, largest=33, most=1, finest=1e-3, smooth=False)
+"""For the mean over runs of a loop where each gain takes ten milliseconds: the best of 33, zoomed in on.
+
+Ripples of a loop that samples are told apart by the zoom, and no polynomial meets them; a scan that halves intervals
+until they are resolved would try three times as many.
 """
 
 

@@ -24,17 +24,11 @@ _NODES: Final = np.arange(-2.0, 3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
-    """Everything that a search asks of encounters.
+    """Everything that a search asks of encounters; coordinates have the shape (n, size)."""
 
-    Args:
-        freedom: what is free.
-        encounters: how encounters are solved, and what they must keep.
-        measures: what is minimized.
-    """
-
-    freedom: Freedom
-    encounters: Encounters
-    measures: tuple[Criterion, ...]
+    freedom: Freedom  # what is free
+    encounters: Encounters  # how they are solved, and what they must keep
+    measures: tuple[Criterion, ...]  # what is minimized
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -51,14 +45,7 @@ class Trials:
         return self.encounters.solve(self.freedom.scenarios(at), self.freedom.gain(at))
 
     def rows(self, at: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return measures, then |quantity| / limit of every constraint.
-
-        Args:
-            at: coordinates, shape (n, size).
-
-        Returns:
-            Shape (n, measures + constraints), infinite where there is no contact; and where there is.
-        """
+        """Return measures, then |quantity| / limit of every constraint, infinite without contact; and where that is."""
         result = self.run(at)
         reached = np.asarray(result.reached)
         every = self.rows_of(result)
@@ -75,17 +62,8 @@ class Trials:
         return np.where(self.feasible(rows)[:, None], rows[:, : len(self.measures)], np.inf)
 
     def differentiate(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rows at one point and their derivatives by its coordinates.
-
-        Derivatives are exact where the result has gradients of all that a row is made of, otherwise differences of
-        order 4 that stay within the bounds.
-
-        Args:
-            at: one point, shape (size,).
-
-        Returns:
-            Shape (rows,) and (rows, size); infinite and zero where there is no contact.
-        """
+        """Return the rows at one point, shape (size,), and their derivatives; infinite and zero without contact."""
+        # exact where the result has gradients of all that a row is made of, else differences within the bounds
         result = self.run(at[None])
         if not np.asarray(result.reached).all():
             count = len(self.criteria)

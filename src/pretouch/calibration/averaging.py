@@ -21,13 +21,9 @@ _FEWEST_REPEATS = 3  # degrees of freedom from which a scatter is taken as known
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AveragedCurve:
-    """The mean output at each distinct distance.
+    """The mean `output` of `count` readings at each distinct distance [m], increasing, all of shape (N,).
 
-    Args:
-        distance: distinct distances [m], increasing, shape (N,).
-        output: mean of the readings there, shape (N,).
-        count: how many readings that mean is of, shape (N,).
-        bad_readings: indices of single readings, among repeats, that were left out of the means.
+    `bad_readings` are indices of single readings, among repeats, that were left out of the means.
     """
 
     distance: FloatArray
@@ -55,16 +51,7 @@ class ReadingNoise:
 
 
 def resolution(calibration: Calibration) -> float:
-    """Find the step in which the outputs come (LSB), from their differences; 0 where there is none.
-
-    It is the approximate greatest common divisor of the differences, so it does not depend on the unit.
-
-    Args:
-        calibration: the readings.
-
-    Returns:
-        The step, in the unit of the outputs.
-    """
+    """Find the step in which the outputs come (LSB), an approximate common divisor of all differences; 0 for none."""
     values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
     if len(values) < 4:
         return 0.0
@@ -81,14 +68,7 @@ def resolution(calibration: Calibration) -> float:
 
 
 def average(calibration: Calibration) -> AveragedCurve:
-    """Average repeats; a reading that was lost (0) or lies far off its repeats is left out.
-
-    Args:
-        calibration: the readings.
-
-    Returns:
-        The averaged curve.
-    """
+    """Average repeats; a reading that was lost (0) or lies far off its repeats is left out."""
     keep = ~_lost(calibration)
     distance, place = np.unique(calibration.distances[keep], return_inverse=True)
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
@@ -121,18 +101,10 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
-    """Estimate the noise of one reading from repeats and no-object readings, never below the quantization.
-
-    The variance of a reading is taken as sigma^2 + (c xi)^2, the two parts by maximum likelihood over the groups of
-    repeats; a strong signal that jitters does not raise the noise of the far field.
-
-    Args:
-        calibration: the readings.
-        curve: their averages.
-
-    Returns:
-        The noise; its `sigma` is None where fewer than three degrees of freedom tell.
-    """
+    """Estimate the noise of one reading from repeats and no-object readings, never below the quantization."""
+    # The variance of a reading is taken as sigma^2 + (c xi)^2, the two parts by maximum likelihood over the groups of
+    # repeats; a strong signal that jitters does not raise the noise of the far field. Fewer than three degrees of
+    # freedom tell nothing.
     step = resolution(calibration)
     floor = step / np.sqrt(12.0)
     keep = np.ones(len(calibration.outputs), dtype=bool)
@@ -160,17 +132,9 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Find the likeliest sigma and c of variance = sigma^2 + (c xi)^2, with sigma in closed form for each ratio.
-
-    Args:
-        variance: of each group.
-        dof: degrees of freedom of each.
-        signal: xi of each.
-        usual: a relative part c up to which nothing is held against it; beyond, its logarithm has a normal prior.
-
-    Returns:
-        sigma and c.
-    """
+    """Find the likeliest sigma and c of variance = sigma^2 + (c xi)^2 from groups' variances and degrees of freedom."""
+    # Sigma has a closed form for each ratio. Up to c = `usual` nothing is held against c; beyond, its logarithm has a
+    # normal prior.
     top = float(signal.max())
     ratios = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 61) / top]) if top > 0 else np.array([0.0])
     shape = 1 + (ratios[:, None] * signal) ** 2

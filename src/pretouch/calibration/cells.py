@@ -81,15 +81,10 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Where the readings of a table stand.
+    """Where the readings of a table stand: one pair of columns in a long table, many in a wide one.
 
-    Args:
-        pairs: the columns of outputs with their distances; one in a long table, many in a wide one.
-        distances: what is taken as distance, for the provenance.
-        outputs: what is taken as output, for the provenance.
-        unit: of the outputs.
-        labels: indices of the columns that tell curves apart, where nobody says which.
-        notes: what had to be assumed.
+    `distances` and `outputs` say what is taken as such, `unit` is that of the outputs, `labels` are indices of the
+    columns that tell curves apart, where nobody says which, and `notes` what had to be assumed.
     """
 
     pairs: tuple[Pair, ...]
@@ -98,12 +93,6 @@ class Layout:
     unit: str
     labels: tuple[int, ...]
     notes: tuple[str, ...]
-
-    @property
-    def used(self) -> set[int]:
-        """The indices of the columns that hold distances or outputs."""
-        distances = {pair.distance.index for pair in self.pairs if isinstance(pair.distance, Column)}
-        return distances | {pair.output.index for pair in self.pairs}
 
 
 def is_number(cell: str) -> bool:
@@ -141,20 +130,9 @@ def shortened(text: str) -> str:
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read one cell as a number, in the decimal mark of its file and no locale's.
-
-    Args:
-        table: the file.
-        line: number of the line.
-        cell: the text.
-        column: the column, whose unit is applied.
-
-    Returns:
-        The number in the unit of the calibration; 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not.
-
-    Raises:
-        CalibrationDataError: the text is no finite number, or one whose products with others are none.
-    """
+    """Read one cell as a number in the unit of the calibration, in the decimal mark of its file and no locale's."""
+    # 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not. What is no finite number, or one whose products
+    # with others are none, is refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
     plain = _plain(cell)
     where = f"{table.file}, line {line}: found {shortened(cell)} in column {table.title(column.index)}"

@@ -20,14 +20,9 @@ _HERE = "in a scenario file and in Python"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chosen:
-    """One column as somebody names it.
+    """One column, the `distance` or the `output`, as somebody names it: by its number from 1, its name, or its unit.
 
-    Args:
-        key: `distance` or `output`.
-        text: as it was written.
-        number: of the column, from 1; None where it is given by its header, or only its unit is.
-        name: of the column, without a unit.
-        unit: the unit that the column has; None where the header tells.
+    The number is None where the column is given by its header, or only its unit is; the unit where the header tells.
     """
 
     key: str
@@ -91,18 +86,7 @@ class ColumnChoice:
 
 
 def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:
-    """Read what somebody says about the columns.
-
-    Args:
-        columns: for `distance` and `output` a header, a number counted from 1, a unit in brackets, or a header or a
-            number with a unit, such as `3 [counts]`.
-
-    Returns:
-        The choice.
-
-    Raises:
-        CalibrationDataError: there are other keys or values, or the unit of the distance is no length.
-    """
+    """Read what somebody says about the `distance` and the `output` column, as `read_calibration` takes it."""
     found = {}
     for key, value in (columns or {}).items():
         if key not in _KEYS:
@@ -125,15 +109,7 @@ def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:
 
 
 def chosen_labels(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
-    """Find the columns that are named as labels.
-
-    Args:
-        table: the file.
-        labels: their headers, or their numbers counted from 1.
-
-    Returns:
-        Their indices, in the order of the file.
-    """
+    """Find the columns that are named as labels, by headers or numbers from 1; in the order of the file."""
     found = set()
     for label in [labels] if isinstance(labels, str) else labels:
         text = str(label).strip()

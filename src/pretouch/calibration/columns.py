@@ -11,17 +11,7 @@ from pretouch._core.units import parse_unit
 
 from .cells import Column, Layout, Pair, TextTable, is_missing, is_number, shortened
 from .choice import Chosen, ColumnChoice, remedy
-from .headers import (
-    is_count,
-    is_distance_name,
-    is_length,
-    is_output_name,
-    is_repeat,
-    is_setting,
-    is_setting_or_output,
-    output_unit,
-    split_title,
-)
+from .headers import is_length, is_named, is_output_unit, output_unit, split_title
 
 __all__ = ["long_layout", "output_column", "taken_as"]
 
@@ -30,15 +20,8 @@ _FEW = 3  # distances of a curve, without which a setting is no label
 
 
 def long_layout(table: TextTable, choice: ColumnChoice) -> Layout:
-    """Decide which column is the distance, which the output, and which tell curves apart.
-
-    Args:
-        table: the file.
-        choice: what was said about its columns; names and units decide what is open.
-
-    Returns:
-        The layout, with one pair of columns, or several where numbered columns are repeats.
-    """
+    """Decide which column is the distance, which the output, or several where numbered columns are repeats."""
+    # What was said about the columns comes first; names and units decide what is open, and what tells curves apart.
     _refuse_no_header(table)
     distance, outputs = _columns(table, choice)
     where = _distance_column(table, distance, choice.distance)
@@ -76,7 +59,7 @@ def _columns(table: TextTable, choice: ColumnChoice) -> tuple[int, list[int]]:
         found += ", ..." if len(table.header) > _SHOWN else ""
         place = 0 if distance is None else distance
         free = [i for i in range(len(table.header)) if i != place]
-        other = next((i for i in free if not is_setting(table.header[i])), free[0])
+        other = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
             f"{table.place}: found the columns {found}, expected one named distance and one named output; or say which "
             f"they are: {remedy(f'distance={place + 1},output={other + 1}')}"
@@ -86,9 +69,9 @@ def _columns(table: TextTable, choice: ColumnChoice) -> tuple[int, list[int]]:
 
 def _repeats(table: TextTable, distance: int | None) -> list[int]:
     """Find columns that number repeats, all in one unit, beside which no other is named as the output."""
-    numbered = [i for i, title in enumerate(table.header) if is_repeat(title) and i != distance]
+    numbered = [i for i, title in enumerate(table.header) if is_named(title, "repeat") and i != distance]
     units = {split_title(table.header[i])[1] for i in numbered}
-    named = [i for i, title in enumerate(table.header) if is_output_name(title) and i not in {*numbered, distance}]
+    named = [i for i, title in enumerate(table.header) if is_named(title, "output") and i not in {*numbered, distance}]
     return [] if named or len(units) > 1 else numbered
 
 
@@ -111,12 +94,12 @@ def _distance(table: TextTable, chosen: Chosen | None, output: int | None) -> in
     if chosen is not None and chosen.names_a_column:
         return chosen.index(table)
     units = [split_title(title)[1] for title in table.header]
-    named = [i for i, title in enumerate(table.header) if is_distance_name(title) and i != output]
+    named = [i for i, title in enumerate(table.header) if is_named(title, "distance") and i != output]
     lengths = [i for i, unit in enumerate(units) if is_length(unit) and i != output]
     found = (
         [i for i in named if i in lengths]
         or [i for i in named if units[i] is None]
-        or [i for i in lengths if not is_setting(table.header[i])]
+        or [i for i in lengths if not is_named(table.header[i], "setting")]
         or named
     )
     return _only(table, found, "distance")
@@ -125,10 +108,10 @@ def _distance(table: TextTable, chosen: Chosen | None, output: int | None) -> in
 def _output(table: TextTable, distance: int | None) -> int | None:
     """Find the output: the one named so, else volts or counts, else what is left, else a current; one that changes."""
     free = [i for i in range(len(table.header)) if i != distance]
-    others = [i for i in free if not is_setting(table.header[i])]
-    named = [i for i in others if is_output_name(table.header[i])]
-    known = [i for i in others if _is_output_unit(table.header[i])]
-    either = [i for i in free if len(free) > 1 and is_setting_or_output(table.header[i])]
+    others = [i for i in free if not is_named(table.header[i], "setting")]
+    named = [i for i in others if is_named(table.header[i], "output")]
+    known = [i for i in others if is_output_unit(split_title(table.header[i])[1])]
+    either = [i for i in free if len(free) > 1 and is_named(table.header[i], "setting or output")]
     left = others if len(free) > 1 and len(others) == 1 and not _tells_apart(table, others[0]) else []
     moving = [i for i in free if len({row[i] for _, row in table.rows}) > 1]  # a bias voltage stays, a photocurrent not
     found = (
@@ -147,10 +130,6 @@ def _tells_apart(table: TextTable, index: int) -> bool:
     """Tell whether a column that nothing is known of may hold labels: text, or values that come again and again."""
     cells = [row[index] for _, row in table.rows if not is_missing(row[index])]
     return not all(is_number(cell) for cell in cells) or len(set(cells)) < max(_FEW, len(cells) / 2)
-
-
-def _is_output_unit(title: str) -> bool:
-    return output_unit(split_title(title)[1])[0] in {"V", "counts"}
 
 
 def _only(table: TextTable, found: Sequence[int], what: str) -> int | None:
@@ -185,20 +164,13 @@ def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen | No
     if unit is None:
         symbol, taken = taken_as([row[i] for _, row in table.rows for i in outputs])
         notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
-    if is_setting(title) and not (chosen and chosen.names_a_column):
+    if is_named(title, "setting") and not (chosen and chosen.names_a_column):
         notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other can be.")
     return Column(index=index, title=title, unit=symbol, factor=factor), notes
 
 
 def taken_as(cells: Sequence[str]) -> tuple[str, str]:
-    """Decide what outputs without a unit are.
-
-    Args:
-        cells: the outputs.
-
-    Returns:
-        Their unit, and what a sentence calls it.
-    """
+    """Decide what outputs without a unit are: their unit, and what a sentence calls it."""
     filled = [cell for cell in cells if not is_missing(cell)]
     whole = bool(filled) and all(re.fullmatch(r"\+?\d+", cell) for cell in filled)
     taken = "counts, for all of them are integers" if whole else "numbers without a unit"
@@ -217,11 +189,11 @@ def _left_out(table: TextTable, others: Sequence[int], distance: int) -> Iterato
     for i in others:
         title = table.header[i]
         cells = [row[i] for _, row in table.rows]
-        if is_output_name(title) or (is_distance_name(title) and is_length(split_title(title)[1])):
+        if is_named(title, "output") or (is_named(title, "distance") and is_length(split_title(title)[1])):
             yield i, "another column is the distance or the output"
-        elif is_count(title) and len(set(cells)) == len(cells) > 1:
+        elif is_named(title, "count") and len(set(cells)) == len(cells) > 1:
             yield i, "it counts the rows"
-        elif (is_setting(title) or _is_output_unit(title)) and _drifts(table, i, distance):
+        elif (is_named(title, "setting") or is_output_unit(split_title(title)[1])) and _drifts(table, i, distance):
             yield i, "it changes within the curve"
 
 
@@ -235,19 +207,7 @@ def _drifts(table: TextTable, index: int, distance: int) -> bool:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Read the unit of a column of outputs; that of the calibration where its header has none.
-
-    Args:
-        table: the file.
-        index: of the column.
-        layout: of the calibration, whose unit it must have.
-
-    Returns:
-        The column.
-
-    Raises:
-        CalibrationDataError: the unit is another one.
-    """
+    """Read the unit of a column of outputs: that of the calibration, and no other, also where its header has none."""
     title = table.header[index]
     found = split_title(title)[1]
     symbol, factor = output_unit(found) if found else (layout.unit, layout.pairs[0].output.factor)

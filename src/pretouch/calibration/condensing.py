@@ -21,21 +21,13 @@ _ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
-    """Gather readings at many distances into at most fifty, so that neighbors become repeats of each other.
-
-    The range is cut into parts, along which the signal falls, and the distance grows, by equal steps of
-    asinh((y - y_far) / tau), which is ln xi above the scatter tau, and of l, half by half: where the curve is steep,
-    parts are narrow. The first and the last distance are parts of their own. Every reading is moved to the mean
-    distance of its part along a cubic spline through the medians of the parts; what that leaves is of fourth order in
-    the width of a part. Readings of exactly 0 (lost) and at a largest value that is met more than once (clipped) are
-    not moved, so that they are known for what they are.
-
-    Args:
-        calibration: the readings.
-
-    Returns:
-        The same readings in the same order, with their distances gathered; unchanged where there are few distances.
-    """
+    """Gather readings at many distances into at most fifty, so that neighbors become repeats of each other."""
+    # The range is cut into parts, along which the signal falls, and the distance grows, by equal steps of asinh((y -
+    # y_far) / tau), which is ln xi above the scatter tau, and of l, half by half: where the curve is steep, parts are
+    # narrow. The first and the last distance are parts of their own. Every reading is moved to the mean distance of its
+    # part along a cubic spline through the medians of the parts; what that leaves is of fourth order in the width of a
+    # part. Readings of exactly 0 (lost) and at a largest value that is met more than once (clipped) are not moved, so
+    # that they are known for what they are. Their order stays.
     distance = calibration.distances
     if len(calibration.distinct_distances) <= _MANY:
         return calibration

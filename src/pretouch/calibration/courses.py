@@ -34,14 +34,10 @@ _NARROW: Final = np.linspace(-2.8, 2.8, 9)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course(Value):
-    """The fits of one family, one for each of some offsets.
+    """The fits of one family, one for each of some offsets, increasing, of shape (b,).
 
-    Args:
-        family: the family.
-        offsets: increasing, shape (b,).
-        x: the parameters at each, shape (b, 3).
-        covariances: of them, at unit variance of the residuals, shape (b, 3, 3).
-        costs: sums of squares, with what is known of the offset beforehand, shape (b,).
+    Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of the residuals; `costs`, shape
+    (b,), are sums of squares, with what is known of the offset beforehand.
     """
 
     family: Family
@@ -108,15 +104,7 @@ class Courses(Value):
         )
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves that the readings allow, each with the offset that goes with it.
-
-        Args:
-            count: how many.
-            seed: of the generator.
-
-        Returns:
-            The curves, each as likely as its weight.
-        """
+        """Draw curves that the readings allow, each as likely as its weight, with the offset that goes with it."""
         rng = np.random.default_rng(seed)
         weights = self.weights()
         sizes = [len(w) for w in weights]
@@ -192,18 +180,9 @@ def find_courses(
     informed_by: int | None = None,
     also: float | None = None,
 ) -> Courses:
-    """Fit every family at every offset that comes into question.
-
-    Args:
-        curve: the averaged readings, five points or more (four where the offset is known).
-        noise: of readings and means.
-        known: the offset where it is measured or declared; None where the readings have to tell it.
-        informed_by: how many points the noise was estimated from; those of the curve where None.
-        also: another offset to fit at; None for none.
-
-    Returns:
-        The fits.
-    """
+    """Fit every family at every offset in question, to five points or more (four where the offset is known)."""
+    # The noise was estimated from `informed_by` points, those of the curve where None; `also` is another offset to fit
+    # at.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     parts = []
@@ -243,12 +222,9 @@ def find_courses(
 def _likeness(residuals: FloatArray, smooth: float) -> float:
     """Return by how much the variance of a fit grows because neighbors are off alike.
 
-    What is smooth by nature, a misfit, tells no more at forty points than at the few that it is free to bend at. Else
-    the correlation of neighbors tells (Bayley and Hammersley 1946), where it is more than chance.
-
-    Args:
-        residuals: of unit variance.
-        smooth: the share of their variance that is misfit.
+    What is smooth by nature, a misfit, tells no more at forty points than at the few that it is free to bend at; it has
+    the share `smooth` of the variance of the residuals, which is one. Else the correlation of neighbors tells (Bayley
+    and Hammersley 1946), where it is more than chance.
     """
     count, total = len(residuals), float(residuals @ residuals)
     bends = 1 + smooth * max(count / _BENDS - 1, 0.0)

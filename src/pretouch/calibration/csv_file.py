@@ -32,18 +32,9 @@ _ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)
 
 
 def read_table(path: str | os.PathLike[str], choice: ColumnChoice | None = None) -> TextTable:
-    """Split a text file into header and rows.
-
-    Args:
-        path: the file; UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text.
-        choice: what was said about its columns, by which its header may be found.
-
-    Returns:
-        Its cells.
-
-    Raises:
-        CalibrationDataError: the file cannot be read, holds no table, or a row has another number of cells.
-    """
+    """Split a text file into header and rows; what was said about its columns helps to find its header."""
+    # It may be UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text. A file that cannot be read or
+    # holds no table, and a row with another number of cells, are refused.
     path, choice = Path(path), choice or ColumnChoice()
     try:
         content = path.read_bytes()
@@ -127,14 +118,8 @@ def _lines(text: str) -> tuple[Lines, Lines]:
 
 
 def _header_at(file: str, lines: Lines, remark: Lines, choice: ColumnChoice) -> tuple[int, Lines, tuple[str, ...]]:
-    """Find the header; -1 where there is none and none is needed.
-
-    Returns:
-        Its place among the lines, these lines, and what was left out above it or taken for it.
-
-    Raises:
-        CalibrationDataError: numbers stand above the header.
-    """
+    """Find the header: its place among the lines, -1 where there is none and none is needed."""
+    # The lines follow, and what was left out above it or taken for it. Numbers above the header are refused.
     found = _certain_header(lines, choice)
     if found is None and _certain_header([*remark, *lines[:1]], choice) == 0:
         return 0, [*remark, *lines], (f"The header is that of the remark in line {remark[0][0]}.",)

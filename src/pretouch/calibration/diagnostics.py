@@ -44,13 +44,9 @@ def corrected_akaike(deviance: float, points: int, parameters: int) -> float | N
 
 
 def runs_p_value(residuals: FloatArray) -> float | None:
-    """Return the chance of as few runs of equal signs, or fewer, in a random order (Wald & Wolfowitz, exact).
+    """Return the one-sided chance of as few runs of equal signs or fewer in a random order; None without two signs.
 
-    Args:
-        residuals: in order of distance; zeros have no sign and are passed over.
-
-    Returns:
-        The one-sided p-value; None where all residuals have the same sign.
+    Wald & Wolfowitz, exact. Zeros have no sign and are passed over.
     """
     signs = np.sign(residuals[residuals != 0])
     plus, minus = int((signs > 0).sum()), int((signs < 0).sum())

@@ -17,17 +17,8 @@ _SHARE: Final = 0.2  # of the rise: what is nearer to the lowest output than tha
 
 
 def is_rising(curve: AveragedCurve, known: ReadingNoise) -> bool:
-    """Tell whether the output grows with distance, rather than fall.
-
-    A near-field peak is also risen to, but what follows it falls farther.
-
-    Args:
-        curve: the averaged readings.
-        known: noise as repeats tell it.
-
-    Returns:
-        Whether it rises.
-    """
+    """Tell whether the output grows with distance, rather than fall."""
+    # A near-field peak is also risen to, but what follows it falls farther.
     steady = _steady(curve)
     peak = int(np.argmax(steady))
     risen, fallen = float(steady[peak] - steady[0]), float(steady[peak] - steady[-1])
@@ -40,12 +31,7 @@ def is_rising(curve: AveragedCurve, known: ReadingNoise) -> bool:
 def end_of_falling(curve: AveragedCurve, known: ReadingNoise) -> int:
     """Return the index after the last point before the output rises again; all of them where it does not.
 
-    Args:
-        curve: the averaged readings, from the near end.
-        known: noise as repeats tell it.
-
-    Returns:
-        The index; what comes before it is free of most of the rise, too.
+    What comes before it is free of most of the rise, too.
     """
     steady = _steady(curve)
     lowest = int(np.argmin(steady))

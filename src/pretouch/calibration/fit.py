@@ -78,14 +78,7 @@ def fit_sensor(
 
 
 def check_models(models: tuple[str, ...]) -> None:
-    """Refuse names that are no models.
-
-    Args:
-        models: names.
-
-    Raises:
-        InvalidInputError: a name is no model, or there is none.
-    """
+    """Refuse names that are no models, and none at all."""
     for model in models:
         if model not in model_names() and model not in known_curves(fitted=True, foreign=True):
             raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")

@@ -38,17 +38,9 @@ _NARROWEST: Final = 0.8  # of the points, at most, that may be left out
 
 
 def first_steep(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimate | None, *, flat: bool) -> int:
-    """Find the first point from which on the readings are as steep as the curve that fits them.
-
-    Args:
-        curve: the averaged readings.
-        noise: of readings; its misfit is not used, for it may be the flattening itself.
-        known: the offset; None where it is fitted.
-        flat: whether the first point is known to have no slope.
-
-    Returns:
-        The index of the point; 0 where nothing flattens.
-    """
+    """Find the first point from which on readings are as steep as a curve that fits them; 0 where nothing flattens."""
+    # The misfit of the noise is not used, for it may be the flattening itself; `flat`: the first point is known to have
+    # no slope.
     if len(curve.distance) < _FEWEST_TO_SEE:
         return _beyond(curve, 0, known) if flat else 0
     index = _bulging(curve, noise, None)

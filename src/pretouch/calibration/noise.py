@@ -29,17 +29,8 @@ _ROUNDS: Final = 4
 def find_noise(
     curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
-    """Tell noise, misfit and their sizes from repeats and from how far means lie from the curve that fits them best.
-
-    Args:
-        curve: the averaged readings.
-        known: what repeats and readings without an object tell.
-        offset: the offset, None where it is fitted.
-        families: of curves; all of three parameters where none is named.
-
-    Returns:
-        The noise and the misfit.
-    """
+    """Tell noise and misfit from repeats and from how far means lie from the curve that fits them best."""
+    # The offset is None where it is fitted; all families of three parameters take part where none is named.
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
     reach = max(float(np.ptp(curve.output)), 1e-12 * float(np.abs(curve.output).max()), 1e-300)

@@ -25,20 +25,10 @@ _MAD_TO_SIGMA: Final = 1.4826
 
 
 def bad_distances(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
-    """Find distances whose mean lies beyond what chance allows from a curve that is fitted without it.
-
-    The test is Student's t, with Bonferroni's level. What is judged by is how far the other means lie from their
-    curve, however many readings each is of: fifty readings that are all off by what others are off, too, are
-    misfit, and stay. The nearest distance is never judged: nothing confirms the curve there.
-
-    Args:
-        curve: the averaged readings.
-        known: noise as repeats tell it.
-        offset: the offset, None where it is fitted.
-
-    Returns:
-        Indices into the curve, increasing.
-    """
+    """Find the indices of distances whose mean lies beyond what chance allows from a curve fitted without it."""
+    # The test is Student's t, with Bonferroni's level. What is judged by is how far the other means lie from their
+    # curve, however many readings each is of: fifty readings that are all off by what others are off, too, are misfit,
+    # and stay. The nearest distance is never judged: nothing confirms the curve there.
     found: list[int] = []
     kept = np.arange(len(curve.distance))
     while len(kept) >= _FEWEST and len(found) < max(1, len(curve.distance) // 8):

@@ -18,14 +18,7 @@ Row = tuple[Cell, ...]
 
 
 def calibration_page(report: CalibrationReport) -> Page:
-    """Describe a calibration.
-
-    Args:
-        report: a report of any verdict.
-
-    Returns:
-        Its page.
-    """
+    """Describe a calibration of any verdict."""
     usable, best = report.verdict == "usable", report.best
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
@@ -59,15 +52,7 @@ def fit_page(fit: SensorFit) -> Page:
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Return what a page says of the calibration that its sensor was fitted to.
-
-    Args:
-        report: the report of the fit.
-        open_lines: what it leaves open of the answer on the page.
-
-    Returns:
-        Blocks.
-    """
+    """Return what a page says of its sensor's calibration, and in `open_lines` what that leaves open of its answer."""
     said = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
         Paragraph(text=_headline(report)),

@@ -299,14 +299,7 @@ def _why_no_signal(
 
 
 def chance_of_falling(output: FloatArray) -> float:
-    """Return the chance that a random order falls as much as this one (Kendall's test, exact; ties count half).
-
-    Args:
-        output: averaged outputs in order of distance.
-
-    Returns:
-        The one-sided p-value.
-    """
+    """Return the chance that a random order falls as much as this one (Kendall's test, exact; ties count half)."""
     n = len(output)
     pairs = [float(output[j] - output[i]) for i in range(n) for j in range(i + 1, n)]
     rising = sum(p > 0 for p in pairs) + (sum(p == 0 for p in pairs) + 1) // 2

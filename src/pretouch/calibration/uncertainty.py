@@ -36,18 +36,9 @@ def estimates(
     shifted: list[FloatArray],
     informed_by: int,
 ) -> Spread:
-    """Work out what a fit knows about its parameters.
-
-    Args:
-        problem: the model at the offset.
-        best: its minimum, b = 1.
-        offset: the offset with its uncertainty.
-        shifted: the parameters fitted at either end of the offset's interval; empty where it is exact.
-        informed_by: how many points the noise was estimated from.
-
-    Returns:
-        Estimates of all parameters and of the slope in the middle of the window.
-    """
+    """Work out what a fit, b = 1, at its offset knows about its parameters and the slope in the middle of a window."""
+    # `shifted` are the parameters fitted at either end of the offset's interval, none where it is exact; `informed_by`
+    # counts the points that the noise was estimated from.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     family, x = problem.family, best.x[0]

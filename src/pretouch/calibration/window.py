@@ -105,17 +105,7 @@ def find_near_end(
     saturation: float | str | None,
     near_field_peak: float | str | None,
 ) -> NearEnd:
-    """Find where the usable part of a curve starts.
-
-    Args:
-        calibration: the readings.
-        curve: their averages.
-        saturation: output from which readings are clipped, "auto", or None.
-        near_field_peak: distance of the peak [m], text with a unit, "auto", or None.
-
-    Returns:
-        The index of the first usable distance and the reason; the number of distances where all are clipped.
-    """
+    """Find the first usable distance and the reason; the index is the number of distances where all are clipped."""
     level, found = _saturation(calibration, curve, saturation)
     clipped = np.zeros(len(curve.distance), dtype=bool)
     if level is not None:
@@ -199,21 +189,8 @@ def window_of(
     left_out: tuple[int, ...] = (),
     last: tuple[int, str] | None = None,
 ) -> UsableWindow:
-    """Find the far end of the window and put both ends together.
-
-    Args:
-        calibration: the readings.
-        curve: their averages.
-        near: the near end.
-        offset: the offset and its standard error.
-        sigma: standard deviation of one reading.
-        floor_sigmas: how many standard errors the signal must stand above the offset.
-        left_out: indices into the curve that are passed over.
-        last: index after the last point that may be used, and why; None for all of them.
-
-    Returns:
-        The window.
-    """
+    """Find the far end of the window and put both ends together."""
+    # Points `left_out` are passed over; `last` is the index after the last point that may be used, and why.
     stop, why = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]
     error = np.hypot(sigma / np.sqrt(curve.count), offset.standard_error)

@@ -115,39 +115,15 @@ class Family(ABC):
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Tell whether parameters may grow together without bound.
-
-        Args:
-            ends: of each coordinate the ends of its interval, and whether each was reached.
-
-        Returns:
-            Whether they may.
-        """
+        """Tell whether parameters may grow together without bound, by their intervals' ends, and which were reached."""
         return False
 
     def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Say which parameters readings cannot tell apart.
-
-        Args:
-            parameters: the estimates by name.
-            slope: the estimate of g at l_m.
-            runaway: whether parameters run away together.
-
-        Returns:
-            Sentences.
-        """
+        """Say which parameters readings cannot tell apart; `slope` is g at l_m, and a runaway is of some together."""
         return ()
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Say what a user should know of the parameters that were found.
-
-        Args:
-            parameters: the estimates by name.
-            at_bound: whether one of them lies on a bound of the search.
-
-        Returns:
-            Sentences.
-        """
+        """Say what a user should know of the parameters that were found, one of them maybe at a bound of the search."""
         return ()
 
 

@@ -10,9 +10,9 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 from .data import Calibration
 
-__all__ = ["AveragedCurve", "ReadingNoise", "average", "reading_noise", "resolution", "two_components"]
+__all__ = ["MAD_TO_SIGMA", "AveragedCurve", "ReadingNoise", "average", "reading_noise", "resolution", "two_components"]
 
-_MAD_TO_SIGMA = 1.4826  # of a normal distribution
+MAD_TO_SIGMA = 1.4826  # of a normal distribution
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or a doubled reading is far beyond
 _CLEAR_OF_ZERO = 5  # in steps of the converter
 _USUAL_SPREAD = 0.5  # of the logarithm of a relative part that is larger than usual
@@ -31,9 +31,17 @@ class AveragedCurve:
     count: IntArray
     bad_readings: tuple[int, ...] = ()
 
-    def part(self, mask: BoolArray) -> AveragedCurve:
-        """Return the points where `mask` holds."""
-        return AveragedCurve(distance=self.distance[mask], output=self.output[mask], count=self.count[mask])
+    def part(self, which: BoolArray | IntArray | slice) -> AveragedCurve:
+        """Return some of the points."""
+        return AveragedCurve(distance=self.distance[which], output=self.output[which], count=self.count[which])
+
+    @property
+    def steady(self) -> FloatArray:
+        """The output without single points that stick out: medians of three neighbors, but for the ends."""
+        y = self.output.copy()
+        if len(y) > 2:
+            y[1:-1] = np.median([self.output[:-2], self.output[1:-1], self.output[2:]], axis=0)
+        return y
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +84,7 @@ def average(calibration: Calibration) -> AveragedCurve:
     repeated = [i for i, g in enumerate(groups) if len(g) >= 3]
     if sum(len(groups[i]) - 1 for i in repeated) >= 6:
         deviations = [np.abs(calibration.outputs[groups[i]] - medians[i]) for i in repeated]
-        spread = np.array([(_MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
+        spread = np.array([(MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
         dof = np.array([len(groups[i]) - 1 for i in repeated], dtype=np.float64)
         signal = medians - min(medians.min(), *calibration.no_object, np.inf)
         sigma, jitter = two_components(spread, dof, signal[repeated])
@@ -122,8 +130,7 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
     sigma, jitter = two_components(variance, dof, np.array([signal[i] for i in used]))
     source = "no-object readings" if used == [len(groups) - 1] else "repeats"
     if sigma < floor:
-        source = f"quantization ({source} scatter less)"
-        return ReadingNoise(sigma=float(floor), source=source, resolution=step, freedom=float(dof.sum()), jitter=jitter)
+        sigma, source = float(floor), f"quantization ({source} scatter less)"
     if sigma <= 0:
         return ReadingNoise(sigma=None, source="", resolution=step)
     return ReadingNoise(sigma=sigma, source=source, resolution=step, freedom=float(dof.sum()), jitter=jitter)

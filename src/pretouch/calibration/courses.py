@@ -18,7 +18,7 @@ from pretouch._core.values import Value
 from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
-from .family_fits import Problem, families_of, fit_free, lowest_offset
+from .family_fits import Problem, families_of, fit_free, forward_change, lowest_offset
 from .knowledge import DrawnCurve
 from .many_fits import Fits
 from .result import NoiseEstimate, OffsetEstimate
@@ -106,13 +106,9 @@ class Courses(Value):
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Draw curves that the readings allow, each as likely as its weight, with the offset that goes with it."""
         rng = np.random.default_rng(seed)
-        weights = self.weights()
-        sizes = [len(w) for w in weights]
-        chosen = rng.choice(sum(sizes), count, p=np.concatenate(weights))
-        ends, found = np.cumsum(sizes), []
-        for number in chosen:
-            k = int(np.searchsorted(ends, number, side="right"))
-            part, i = self.parts[k], int(number - (ends[k] - sizes[k]))
+        fits, found = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
+        for number in rng.choice(len(fits), count, p=np.concatenate(self.weights())):
+            part, i = fits[number]
             spread = part.covariances[i] * self.inflation * self.form
             with np.errstate(all="ignore"):
                 moved = rng.multivariate_normal(part.x[i], spread, method="svd", check_valid="ignore")
@@ -151,13 +147,12 @@ class Courses(Value):
             if not kept.any():
                 continue
             x, covariance = part.x[kept], part.covariances[kept] * self.inflation * self.form
-            log = np.log(np.maximum(-part.family.slope(x, distance), 1e-12))
-            change = np.empty((*log.shape, x.shape[1]))
-            for i in range(x.shape[1]):
-                moved = x.copy()
-                moved[:, i] += 1e-5
-                change[..., i] = (np.log(np.maximum(-part.family.slope(moved, distance), 1e-12)) - log) / 1e-5
-            rows.append(log)
+
+            def log_slope(u: FloatArray, at: FloatArray, family: Family = part.family) -> FloatArray:
+                return np.asarray(np.log(np.maximum(-family.slope(u, at), 1e-12)))
+
+            change = np.moveaxis(forward_change(log_slope, x, distance), 0, -1)
+            rows.append(log_slope(x, distance))
             spreads.append(np.einsum("bnp,bpq,bnq->bn", change, covariance, change))
             weights.append(weight[kept])
         every, own, share = np.concatenate(rows), np.concatenate(spreads), np.concatenate(weights)
@@ -165,11 +160,6 @@ class Courses(Value):
         mean = share @ every
         variance = share @ (np.minimum(own, 4.0) + (every - mean) ** 2)
         return np.asarray(mean), np.asarray(np.sqrt(variance))
-
-
-def _smooth_share(noise: NoiseEstimate, curve: AveragedCurve) -> float:
-    """Return the share of misfit in what grows with xi."""
-    return float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))
 
 
 def find_courses(
@@ -191,31 +181,24 @@ def find_courses(
         offsets = _offsets(curve, free, known)
         offsets = offsets if also is None else np.unique(np.append(offsets, also))
         problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
-        start = np.repeat(free.x[:, :3], len(offsets), axis=0)
-        found = problem.minimize(start)
+        found = problem.minimize(np.repeat(free.x[:, :3], len(offsets), axis=0))
         prior = family.prior(found.x)
         if known is not None and known.standard_error > 0:
             prior += ((offsets - known.value) / known.standard_error) ** 2
-        parts.append(
-            Course(
-                family=family,
-                offsets=offsets,
-                x=found.x,
-                covariances=found.covariances,
-                costs=found.costs + prior,
-            )
-        )
+        costs = found.costs + prior
+        parts.append(Course(family=family, offsets=offsets, x=found.x, covariances=found.covariances, costs=costs))
     freedom = max((informed_by or len(curve.distance)) - 3 - (known is None), 1)
     best = min(parts, key=lambda part: float(part.costs.min()))
-    at = int(best.costs.argmin())
-    problem = Problem(curve=curve, family=best.family, noise=noise, offsets=best.offsets[at : at + 1])
-    row = problem.residuals(best.x[at : at + 1], np.zeros(1, dtype=np.int64))[0]
-    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _likeness(
-        row, _smooth_share(noise, curve)
-    )
-    form = 1.0 if known is not None else _FORM
+    at = [int(best.costs.argmin())]
+    problem = Problem(curve=curve, family=best.family, noise=noise, offsets=best.offsets[at])
+    row = problem.residuals(best.x[at], np.zeros(1, dtype=np.int64))[0]
+    smooth = float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))  # share of misfit
+    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _likeness(row, smooth)
     return Courses(
-        parts=tuple(parts), form=form, inflation=inflation, rise=float(stdtrit(freedom, 0.975)) ** 2 * inflation
+        parts=tuple(parts),
+        form=_FORM if known is None else 1.0,
+        inflation=inflation,
+        rise=float(stdtrit(freedom, 0.975)) ** 2 * inflation,
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,7 +15,9 @@ from .averaging import AveragedCurve
 from .many_fits import Fits, minimize_many
 from .result import NoiseEstimate
 
-__all__ = ["Problem", "families_of", "fit_free", "lowest_offset", "quick_families"]
+__all__ = ["Problem", "families_of", "fit_free", "forward_change", "lowest_offset", "quick_families"]
+
+_STEP: Final = 1e-5  # of a family's parameter, for differences
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,3 +112,11 @@ def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset:
     offsets = None if offset is None else np.array([offset])
     problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
     return problem.minimize_from(guess, 1, problem.bounds())
+
+
+def forward_change(
+    function: Callable[[FloatArray, FloatArray], FloatArray], u: FloatArray, distance: FloatArray
+) -> FloatArray:
+    """Differentiate a function of parameters u, shape (..., p), and distances by each parameter, shape (p, ...)."""
+    here = function(u, distance)
+    return np.stack([(function(u + _STEP * row, distance) - here) / _STEP for row in np.eye(u.shape[-1])])

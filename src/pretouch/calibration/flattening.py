@@ -18,7 +18,7 @@ from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
 from .diagnostics import slope_weights
-from .family_fits import Problem, families_of
+from .family_fits import Problem, families_of, forward_change
 from .many_fits import Fits
 from .result import NoiseEstimate, OffsetEstimate
 
@@ -46,7 +46,7 @@ def first_steep(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimat
     index = _bulging(curve, noise, None)
     if known is not None and known.kind == "measured":
         index = max(index, _bulging(curve, noise, known))
-    index += _first_followed(curve.part(np.arange(len(curve.distance)) >= index), noise, known)
+    index += _first_followed(curve.part(slice(index, None)), noise, known)
     if index == 0 and not flat:
         return 0
     return _beyond(curve, index, known)
@@ -145,7 +145,7 @@ def _foretold(
             variance = (noise.output / signal) ** 2 / curve.count[part] + noise.relative**2 / curve.count[part] + 1e-8
             line = slope_weights(distance[part], variance)
             own = float((line**2 * variance).sum())
-            change = _gradient(family, fits.x[i, :3], distance[part]) @ line
+            change = forward_change(family.log_output, fits.x[i, :3], distance[part]) @ line
             spread = _roughness(fits.residuals[i, max(stop, i) :])
             error = np.sqrt(own + spread * float(change @ covariance[i] @ change))
             g = -float(slope[i, part].mean())
@@ -157,12 +157,6 @@ def _foretold(
 def _reach(log: FloatArray, start: int, fall: float) -> int:
     """Return the first point at which ln xi has fallen by so much."""
     return int(np.searchsorted(-log, -log[start] + fall))
-
-
-def _gradient(family: Family, u: FloatArray, distance: FloatArray) -> FloatArray:
-    """Return the derivatives of ln xi by the parameters, shape (p, n)."""
-    moved = u + 1e-5 * np.eye(len(u))
-    return (family.log_output(moved, distance) - family.log_output(u, distance)) / 1e-5
 
 
 def _roughness(standardized: FloatArray) -> float:

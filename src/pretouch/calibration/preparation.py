@@ -11,7 +11,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 
-from .averaging import AveragedCurve, ReadingNoise, average, reading_noise
+from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, reading_noise
 from .condensing import condense
 from .courses import Courses, find_courses
 from .data import Calibration
@@ -58,24 +58,12 @@ class Prepared:
 
 def prepare(
     calibration: Calibration,
-    *,
     offset: OffsetChoice,
     saturation: float | str | None,
     near_field_peak: float | str | None,
     floor_sigmas: float,
 ) -> Prepared:
-    """Find near end, far end, bad readings, offset, noise and misfit of a calibration, and all curves that it allows.
-
-    Args:
-        calibration: the readings.
-        offset: "auto", "fit", "zero", a number, or a number and its standard error.
-        saturation: output from which readings are clipped, "auto", or None.
-        near_field_peak: distance of the peak [m], text with a unit, "auto", or None.
-        floor_sigmas: how many standard errors the signal must stand above the offset.
-
-    Returns:
-        Everything that the models have in common.
-    """
+    """Find all that models have in common, from what `fit_sensor` takes: both ends, bad readings, offset and noise."""
     positive(floor_sigmas, "floor_sigmas")
     calibration = condense(calibration)
     curve = average(calibration)
@@ -83,7 +71,7 @@ def prepare(
     given = _given_offset(calibration, offset, known)
     if near_field_peak == "auto" and is_rising(curve, known):
         return _nothing(calibration, curve, NearEnd(index=0, reason="", saturation=None), given, _rising(calibration))
-    near = find_near_end(calibration, curve, saturation=saturation, near_field_peak=near_field_peak)
+    near = find_near_end(calibration, curve, saturation, near_field_peak)
     needed = _FEWEST_DISTANCES + (given is None)
     left = len(curve.distance) - near.index
     if left < needed:
@@ -91,8 +79,7 @@ def prepare(
     if not np.ptp(curve.output[near.index :]) > 0:
         stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
         return _nothing(calibration, curve, near, given, f"{stuck} at every distance: check power and wiring.")
-    from_near = curve.part(np.arange(len(curve.distance)) >= near.index)
-    end = near.index + end_of_falling(from_near, known)
+    end = near.index + end_of_falling(curve.part(slice(near.index, None)), known)
     if end - near.index < needed:
         end = len(curve.distance)
     return _prepared(calibration, curve, known, given, near=near, end=end, floor_sigmas=floor_sigmas)
@@ -110,7 +97,7 @@ def _prepared(
 ) -> Prepared:
     """Go on where the ends of falling are known."""
     place = np.arange(len(curve.distance))
-    out = tuple(near.index + i for i in bad_distances(curve.part((place >= near.index) & (place < end)), known, given))
+    out = tuple(near.index + i for i in bad_distances(curve.part(slice(near.index, end)), known, given))
     good = (place >= near.index) & (place < end) & ~np.isin(place, out)
     near, flattens = _steep_end(curve, known, given, near, good)
     good &= place >= near.index
@@ -226,7 +213,7 @@ def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimat
     kept = readings
     if len(readings) >= 5:
         deviation = np.abs(readings - np.median(readings))
-        limit = 6 * max(1.4826 * float(np.median(deviation)), known.resolution)
+        limit = 6 * max(MAD_TO_SIGMA * float(np.median(deviation)), known.resolution)
         kept = readings[deviation <= limit] if limit > 0 else readings
     value, count = float(np.mean(kept)), len(kept)
     error, reach = -1.0, 0.0
@@ -266,7 +253,7 @@ def _nothing(
     return Prepared(
         calibration=calibration,
         window=window,
-        used=curve.part(np.zeros(len(curve.distance), dtype=bool)),
+        used=curve.part(slice(0)),
         outliers=curve.bad_readings,
         no_signal=(reason,),
     )

@@ -59,23 +59,12 @@ def rank_models(
     """
     models = model_names() if models is None else tuple(dict.fromkeys(models))
     check_models(models)
-    prepared = prepare(
-        calibration,
-        offset=offset,
-        saturation=saturation,
-        near_field_peak=near_field_peak,
-        floor_sigmas=floor_sigmas,
-    )
+    prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas)
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
-        for model in models:
-            reason = why_not(model, prepared)
-            if reason:
-                not_fitted[model] = reason
-            else:
-                fits.append(fit_prepared(model, prepared))
-        fits.sort(key=_rank)
+        not_fitted = {model: reason for model in models if (reason := why_not(model, prepared))}
+        fits = sorted((fit_prepared(model, prepared) for model in models if model not in not_fitted), key=_rank)
     slope = slope_knowledge(prepared)
     reservations = prepared.no_signal or tuple(_reservations(prepared, fits, slope))
     return CalibrationReport(

@@ -114,10 +114,8 @@ def chosen_labels(table: TextTable, labels: Sequence[str | int]) -> tuple[int, .
     for label in [labels] if isinstance(labels, str) else labels:
         text = str(label).strip()
         number = int(text) if re.fullmatch(r"\d{1,6}", text) and text not in table.header else None
-        index = _find(table, number, (text, text), f"labels: found {text!r}")
-        if index is not None:
-            found.add(index)
-    return tuple(sorted(found))
+        found.add(_find(table, number, (text, text), f"labels: found {text!r}"))
+    return tuple(sorted(i for i in found if i is not None))
 
 
 def remedy(columns: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import parse_unit
@@ -29,10 +29,9 @@ def long_layout(table: TextTable, choice: ColumnChoice) -> Layout:
     labels, further = _labels(table, distance, outputs)
     if len(outputs) > 1:
         further.append(f"The columns {', '.join(table.header[i] for i in outputs)} are read as repeats.")
+    every = (dataclasses.replace(what, index=i, title=table.header[i]) for i in outputs)
     return Layout(
-        pairs=tuple(
-            Pair(distance=where, output=dataclasses.replace(what, index=i, title=table.header[i])) for i in outputs
-        ),
+        pairs=tuple(Pair(distance=where, output=column) for column in every),
         distances=where.title,
         outputs=what.title,
         unit=what.unit,
@@ -113,16 +112,9 @@ def _output(table: TextTable, distance: int | None) -> int | None:
     known = [i for i in others if is_output_unit(split_title(table.header[i])[1])]
     either = [i for i in free if len(free) > 1 and is_named(table.header[i], "setting or output")]
     left = others if len(free) > 1 and len(others) == 1 and not _tells_apart(table, others[0]) else []
-    moving = [i for i in free if len({row[i] for _, row in table.rows}) > 1]  # a bias voltage stays, a photocurrent not
-    found = (
-        [i for i in named if i in moving]
-        or [i for i in known if i in moving]
-        or [i for i in either if i in moving and (named or known)]
-        or named
-        or known
-        or left
-        or either
-    )
+    moving = {i for i in free if len({row[i] for _, row in table.rows}) > 1}  # a bias voltage stays, a photocurrent not
+    first = ([i for i in group if i in moving] for group in (named, known, either if named or known else []))
+    found = next((group for group in (*first, named, known, left, either) if group), [])
     return _only(table, found, "output")
 
 
@@ -143,10 +135,14 @@ def _only(table: TextTable, found: Sequence[int], what: str) -> int | None:
     )
 
 
-def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Column:
-    title = table.header[index]
+def _unit(title: str, chosen: Chosen | None) -> str | None:
+    """Return the unit of a column as its header has it, or as it was said."""
     found = split_title(title)[1]
-    unit = chosen.unit_beside(title, found) if chosen else found
+    return chosen.unit_beside(title, found) if chosen else found
+
+
+def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Column:
+    title, unit = table.header[index], _unit(table.header[index], chosen)
     how = f'write it into the header, such as "distance [mm]", or say it: {remedy(f"distance={index + 1} [mm]")}'
     if not unit:
         raise CalibrationDataError(f"{table.place}: found {shortened(title)}, a distance without a unit: {how}")
@@ -156,45 +152,43 @@ def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Col
 
 
 def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen | None) -> tuple[Column, list[str]]:
-    index, title = outputs[0], table.header[outputs[0]]
-    found = split_title(title)[1]
-    unit = chosen.unit_beside(title, found) if chosen else found
+    title, notes = table.header[outputs[0]], []
+    unit = _unit(title, chosen)
     symbol, factor = output_unit(unit)
-    notes = []
     if unit is None:
         symbol, taken = taken_as([row[i] for _, row in table.rows for i in outputs])
         notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
     if is_named(title, "setting") and not (chosen and chosen.names_a_column):
         notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other can be.")
-    return Column(index=index, title=title, unit=symbol, factor=factor), notes
+    return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
 
 def taken_as(cells: Sequence[str]) -> tuple[str, str]:
     """Decide what outputs without a unit are: their unit, and what a sentence calls it."""
     filled = [cell for cell in cells if not is_missing(cell)]
-    whole = bool(filled) and all(re.fullmatch(r"\+?\d+", cell) for cell in filled)
-    taken = "counts, for all of them are integers" if whole else "numbers without a unit"
-    return "counts" if whole else "", taken
+    if filled and all(re.fullmatch(r"\+?\d+", cell) for cell in filled):
+        return "counts", "counts, for all of them are integers"
+    return "", "numbers without a unit"
 
 
 def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
     """Find the columns that tell curves apart: all others but counts, other outputs, and settings that drift."""
-    others = [i for i in range(len(table.header)) if i not in {distance, *outputs}]
-    left_out = dict(_left_out(table, others, distance))
-    notes = [f"Column {table.title(i)} is not used: {reason}." for i, reason in left_out.items()]
-    return tuple(i for i in others if i not in left_out), notes
-
-
-def _left_out(table: TextTable, others: Sequence[int], distance: int) -> Iterator[tuple[int, str]]:
-    for i in others:
-        title = table.header[i]
-        cells = [row[i] for _, row in table.rows]
+    labels, notes = [], []
+    for i, title in enumerate(table.header):
+        cells, reason = [row[i] for _, row in table.rows], ""
+        if i in {distance, *outputs}:
+            continue
         if is_named(title, "output") or (is_named(title, "distance") and is_length(split_title(title)[1])):
-            yield i, "another column is the distance or the output"
+            reason = "another column is the distance or the output"
         elif is_named(title, "count") and len(set(cells)) == len(cells) > 1:
-            yield i, "it counts the rows"
+            reason = "it counts the rows"
         elif (is_named(title, "setting") or is_output_unit(split_title(title)[1])) and _drifts(table, i, distance):
-            yield i, "it changes within the curve"
+            reason = "it changes within the curve"
+        if reason:
+            notes.append(f"Column {table.title(i)} is not used: {reason}.")
+        else:
+            labels.append(i)
+    return tuple(labels), notes
 
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:

@@ -18,7 +18,7 @@ from pretouch._core.values import Value
 from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
-from .family_fits import Problem, families_of, fit_free, forward_change, lowest_offset
+from .family_fits import Problem, families_of, fit_free, forward_change, lowest_offset, problem_at
 from .knowledge import DrawnCurve
 from .many_fits import Fits
 from .result import NoiseEstimate, OffsetEstimate
@@ -189,9 +189,9 @@ def find_courses(
         parts.append(Course(family=family, offsets=offsets, x=found.x, covariances=found.covariances, costs=costs))
     freedom = max((informed_by or len(curve.distance)) - 3 - (known is None), 1)
     best = min(parts, key=lambda part: float(part.costs.min()))
-    at = [int(best.costs.argmin())]
-    problem = Problem(curve=curve, family=best.family, noise=noise, offsets=best.offsets[at])
-    row = problem.residuals(best.x[at], np.zeros(1, dtype=np.int64))[0]
+    at = int(best.costs.argmin())
+    problem = problem_at(curve, best.family, noise, best.offsets[at])
+    row = problem.residuals(best.x[[at]], np.zeros(1, dtype=np.int64))[0]
     smooth = float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))  # share of misfit
     inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _likeness(row, smooth)
     return Courses(

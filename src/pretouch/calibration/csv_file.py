@@ -8,6 +8,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
 
@@ -89,18 +90,13 @@ def _header_and_rows(
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
     """Turn bytes into text, by the byte-order mark where there is one."""
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        candidates = ["utf-16"]
-    elif b"\0" in content:
+    marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\0" in content and not marked:
         raise CalibrationDataError(f"{file}: found binary data, expected a text table such as CSV")
-    else:
-        candidates = ["utf-8-sig", "cp1252", "latin-1"]
-    for encoding in candidates:
-        try:
+    for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252", "latin-1"):
+        with suppress(UnicodeDecodeError):
             return content.decode(encoding), encoding
-        except UnicodeDecodeError:
-            continue
-    raise CalibrationDataError(f"{file}: found bytes that are no {candidates[0]} text, expected a text table")
+    raise CalibrationDataError(f"{file}: found bytes that are no utf-16 text, expected a text table")
 
 
 def _lines(text: str) -> tuple[Lines, Lines]:
@@ -123,11 +119,8 @@ def _header_at(file: str, lines: Lines, remark: Lines, choice: ColumnChoice) -> 
     found = _certain_header(lines, choice)
     if found is None and _certain_header([*remark, *lines[:1]], choice) == 0:
         return 0, [*remark, *lines], (f"The header is that of the remark in line {remark[0][0]}.",)
-    if found is None:
-        at, lines = _uncertain_header(file, lines, choice)
-        return at, lines, ()
     if not found:
-        return 0, lines, ()
+        return (*_uncertain_header(file, lines, choice), ()) if found is None else (0, lines, ())
     header, delimiter = lines[found], _delimiter(lines[found][1])
     width = len(_cells(lines[found + 1][1], delimiter))
     for i, line in lines[:found]:

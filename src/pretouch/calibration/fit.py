@@ -14,7 +14,7 @@ from pretouch.sensors import Family, Table, known_curves
 from .averaging import AveragedCurve
 from .data import Calibration
 from .diagnostics import corrected_akaike, r_squared, root_mean_square, runs_p_value, slope_error
-from .family_fits import Problem, fit_free
+from .family_fits import Problem, fit_free, problem_at
 from .many_fits import Fits
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
@@ -131,7 +131,7 @@ def _fit_curve(
     """Fit a parametric curve: ln xi at the distances, and what a `SensorFit` says of it alone."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
-    problem = Problem(curve=used, family=family, noise=noise, offsets=np.array([offset.value]))
+    problem = problem_at(used, family, noise, offset.value)
     xi, x, unit = used.output - offset.value, best.x[0], prepared.calibration.unit
     sensor = family.sensor(x, used.distance[0].item(), used.distance[-1].item())
     deviance = float(best.costs[0]) + float(np.sum(np.log(2 * np.pi * (noise.of_means(used.count, xi) / xi) ** 2)))

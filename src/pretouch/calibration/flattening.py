@@ -19,7 +19,6 @@ from pretouch.sensors import Family
 from .averaging import AveragedCurve
 from .diagnostics import slope_weights
 from .family_fits import Problem, families_of, forward_change
-from .many_fits import Fits
 from .result import NoiseEstimate, OffsetEstimate
 
 __all__ = ["first_steep"]
@@ -107,35 +106,28 @@ def _first_followed(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEst
     return int(np.argmax(ok)) if ok.any() else last
 
 
-def _fits(curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: OffsetEstimate | None, count: int) -> Fits:
-    """Fit a family to what lies from each of the first points outwards; offsets are the last parameter where fitted."""
-    value = None if known is None else known.value
-    problem = Problem(
-        curve=curve,
-        family=family,
-        noise=replace(noise, misfit=_MISFIT),
-        offsets=None if value is None else np.full(count, value),
-        weights=np.arange(len(curve.distance)) >= np.arange(count)[:, None],
-    )
-    low, high = family.easing(*problem.bounds())
-    guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if value is None else value
-    return problem.minimize_from(guess, count, (low, high))
-
-
 def _foretold(
     curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: OffsetEstimate | None, last: int
 ) -> BoolArray:
     """Tell from which first points on the slope of the readings is that of a curve fitted a little farther out."""
-    distance, count = curve.distance, last + 1
-    fits = _fits(curve, family, noise, known, len(distance) - _LEFT + 1)
-    offset = fits.x[:, -1] if known is None else np.full(len(fits.x), known.value)
+    distance, count, first = curve.distance, last + 1, np.arange(len(curve.distance) - _LEFT + 1)
+    problem = Problem(
+        curve=curve,
+        family=family,
+        noise=replace(noise, misfit=_MISFIT),
+        offsets=None if known is None else np.full(len(first), known.value),
+        weights=np.arange(len(distance)) >= first[:, None],
+    )
+    fits = problem.minimize_from_afar(len(first), family.easing(*problem.bounds()))
+    offset = fits.x[:, -1] if problem.offsets is None else problem.offsets
     log = np.clip(family.log_output(fits.x[:, :3], distance), -600, 600)
     slope = family.slope(fits.x[:, :3], distance)
     covariance = fits.covariances[:, :3, :3]
     ok = np.ones(count, dtype=bool)
     for k in range(count):
-        stop = min(max(_reach(log[k], k, _FALL), k + _FEWEST), len(distance))
-        ahead = min(max(_reach(log[k], k, _AHEAD), k + 2), len(fits.x) - 1)
+        fallen, nearer = np.searchsorted(-log[k], -log[k, k] + np.array([_FALL, _AHEAD]))
+        stop = min(max(int(fallen), k + _FEWEST), len(distance))
+        ahead = min(max(int(nearer), k + 2), len(fits.x) - 1)
         part = slice(k, stop)
         for i in (k, ahead):
             signal = curve.output[part] - offset[i]
@@ -152,11 +144,6 @@ def _foretold(
             flatter = float(line @ miss) / g
             ok[k] &= flatter <= _TOO_FLAT or flatter <= _SURE * error / g
     return ok
-
-
-def _reach(log: FloatArray, start: int, fall: float) -> int:
-    """Return the first point at which ln xi has fallen by so much."""
-    return int(np.searchsorted(-log, -log[start] + fall))
 
 
 def _roughness(standardized: FloatArray) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 from pretouch._core.errors import UnitError
@@ -130,19 +129,14 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
     """Tell whether columns are named by distance, whose unit is `declared` where somebody said it."""
     # They are where there are two distances with units, or bare numbers that can be nothing else.
     marks = [mark for title in header if (mark := distance_mark(title))]
-    bare = [float(mark.number) for mark in marks if mark.number is not None and mark.unit is None]
-    united = sum(mark.unit is not None for mark in marks)
-    absent = sum(mark.number is None for mark in marks)
-    if united:
+    if any(mark.unit for mark in marks):
         return len(marks) > 1
-    rising = len(bare) > 2 and all(a < b for a, b in pairwise(bare))
-    falling = len(bare) > 2 and all(a > b for a, b in pairwise(bare))
+    bare = [float(mark.number) for mark in marks if mark.number is not None]
     text = [title for title in header if title and not distance_mark(title)]
-    return (
-        (len(bare) > 1 and any(is_length(split_title(title)[1]) or is_length(title) for title in text))
-        or (rising and bool(text or absent))
-        or (declared and (rising or falling))
-    )
+    if len(bare) > 1 and any(is_length(split_title(title)[1]) or is_length(title) for title in text):
+        return True
+    rising, falling = (len(bare) > 2 and bare == sorted(set(bare), reverse=down) for down in (False, True))
+    return (rising and (bool(text) or len(bare) < len(marks))) or (declared and (rising or falling))
 
 
 def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:

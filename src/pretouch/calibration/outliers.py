@@ -11,7 +11,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise
-from .family_fits import Problem, fit_free, forward_change, quick_families
+from .family_fits import fit_free, forward_change, problem_at, quick_families
 from .noise import find_noise
 from .result import NoiseEstimate, OffsetEstimate
 
@@ -55,7 +55,7 @@ def _robust(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: f
     """Return residuals about a fit that outliers hardly move, over their robust standard deviation."""
     row = weight = np.ones(len(curve.distance))
     x = fit_free(curve, family, noise, value).x
-    problem = Problem(curve=curve, family=family, noise=noise, offsets=None if value is None else np.array([value]))
+    problem = problem_at(curve, family, noise, value)
     for _ in range(8):
         x = replace(problem, weights=weight[None]).minimize(x).x
         row = problem.residuals(x, np.zeros(1, int))[0]

@@ -75,7 +75,12 @@ def prepare(
     needed = _FEWEST_DISTANCES + (given is None)
     left = len(curve.distance) - near.index
     if left < needed:
-        return _nothing(calibration, curve, near, given, _too_few(near, left, needed))
+        few = (
+            f"Only {left} distinct distance{'s' if left != 1 else ''} to use ({near.reason}), and at least {needed} "
+            "are needed: measure at 8 or more, out to where the output no longer changes, and record readings with "
+            "no object."
+        )
+        return _nothing(calibration, curve, near, given, few)
     if not np.ptp(curve.output[near.index :]) > 0:
         stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
         return _nothing(calibration, curve, near, given, f"{stuck} at every distance: check power and wiring.")
@@ -151,7 +156,8 @@ def _level(
     if given is None:
         return noise, None, find_courses(tail, noise, None)
     if given.standard_error < 0:  # one or two readings: their noise is that of the others
-        given = _with_noise(calibration, given, noise)
+        error, value = float(noise.output / np.sqrt(len(calibration.no_object))), given.value
+        given = replace(given, standard_error=error, low=value - 2.6 * error, high=value + 2.6 * error)
     free = None
     if len(tail.distance) >= _FEWEST_DISTANCES + 2:  # what a wrong offset makes is no misfit
         free = find_courses(tail, find_noise(tail, known, None), None, also=given.value)
@@ -191,19 +197,16 @@ def _rising(calibration: Calibration) -> str:
 
 def _given_offset(calibration: Calibration, offset: OffsetChoice, known: ReadingNoise) -> OffsetEstimate | None:
     """Return the offset where it is measured or declared; None where it has to be fitted."""
-    if isinstance(offset, str):
-        if offset == "zero":
-            return declared_offset(0.0)
-        if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
-            return None
-        if offset == "auto":
-            return _measured_offset(calibration.no_object, known)
-        raise InvalidInputError(
-            f"offset: found {offset!r}, expected 'auto', 'fit', 'zero', a number, or a number and its standard error"
-        )
+    if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
+        return None
+    if offset == "auto":
+        return _measured_offset(calibration.no_object, known)
+    expected = "a number, or a number and its standard error"
+    if isinstance(offset, str) and offset != "zero":
+        raise InvalidInputError(f"offset: found {offset!r}, expected 'auto', 'fit', 'zero', {expected}")
     if isinstance(offset, (tuple, list)) and len(offset) != 2:
-        raise InvalidInputError(f"offset: found {offset!r}, expected a number, or a number and its standard error")
-    return declared_offset(offset)
+        raise InvalidInputError(f"offset: found {offset!r}, expected {expected}")
+    return declared_offset(0.0 if isinstance(offset, str) else offset)
 
 
 def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimate:
@@ -222,20 +225,6 @@ def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimat
         reach = float(stdtrit(max(known.freedom, 1.0), 0.975)) * error
     return OffsetEstimate(
         value=value, standard_error=float(error), low=float(value - reach), high=float(value + reach), kind="measured"
-    )
-
-
-def _with_noise(calibration: Calibration, offset: OffsetEstimate, noise: NoiseEstimate) -> OffsetEstimate:
-    error = noise.output / np.sqrt(len(calibration.no_object))
-    value = offset.value
-    return replace(offset, standard_error=float(error), low=float(value - 2.6 * error), high=float(value + 2.6 * error))
-
-
-def _too_few(near: NearEnd, left: int, needed: int) -> str:
-    """Say that there are too few distances to say anything."""
-    return (
-        f"Only {left} distinct distance{'s' if left != 1 else ''} to use ({near.reason}), and at least {needed} are "
-        "needed: measure at 8 or more, out to where the output no longer changes, and record readings with no object."
     )
 
 

@@ -41,23 +41,16 @@ def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
     unit = _distance_unit(table, choice, marks, others)
     symbol, factor, notes = _output_unit(table, choice, marks, others)
     counts = [i for i in others if _counts_rows(table, i)]
-    places = [i for i, mark in marks.items() if mark.number is not None]
+    places = [table.header[i] for i, mark in marks.items() if mark.number is not None]
     said = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
-    span = f"{table.header[places[0]]} to {table.header[places[-1]]}{said}" if places else "none"
+    span = f"{places[0]} to {places[-1]}{said}" if places else "none"
+    filled = [table.title(i) for i in counts if any(row[i] for _, row in table.rows)]
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
-    notes += [
-        f"Column {table.title(i)} is not used: it counts the rows."
-        for i in counts
-        if any(row[i] for _, row in table.rows)
-    ]
+    notes += [f"Column {title} is not used: it counts the rows." for title in filled]
+    columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
+    distances = [_distance(table, mark, unit) for mark in marks.values()]
     return Layout(
-        pairs=tuple(
-            Pair(
-                distance=_distance(table, mark, unit),
-                output=Column(index=i, title=table.header[i], unit=symbol, factor=factor),
-            )
-            for i, mark in marks.items()
-        ),
+        pairs=tuple(Pair(distance=d, output=c) for d, c in zip(distances, columns, strict=True)),
         distances=f"the headers {span}",
         outputs="the cells below them",
         unit=symbol,

@@ -10,7 +10,16 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 from .data import Calibration
 
-__all__ = ["MAD_TO_SIGMA", "AveragedCurve", "ReadingNoise", "average", "reading_noise", "resolution", "two_components"]
+__all__ = [
+    "MAD_TO_SIGMA",
+    "AveragedCurve",
+    "ReadingNoise",
+    "average",
+    "reading_noise",
+    "resolution",
+    "slope_weights",
+    "two_components",
+]
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or a doubled reading is far beyond
@@ -154,3 +163,10 @@ def two_components(
     best = int(np.argmin(deviance))
     sigma = float(np.sqrt(sigma2[best]))
     return sigma, sigma * float(ratios[best])
+
+
+def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return what a weighted straight line through values at distances [m] multiplies each by, to give its slope."""
+    weight = 1 / variance
+    away = distance - float(weight @ distance) / float(weight.sum())
+    return np.asarray(weight * away / float(weight @ away**2))

@@ -29,7 +29,7 @@ _MISSING = {"", "nan", "na", "n/a", "null", "missing", "-", "--"}
 _NO_OBJECT = {"", "inf", "+inf", "infinity", "+infinity", "∞", "none", "no object", "no-object", "no_object", "empty"}
 _DOTTED = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMAED = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
-_LONGEST = 60  # characters of a line that a message shows
+_LONGEST_LINE = 60  # characters of a line that a message shows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +97,7 @@ class Layout:
 
 def is_number(cell: str) -> bool:
     """Tell whether a cell is a number, with either decimal mark."""
-    plain = _plain(cell)
+    plain = _ascii(cell)
     return bool(_DOTTED.fullmatch(plain) or _COMMAED.fullmatch(plain))
 
 
@@ -126,7 +126,7 @@ def uses_commas(cells: Sequence[str]) -> bool:
 
 def shortened(text: str) -> str:
     """Quote a line for a message."""
-    return repr(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
+    return repr(text if len(text) <= _LONGEST_LINE else f"{text[: _LONGEST_LINE - 3]}...")
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
@@ -134,7 +134,7 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     # 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not. What is no finite number, or one whose products
     # with others are none, is refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
-    plain = _plain(cell)
+    plain = _ascii(cell)
     where = f"{table.file}, line {line}: found {shortened(cell)} in column {table.title(column.index)}"
     if pattern.fullmatch(plain) or _DOTTED.fullmatch(plain):
         value = float(plain.replace(",", "."))
@@ -149,5 +149,5 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     raise CalibrationDataError(f"{where}, expected a number such as 12{table.decimal_mark}5")
 
 
-def _plain(cell: str) -> str:
+def _ascii(cell: str) -> str:
     return cell.replace("\N{MINUS SIGN}", "-")

@@ -8,7 +8,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-__all__ = ["corrected_akaike", "r_squared", "root_mean_square", "runs_p_value", "slope_error", "slope_weights"]
+__all__ = ["corrected_akaike", "r_squared", "root_mean_square", "runs_p_value", "slope_error"]
 
 
 def root_mean_square(values: FloatArray) -> float:
@@ -27,13 +27,6 @@ def slope_error(distance: FloatArray, residuals: FloatArray) -> float | None:
     if len(distance) < 2:
         return None
     return root_mean_square(np.diff(residuals) / np.diff(distance))
-
-
-def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return what a weighted straight line through values at distances [m] multiplies each by, to give its slope."""
-    weight = 1 / variance
-    away = distance - float(weight @ distance) / float(weight.sum())
-    return np.asarray(weight * away / float(weight @ away**2))
 
 
 def corrected_akaike(deviance: float, points: int, parameters: int) -> float | None:

@@ -16,8 +16,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.sensors import Family
 
-from .averaging import AveragedCurve
-from .diagnostics import slope_weights
+from .averaging import AveragedCurve, slope_weights
 from .family_fits import Problem, families_of, forward_change
 from .result import NoiseEstimate, OffsetEstimate
 

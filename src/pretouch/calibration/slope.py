@@ -13,7 +13,7 @@ import numpy as np
 
 from pretouch._core.units import format_quantity
 
-from .diagnostics import slope_weights
+from .averaging import slope_weights
 from .knowledge import SlopeKnowledge
 from .preparation import Prepared
 from .result import SensorFit

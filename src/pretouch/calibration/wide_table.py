@@ -48,7 +48,7 @@ def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
     notes += [f"Column {title} is not used: it counts the rows." for title in filled]
     columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
-    distances = [_distance(table, mark, unit) for mark in marks.values()]
+    distances = [_place(table, mark, unit) for mark in marks.values()]
     return Layout(
         pairs=tuple(Pair(distance=d, output=c) for d, c in zip(distances, columns, strict=True)),
         distances=f"the headers {span}",
@@ -154,7 +154,7 @@ def _numbers_a_repeat(cell: str) -> bool:
     return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 
-def _distance(table: TextTable, mark: UnitMark, unit: str) -> float:
+def _place(table: TextTable, mark: UnitMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))

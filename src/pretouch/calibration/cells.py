@@ -14,7 +14,6 @@ from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 __all__ = [
     "Column",
     "Layout",
-    "Pair",
     "TextTable",
     "is_missing",
     "is_no_object",
@@ -72,22 +71,15 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pair:
-    """A column of outputs, and their distance: a column, or one distance [m] for all; infinite where no object is."""
-
-    distance: Column | float
-    output: Column
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """Where the readings of a table stand: one pair of columns in a long table, many in a wide one.
 
+    Beside a column of outputs stands that of their distances, or one distance [m] for all, infinite where no object is.
     `distances` and `outputs` say what is taken as such, `unit` is that of the outputs, `labels` are indices of the
     columns that tell curves apart, where nobody says which, and `notes` what had to be assumed.
     """
 
-    pairs: tuple[Pair, ...]
+    pairs: tuple[tuple[Column | float, Column], ...]
     distances: str
     outputs: str
     unit: str

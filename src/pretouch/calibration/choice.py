@@ -23,13 +23,14 @@ class Chosen:
     """One column, the `distance` or the `output`, as somebody names it: by its number from 1, its name, or its unit.
 
     The number is None where the column is given by its header, or only its unit is; the unit where the header tells.
+    Nothing is known of a column that is left open.
     """
 
     key: str
-    text: str
-    number: int | None
-    name: str
-    unit: str | None
+    text: str = ""
+    number: int | None = None
+    name: str = ""
+    unit: str | None = None
 
     @property
     def names_a_column(self) -> bool:
@@ -40,8 +41,9 @@ class Chosen:
         """Find the column in a table; None where only its unit was said."""
         return _find(table, self.number, (self.text, self.name), f"columns: found {self.text!r} for the {self.key}")
 
-    def unit_beside(self, title: str, found: str | None) -> str | None:
+    def unit_beside(self, title: str) -> str | None:
         """Return the unit of the column, which may be said or stand in its header, but not differ between them."""
+        found = split_title(title)[1]
         if self.unit is None or self.text == title:
             return found
         if found is not None and found != self.unit:
@@ -54,35 +56,30 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnChoice:
-    """What was said about the columns of distances and outputs; either may be left open."""
+    """What was said about the columns of distances and outputs."""
 
-    distance: Chosen | None = None
-    output: Chosen | None = None
-
-    @property
-    def given(self) -> tuple[Chosen, ...]:
-        """What was said."""
-        return tuple(c for c in (self.distance, self.output) if c is not None)
+    distance: Chosen = Chosen(key="distance")
+    output: Chosen = Chosen(key="output")
 
     @property
     def names_a_column(self) -> bool:
         """Whether a column of distances or outputs was named, which only a long table has."""
-        return any(c.names_a_column for c in self.given)
+        return self.distance.names_a_column or self.output.names_a_column
 
     @property
     def has_a_number(self) -> bool:
         """Whether a column was given by its number, which needs no header."""
-        return any(c.number is not None for c in self.given)
+        return self.distance.number is not None or self.output.number is not None
 
     @property
     def declares_distances(self) -> bool:
         """Whether only the unit of distances was said."""
-        return self.distance is not None and not self.distance.names_a_column
+        return self.distance.unit is not None and not self.distance.names_a_column
 
     def names_one_of(self, header: Sequence[str]) -> bool:
         """Tell whether a line holds a header that was given by name."""
         titles = {title.casefold() for title in header} | {split_title(title)[0].casefold() for title in header}
-        return any(c.number is None and c.name and {c.text.casefold(), c.name.casefold()} & titles for c in self.given)
+        return any(c.name and {c.text.casefold(), c.name.casefold()} & titles for c in (self.distance, self.output))
 
 
 def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:

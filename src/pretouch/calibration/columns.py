@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import parse_unit
 
-from .cells import Column, Layout, Pair, TextTable, is_missing, is_number, shortened
+from .cells import Column, Layout, TextTable, is_missing, is_number, shortened
 from .choice import Chosen, ColumnChoice, remedy
 from .headers import is_length, is_named, is_output_unit, output_unit, split_title
 
@@ -29,9 +29,8 @@ def long_layout(table: TextTable, choice: ColumnChoice) -> Layout:
     labels, further = _labels(table, distance, outputs)
     if len(outputs) > 1:
         further.append(f"The columns {', '.join(table.header[i] for i in outputs)} are read as repeats.")
-    every = (dataclasses.replace(what, index=i, title=table.header[i]) for i in outputs)
     return Layout(
-        pairs=tuple(Pair(distance=where, output=column) for column in every),
+        pairs=tuple((where, replace(what, index=i, title=table.header[i])) for i in outputs),
         distances=where.title,
         outputs=what.title,
         unit=what.unit,
@@ -42,7 +41,7 @@ def long_layout(table: TextTable, choice: ColumnChoice) -> Layout:
 
 def _columns(table: TextTable, choice: ColumnChoice) -> tuple[int, list[int]]:
     """Find the distance and the output, of which there are several where their headers are numbers of repeats."""
-    said = choice.output.index(table) if choice.output else None
+    said = choice.output.index(table)
     distance = _distance(table, choice.distance, said)
     repeats = _repeats(table, distance)
     if said is None and distance is not None and len(repeats) > 1:
@@ -88,9 +87,9 @@ def _refuse_no_header(table: TextTable) -> None:
         )
 
 
-def _distance(table: TextTable, chosen: Chosen | None, output: int | None) -> int | None:
+def _distance(table: TextTable, chosen: Chosen, output: int | None) -> int | None:
     """Find the distance: what was said, else the one named so (with a length where several are), else the length."""
-    if chosen is not None and chosen.names_a_column:
+    if chosen.names_a_column:
         return chosen.index(table)
     units = [split_title(title)[1] for title in table.header]
     named = [i for i, title in enumerate(table.header) if is_named(title, "distance") and i != output]
@@ -135,14 +134,8 @@ def _only(table: TextTable, found: Sequence[int], what: str) -> int | None:
     )
 
 
-def _unit(title: str, chosen: Chosen | None) -> str | None:
-    """Return the unit of a column as its header has it, or as it was said."""
-    found = split_title(title)[1]
-    return chosen.unit_beside(title, found) if chosen else found
-
-
-def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Column:
-    title, unit = table.header[index], _unit(table.header[index], chosen)
+def _distance_column(table: TextTable, index: int, chosen: Chosen) -> Column:
+    title, unit = table.header[index], chosen.unit_beside(table.header[index])
     how = f'write it into the header, such as "distance [mm]", or say it: {remedy(f"distance={index + 1} [mm]")}'
     if not unit:
         raise CalibrationDataError(f"{table.place}: found {shortened(title)}, a distance without a unit: {how}")
@@ -151,14 +144,14 @@ def _distance_column(table: TextTable, index: int, chosen: Chosen | None) -> Col
     return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
 
 
-def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen | None) -> tuple[Column, list[str]]:
+def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen) -> tuple[Column, list[str]]:
     title, notes = table.header[outputs[0]], []
-    unit = _unit(title, chosen)
+    unit = chosen.unit_beside(title)
     symbol, factor = output_unit(unit)
     if unit is None:
         symbol, taken = taken_as([row[i] for _, row in table.rows for i in outputs])
         notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
-    if is_named(title, "setting") and not (chosen and chosen.names_a_column):
+    if is_named(title, "setting") and not chosen.names_a_column:
         notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other can be.")
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
@@ -204,7 +197,7 @@ def output_column(table: TextTable, index: int, layout: Layout) -> Column:
     """Read the unit of a column of outputs: that of the calibration, and no other, also where its header has none."""
     title = table.header[index]
     found = split_title(title)[1]
-    symbol, factor = output_unit(found) if found else (layout.unit, layout.pairs[0].output.factor)
+    symbol, factor = output_unit(found) if found else (layout.unit, layout.pairs[0][1].factor)
     if symbol != layout.unit:
         raise CalibrationDataError(
             f"{table.place}: found the unit {found!r}, expected {layout.unit or 'none'!r} as in the calibration"

@@ -191,9 +191,7 @@ def intervals(
         for i, value, level, at in zip(open_ones, values, height, found.x, strict=True):
             if lanes[i].take(float(value), float(level)):
                 x[i] = at
-    for lane in lanes:
-        lane.finish()
-    ends = [(lane.end or 0.0, lane.reached) for lane in lanes]
+    ends = [lane.found() for lane in lanes]
     return [(a[0], b[0], a[1], b[1]) for a, b in zip(ends[::2], ends[1::2], strict=True)]
 
 
@@ -228,7 +226,8 @@ class _End:
         self._attempt += 1
         return further
 
-    def finish(self) -> None:
-        """Settle for what was found where the attempts are used up."""
-        if self.end is None:
-            self.end, self.reached = (self._outer[0], True) if self._outer[1] > 0 else (self._inner[0], False)
+    def found(self) -> tuple[float, bool]:
+        """Return the end, and whether it was reached; what was found so far where the attempts are used up."""
+        if self.end is not None:
+            return self.end, self.reached
+        return (self._outer[0], True) if self._outer[1] > 0 else (self._inner[0], False)

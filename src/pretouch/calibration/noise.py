@@ -46,9 +46,9 @@ def find_noise(
     families = families or families_of(curve)
     miss, signal = np.zeros_like(curve.output), curve.output
     for _ in range(_ROUNDS):
-        fits = [fit_free(curve, family, found, value) for family in families]
-        best = int(np.argmin([fit.costs[0] for fit in fits]))
-        family, x = families[best], fits[best].x[0]
+        fits = [(family, fit_free(curve, family, found, value)) for family in families]
+        family, best = min(fits, key=lambda pair: float(pair[1].costs[0]))
+        x = best.x[0]
         signal = np.exp(np.minimum(family.log_output(x[:3], curve.distance), 300.0))
         miss = curve.output - (x[3] if value is None else value) - signal
         before = found.misfit

@@ -92,8 +92,8 @@ def _picture(report: CalibrationReport) -> Picture:
 
 
 def _readings(report: CalibrationReport) -> Chapter:
-    rows = tuple(_reading_rows(report))
-    table = Rows(head=("", "value", "why, or from where"), rows=rows, wraps=True, brief=True)
+    head = ("", "value", "why, or from where")
+    table = Rows(head=head, rows=tuple(_reading_rows(report)), wraps=True, brief=True)
     return Chapter(title="Window, offset and noise", blocks=(table,))
 
 
@@ -130,15 +130,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _ranking(report: CalibrationReport) -> Chapter:
-    head = (
-        "model",
-        "RMSE ln \u03be",
-        "RMSE g [1/m]",
-        "left out, ln \u03be",
-        "AICc",
-        "runs p",
-        "R\u00b2 on \u03be",
-    )
+    head = ("model", "RMSE ln \u03be", "RMSE g [1/m]", "left out, ln \u03be", "AICc", "runs p", "R\u00b2 on \u03be")
     note = (
         "Ranked by AICc. The controller feels ln \u03be and its slope, so these columns say how good a curve is; "
         '"left out" is the error at distances that a fit had not seen. R\u00b2 on \u03be is there for comparison with '

@@ -67,13 +67,14 @@ def rank_models(
         fits = sorted((fit_prepared(model, prepared) for model in models if model not in not_fitted), key=_rank)
     slope = slope_knowledge(prepared)
     reservations = prepared.no_signal or tuple(_reservations(prepared, fits, slope))
+    usable = "usable with reservations" if reservations else "usable"
     return CalibrationReport(
         calibration=prepared.calibration,
         fits=tuple(fits),
         window=prepared.window,
         offset=prepared.offset,
         noise=prepared.noise,
-        verdict=_verdict(prepared, reservations),
+        verdict="no usable signal" if prepared.no_signal else usable,
         reasons=reservations or (_praise(prepared, fits),),
         not_fitted=not_fitted,
         slope=slope,
@@ -126,12 +127,6 @@ def _level(calibration: Calibration, output: float) -> str:
 
 def _readings(count: int) -> str:
     return f"{count:,} reading{'s' if count != 1 else ''}"
-
-
-def _verdict(prepared: Prepared, reservations: tuple[str, ...]) -> str:
-    if prepared.no_signal:
-        return "no usable signal"
-    return "usable with reservations" if reservations else "usable"
 
 
 def _praise(prepared: Prepared, fits: list[SensorFit]) -> str:

@@ -115,7 +115,7 @@ def _curves(
     choice = read_choice(columns)
     table = read_table(path, choice)
     layout = wide_layout(table, choice) or long_layout(table, choice)
-    used = {c.index for pair in layout.pairs for c in (pair.distance, pair.output) if isinstance(c, Column)}
+    used = {column.index for pair in layout.pairs for column in pair if isinstance(column, Column)}
     label_columns = layout.labels if labels is None else chosen_labels(table, labels)
     label_columns = tuple(i for i in label_columns if i not in used)
     groups: dict[tuple[str, ...], list[_Reading]] = {}
@@ -152,17 +152,18 @@ class _Reading(NamedTuple):
 
 def _readings(table: TextTable, layout: Layout, line: int, row: tuple[str, ...]) -> Iterator[_Reading]:
     """Read one row, which in a wide table holds a reading at every distance."""
-    for pair in layout.pairs:
-        distance = pair.distance
-        if isinstance(distance, Column):
-            cell = row[distance.index]
-            distance = math.inf if is_no_object(cell) else number(table, line, cell, distance)
+    for where, what in layout.pairs:
+        if isinstance(where, float):
+            distance = where
+        else:
+            cell = row[where.index]
+            distance = math.inf if is_no_object(cell) else number(table, line, cell, where)
             if distance < 0:
                 raise CalibrationDataError(
                     f"{table.file}, line {line}: found the distance {cell}, which must not be negative"
                 )
-        cell = row[pair.output.index]
-        yield _Reading(distance, math.nan if is_missing(cell) else number(table, line, cell, pair.output))
+        cell = row[what.index]
+        yield _Reading(distance, math.nan if is_missing(cell) else number(table, line, cell, what))
 
 
 def _curve(
@@ -208,7 +209,7 @@ def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
     index = len(table.header) - 1
     if len(table.header) > 1:
         names = [split_title(title)[0] for title in table.header]
-        wanted = split_title(layout.pairs[0].output.title)[0]
+        wanted = split_title(layout.pairs[0][1].title)[0]
         if wanted not in names:
             raise CalibrationDataError(
                 f"{table.place}: found {len(names)} columns, expected one of readings, or one named {wanted!r}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -99,9 +99,8 @@ def _parameters(
 ) -> dict[str, Estimate]:
     """Map the intervals of the coordinates to those of the written parameters, which have the sensor's values."""
     found = {}
-    told = {f.name: f.metadata for f in fields(family.curve) if "unit" in f.metadata}
-    for i, (name, meta) in enumerate(told.items()):
-        mapped = []
+    for i, told in enumerate(sensor._declared()):
+        name, meta, mapped = told.name, told.metadata, []
         for k in (0, 1):
             q = center.copy()
             q[i] = ends[i][k]

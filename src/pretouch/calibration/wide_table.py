@@ -10,7 +10,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit
 
-from .cells import Column, Layout, Pair, TextTable, is_missing, is_no_object, is_number, shortened
+from .cells import Column, Layout, TextTable, is_missing, is_no_object, is_number, shortened
 from .choice import ColumnChoice, remedy
 from .columns import taken_as
 from .headers import (
@@ -50,7 +50,7 @@ def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
     columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
     distances = [_place(table, mark, unit) for mark in marks.values()]
     return Layout(
-        pairs=tuple(Pair(distance=d, output=c) for d, c in zip(distances, columns, strict=True)),
+        pairs=tuple(zip(distances, columns, strict=True)),
         distances=f"the headers {span}",
         outputs="the cells below them",
         unit=symbol,
@@ -79,7 +79,7 @@ def _distance_unit(table: TextTable, choice: ColumnChoice, marks: dict[int, Unit
     """Find the unit of bare numbers: that of the other headers, what was said, or what stands in the corner."""
     own = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
-    said = choice.distance.unit if choice.distance else None
+    said = choice.distance.unit
     if own:
         first = next((unit for unit in own if unit != said), said)
         if said is not None and first != said:
@@ -120,7 +120,7 @@ def _output_unit(
     table: TextTable, choice: ColumnChoice, marks: dict[int, UnitMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
     """Find the unit of the cells: what was said, or what stands in the corner; else integers are counts."""
-    said = choice.output.unit if choice.output else None
+    said = choice.output.unit
     for i in others:
         for name, unit in _units(table.header[i]):
             if (

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
@@ -55,7 +55,7 @@ class Family(ABC):
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """The written parameters, the scale first."""
-        return tuple(f.name for f in fields(self.curve) if "unit" in f.metadata)
+        return tuple(f.name for f in self.curve._declared())
 
     @property
     def size(self) -> int:
@@ -138,7 +138,7 @@ class PlainFamily(Family):
 
     @property
     def _signs(self) -> list[str]:
-        return [f.metadata["sign"] for f in fields(self.curve) if "unit" in f.metadata][1:]
+        return [f.metadata["sign"] for f in self.curve._declared()[1:]]
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +13,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 
 from .model import SensorModel, _limit
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PchipInterpolator
 
 __all__ = ["Table"]
 
@@ -87,7 +84,7 @@ def _column(values: ArrayLike, name: str) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> PchipInterpolator:
+def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> Any:
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for tables
 
     return PchipInterpolator(np.array(distances), np.log(outputs), extrapolate=True)

@@ -53,11 +53,9 @@ class Course(Value):
         if not len(below):
             return None
         height, ends = float(np.sqrt(max(level - float(self.costs.min()), 0.0))), []
-        for inner, outer in ((below[0], below[0] - 1), (below[-1], below[-1] + 1)):
-            if not 0 <= outer < len(self.offsets):
-                ends.append(float(self.offsets[inner]))
-                continue
-            share = (height - root[inner]) / max(root[outer] - root[inner], 1e-300)
+        for inner, way in ((below[0], -1), (below[-1], 1)):
+            outer = min(max(inner + way, 0), len(root) - 1)  # the last one has nothing beyond
+            share = (height - root[inner]) / max(root[outer] - root[inner], 1e-300) if outer != inner else 0.0
             ends.append(float(self.offsets[inner] + share * (self.offsets[outer] - self.offsets[inner])))
         return ends[0], ends[1]
 
@@ -90,18 +88,11 @@ class Courses(Value):
 
     def offset(self, kind: str) -> OffsetEstimate:
         """Return the offset with the interval in which any family lies within the rise of the best."""
-        best = self.best
-        at = int(best.costs.argmin())
         ends = [e for part in self.parts if (e := part.interval(self.least + self.rise)) is not None]
         low, high = min(e[0] for e in ends), max(e[1] for e in ends)
-        value = float(best.offsets[at])
-        return OffsetEstimate(
-            value=value,
-            standard_error=(high - low) / (2 * float(np.sqrt(self.rise))),
-            low=float(low),
-            high=float(high),
-            kind=kind,
-        )
+        error = (high - low) / (2 * float(np.sqrt(self.rise)))
+        value = float(self.best.offsets[self.best.costs.argmin()])
+        return OffsetEstimate(value=value, standard_error=error, low=low, high=high, kind=kind)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
         """Draw curves that the readings allow, each as likely as its weight, with the offset that goes with it."""

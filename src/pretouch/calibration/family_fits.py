@@ -15,15 +15,7 @@ from .averaging import AveragedCurve
 from .many_fits import Fits, minimize_many
 from .result import NoiseEstimate
 
-__all__ = [
-    "Problem",
-    "families_of",
-    "fit_free",
-    "forward_change",
-    "lowest_offset",
-    "problem_at",
-    "quick_families",
-]
+__all__ = ["Problem", "families_of", "fit_free", "forward_change", "lowest_offset", "problem_at", "quick_families"]
 
 _STEP: Final = 1e-5  # of a family's parameter, for differences
 

@@ -159,10 +159,8 @@ def _fit_table(
 ) -> tuple[FloatArray, dict[str, Any]]:
     """Take the averaged curve as it is; what is said of it as `_fit_curve` does."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
-    sensor, errors = _table(distance, xi), []
-    for i in range(1, len(xi) - 1):
-        part = _table(np.delete(distance, i), np.delete(xi, i))
-        errors.append(float(np.log(xi[i]) - part.log_output(float(distance[i]))))
+    sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
+    without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
     middle = float((distance[0] + distance[-1]) / 2)
     k = int(np.clip(np.searchsorted(distance, middle), 1, len(xi) - 1))
     own = noise.of_means(prepared.used.count, xi) / xi
@@ -174,7 +172,7 @@ def _fit_table(
         "covariance": np.empty((0, 0)),
         "middle_slope": Estimate(value=slope, standard_error=error, low=slope - reach, high=slope + reach, unit="1/m"),
         "aicc": None,
-        "cross_validation": root_mean_square(np.array(errors)) if errors else None,
+        "cross_validation": root_mean_square(np.log(xi[1:-1]) - without) if without else None,
         "warnings": ("A table passes through the readings with their noise; cross-validation alone judges it.",),
     }
 

@@ -116,14 +116,7 @@ def _prepared(
         at = format_quantity(float(curve.distance[end - 1]), "m")
         last = (end, f"from {at} on the output rises again: a second reflection, or a wall; left out")
     window = window_of(
-        calibration,
-        curve,
-        near,
-        offset=found,
-        sigma=noise.output,
-        floor_sigmas=floor_sigmas,
-        left_out=out,
-        last=last,
+        calibration, curve, near, offset=found, sigma=noise.output, floor_sigmas=floor_sigmas, left_out=out, last=last
     )
     used = curve.part(np.isin(curve.distance, window.distances))
     courses = None
@@ -218,14 +211,12 @@ def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimat
         deviation = np.abs(readings - np.median(readings))
         limit = 6 * max(MAD_TO_SIGMA * float(np.median(deviation)), known.resolution)
         kept = readings[deviation <= limit] if limit > 0 else readings
-    value, count = float(np.mean(kept)), len(kept)
-    error, reach = -1.0, 0.0
-    if known.sigma is not None:
-        error = known.sigma / np.sqrt(count)
-        reach = float(stdtrit(max(known.freedom, 1.0), 0.975)) * error
-    return OffsetEstimate(
-        value=value, standard_error=float(error), low=float(value - reach), high=float(value + reach), kind="measured"
-    )
+    value = float(np.mean(kept))
+    if known.sigma is None:
+        return OffsetEstimate(value=value, standard_error=-1.0, low=value, high=value, kind="measured")
+    error = float(known.sigma / np.sqrt(len(kept)))
+    reach = float(stdtrit(max(known.freedom, 1.0), 0.975)) * error
+    return OffsetEstimate(value=value, standard_error=error, low=value - reach, high=value + reach, kind="measured")
 
 
 def _nothing(

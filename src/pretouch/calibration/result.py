@@ -17,14 +17,7 @@ from pretouch.sensors import SensorModel
 from .data import Calibration
 from .knowledge import AllowedCurves, SlopeKnowledge
 
-__all__ = [
-    "CalibrationReport",
-    "Estimate",
-    "NoiseEstimate",
-    "OffsetEstimate",
-    "SensorFit",
-    "UsableWindow",
-]
+__all__ = ["CalibrationReport", "Estimate", "NoiseEstimate", "OffsetEstimate", "SensorFit", "UsableWindow"]
 
 _FINEST: Final = 1e-4  # of xi: nothing is known better; exact numbers are weighed as their logarithms
 

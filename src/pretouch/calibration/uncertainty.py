@@ -41,13 +41,12 @@ def estimates(
         return np.column_stack([rows, np.log(np.maximum(-family.slope(u, place)[:, 0], 1e-9))])
 
     center, moved = every(best.x)[0], [every(u[None])[0] for u in shifted]
+    least, most = np.min([center, *moved], axis=0), np.max([center, *moved], axis=0)
     ends = []
     found = intervals(problem.residuals, best, problem.bounds(), every, rise)
-    for i, (low, high, *reached) in enumerate(found):
-        below = center[i] - min([center[i], *(m[i] for m in moved)])
-        above = max([center[i], *(m[i] for m in moved)]) - center[i]
-        down = center[i] - math.hypot(center[i] - low, below) if reached[0] else low
-        up = center[i] + math.hypot(high - center[i], above) if reached[1] else high
+    for at, lowest, highest, (low, high, *reached) in zip(center, least, most, found, strict=True):
+        down = at - math.hypot(at - low, at - lowest) if reached[0] else low
+        up = at + math.hypot(high - at, highest - at) if reached[1] else high
         ends.append((down, up, reached[0], reached[1]))
     own = best.covariances[0]
     covariance = _covariance(x, own, family, moved, share=share, inflation=inflation)

@@ -13,16 +13,7 @@ from pretouch._core.units import parse_unit
 from .cells import Column, Layout, TextTable, is_missing, is_no_object, is_number, shortened
 from .choice import ColumnChoice, remedy
 from .columns import taken_as
-from .headers import (
-    UnitMark,
-    distance_mark,
-    is_length,
-    is_named,
-    is_output_unit,
-    looks_wide,
-    output_unit,
-    split_title,
-)
+from .headers import UnitMark, distance_mark, is_length, is_named, is_output_unit, looks_wide, output_unit, split_title
 
 __all__ = ["wide_layout"]
 

@@ -99,10 +99,7 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 
 
 def find_near_end(
-    calibration: Calibration,
-    curve: AveragedCurve,
-    saturation: float | str | None,
-    near_field_peak: float | str | None,
+    calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
 ) -> NearEnd:
     """Find the first usable distance and the reason; the index is the number of distances where all are clipped."""
     level, found = _saturation(calibration, curve, saturation)

@@ -25,16 +25,9 @@ class CurveChange:
     """The derivative of ln xi by a parameter, up to a constant: output ln xi + shift g + stretch l g.
 
     These three have a meaning of their own: a larger gain, a sensor farther behind the surface, another unit of length.
-    So whatever follows from them follows for the parameter. Where a change is none of these, or is one only with a loss
-    of digits, its slope says everything.
-
-    Args:
-        output: factor of ln xi.
-        shift: factor of g [m].
-        stretch: factor of l g.
-        slope: the derivative of g by the parameter, as a function of the distance [m], where the three factors do not
-            give the change.
-        nearest: distance at the start [m] below which `slope` is to be used although the factors are given.
+    So whatever follows from them follows for the parameter; the shift is in m. Where a change is none of these, or is
+    one only with a loss of digits, as where a motion starts nearer than `nearest` [m], the slope says everything: the
+    derivative of g by the parameter, as a function of the distance [m].
     """
 
     output: float = 0.0

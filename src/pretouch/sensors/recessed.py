@@ -51,10 +51,7 @@ class Recessed(SensorModel):
             raise InvalidInputError(f"sensor: found {self.sensor!r}, expected a sensor curve")
         recess = _number(self.recess, "recess", "m")
         low, high = self.sensor.valid_range
-        nearest, farthest = (
-            _limit(self.minimum_distance, "minimum_distance"),
-            _limit(self.maximum_distance, "maximum_distance"),
-        )
+        nearest, farthest = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "recess", recess)
         reach = 0.0 if math.isclose(low, recess, rel_tol=_ROUNDING) else low - recess
         object.__setattr__(self, "minimum_distance", max(nearest, reach))

@@ -55,7 +55,7 @@ class Table(SensorModel):
                     f"{name}: found {column[i]:g} followed by {column[i + 1]:g}; a table must be strictly "
                     f"{'increasing in distance' if sign > 0 else 'decreasing in output: smooth or fit it first'}"
                 )
-        low, high = _limit(self.minimum_distance, "minimum_distance"), _limit(self.maximum_distance, "maximum_distance")
+        low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "distances", tuple(map(float, distances)))
         object.__setattr__(self, "outputs", tuple(map(float, outputs)))
         object.__setattr__(self, "minimum_distance", max(low, self.distances[0]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, replace
 from typing import Any, ClassVar, final
 
@@ -102,6 +102,10 @@ class SensorModel(ABC):
     @property
     def knots(self) -> tuple[float, ...]:
         """Distances inside the valid range at which a higher derivative of ln xi jumps, in m."""
+        low, high = self.valid_range
+        return tuple(sorted(k for k in self._knots() if low < k < high))
+
+    def _knots(self) -> Iterable[float]:
         return ()
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
@@ -84,11 +84,8 @@ class Recessed(SensorModel):
         inner = self.sensor.with_parameters(curve) if curve else self.sensor
         return Recessed(sensor=inner, recess=values.get("recess", self.recess))
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """The knots of the curve inside the valid range [m], from the contact surface."""
-        low, high = self.valid_range
-        return tuple(k for k in (knot - self.recess for knot in self.sensor.knots) if low < k < high)
+    def _knots(self) -> Iterable[float]:
+        return (knot - self.recess for knot in self.sensor.knots)
 
     @property
     def constant_log_slope(self) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -62,11 +63,8 @@ class Table(SensorModel):
         object.__setattr__(self, "maximum_distance", min(high, self.distances[-1]))
         SensorModel.__post_init__(self)
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """The distances of the inner points [m], where the second derivative of ln xi jumps."""
-        low, high = self.valid_range
-        return tuple(d for d in self.distances if low < d < high)
+    def _knots(self) -> Iterable[float]:
+        return self.distances  # where the second derivative of ln xi jumps
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(_interpolant(self.distances, self.outputs)(distance))

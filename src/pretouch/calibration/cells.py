@@ -19,6 +19,7 @@ __all__ = [
     "is_no_object",
     "is_number",
     "is_row",
+    "listed",
     "number",
     "shortened",
     "uses_commas",
@@ -119,6 +120,11 @@ def uses_commas(cells: Sequence[str]) -> bool:
 def shortened(text: str) -> str:
     """Quote a line for a message."""
     return repr(text if len(text) <= _LONGEST_LINE else f"{text[: _LONGEST_LINE - 3]}...")
+
+
+def listed(items: Sequence[str], most: int) -> str:
+    """List the first items for a message."""
+    return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pretouch._core.errors import CalibrationDataError
 
-from .cells import TextTable, shortened
+from .cells import TextTable, listed, shortened
 from .headers import is_length, split_title
 
 __all__ = ["Chosen", "ColumnChoice", "chosen_labels", "read_choice", "remedy"]
@@ -143,6 +143,5 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], found: s
             )
         if at:
             return at[0]
-    known = ", ".join(shortened(title) for title in table.header[:_SHOWN])
-    known += ", ..." if len(table.header) > _SHOWN else ""
-    raise CalibrationDataError(f"{found}, expected one of {known}")
+    known = [shortened(title) for title in table.header]
+    raise CalibrationDataError(f"{found}, expected one of {listed(known, _SHOWN)}")

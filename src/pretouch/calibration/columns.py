@@ -9,7 +9,7 @@ from dataclasses import replace
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import parse_unit
 
-from .cells import Column, Layout, TextTable, is_missing, is_number, shortened
+from .cells import Column, Layout, TextTable, is_missing, is_number, listed, shortened
 from .choice import Chosen, ColumnChoice, remedy
 from .headers import is_length, is_named, is_output_unit, output_unit, split_title
 
@@ -53,8 +53,7 @@ def _columns(table: TextTable, choice: ColumnChoice) -> tuple[int, list[int]]:
     if distance is not None and distance == output:
         raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
     if distance is None or output is None:
-        found = ", ".join(f"{i}: {shortened(title)}" for i, title in enumerate(table.header[:_SHOWN], start=1))
-        found += ", ..." if len(table.header) > _SHOWN else ""
+        found = listed([f"{i}: {shortened(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
         place = 0 if distance is None else distance
         free = [i for i in range(len(table.header)) if i != place]
         other = next((i for i in free if not is_named(table.header[i], "setting")), free[0])

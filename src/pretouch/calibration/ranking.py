@@ -98,7 +98,7 @@ def _left_out(prepared: Prepared) -> tuple[str, ...]:
     if single:
         at = (format_quantity(float(calibration.distances[i]), "m") for i in single)
         shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
-        named = ", ".join([*shown[:_MOST_NAMED], *(["..."] if len(shown) > _MOST_NAMED else [])])
+        named = ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
         found.append(f"{_readings(len(single))} ({named}): lost, or far off the others at the same distance.")
     for distance in prepared.outlier_distances:
         here = calibration.distances == distance

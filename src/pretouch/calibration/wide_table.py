@@ -10,7 +10,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit
 
-from .cells import Column, Layout, TextTable, is_missing, is_no_object, is_number, shortened
+from .cells import Column, Layout, TextTable, is_missing, is_no_object, is_number, listed, shortened
 from .choice import ColumnChoice, remedy
 from .columns import taken_as
 from .headers import UnitMark, distance_mark, is_length, is_named, is_output_unit, looks_wide, output_unit, split_title
@@ -87,10 +87,10 @@ def _distance_unit(table: TextTable, choice: ColumnChoice, marks: dict[int, Unit
         return said
     corner = [u for i in others for name, u in _units(table.header[i]) if is_length(u) and _of_distance(name)]
     if not corner:
-        shown = ", ".join(repr(table.header[i]) for i in list(marks)[:3])
+        shown = listed([repr(table.header[i]) for i in marks], 3)
         raise CalibrationDataError(
-            f"{table.place}: found the distances {shown}{', ...' if len(marks) > 3 else ''} without a unit: write it "
-            f'into them, such as "5 mm", or say it: {remedy("distance=[mm]")}'
+            f"{table.place}: found the distances {shown} without a unit: write it into them, such as "
+            f'"5 mm", or say it: {remedy("distance=[mm]")}'
         )
     return corner[0]
 

@@ -119,5 +119,6 @@ def forward_change(
     function: Callable[[FloatArray, FloatArray], FloatArray], u: FloatArray, distance: FloatArray
 ) -> FloatArray:
     """Differentiate a function of parameters u, shape (..., p), and distances by each parameter, shape (p, ...)."""
-    here = function(u, distance)
-    return np.stack([(function(u + _STEP * row, distance) - here) / _STEP for row in np.eye(u.shape[-1])])
+    size = u.shape[-1]
+    moved = u + _STEP * np.eye(size).reshape(size, *[1] * (u.ndim - 1), size)
+    return (function(moved, distance) - function(u, distance)) / _STEP

@@ -10,9 +10,18 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 from .data import Calibration
 
-__all__ = ["AveragedCurve", "ReadingNoise", "average", "reading_noise", "resolution", "two_components"]
+__all__ = [
+    "MAD_TO_SIGMA",
+    "AveragedCurve",
+    "ReadingNoise",
+    "average",
+    "reading_noise",
+    "resolution",
+    "slope_weights",
+    "two_components",
+]
 
-_MAD_TO_SIGMA = 1.4826  # of a normal distribution
+MAD_TO_SIGMA = 1.4826  # of a normal distribution
 _BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or a doubled reading is far beyond
 _CLEAR_OF_ZERO = 5  # in steps of the converter
 _USUAL_SPREAD = 0.5  # of the logarithm of a relative part that is larger than usual
@@ -21,13 +30,9 @@ _FEWEST_REPEATS = 3  # degrees of freedom from which a scatter is taken as known
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AveragedCurve:
-    """The mean output at each distinct distance.
+    """The mean `output` of `count` readings at each distinct distance [m], increasing, all of shape (N,).
 
-    Args:
-        distance: distinct distances [m], increasing, shape (N,).
-        output: mean of the readings there, shape (N,).
-        count: how many readings that mean is of, shape (N,).
-        bad_readings: indices of single readings, among repeats, that were left out of the means.
+    `bad_readings` are indices of single readings, among repeats, that were left out of the means.
     """
 
     distance: FloatArray
@@ -35,9 +40,17 @@ class AveragedCurve:
     count: IntArray
     bad_readings: tuple[int, ...] = ()
 
-    def part(self, mask: BoolArray) -> AveragedCurve:
-        """Return the points where `mask` holds."""
-        return AveragedCurve(distance=self.distance[mask], output=self.output[mask], count=self.count[mask])
+    def part(self, which: BoolArray | IntArray | slice) -> AveragedCurve:
+        """Return some of the points."""
+        return AveragedCurve(distance=self.distance[which], output=self.output[which], count=self.count[which])
+
+    @property
+    def steady(self) -> FloatArray:
+        """The output without single points that stick out: medians of three neighbors, but for the ends."""
+        y = self.output.copy()
+        if len(y) > 2:
+            y[1:-1] = np.median([self.output[:-2], self.output[1:-1], self.output[2:]], axis=0)
+        return y
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,16 +68,7 @@ class ReadingNoise:
 
 
 def resolution(calibration: Calibration) -> float:
-    """Find the step in which the outputs come (LSB), from their differences; 0 where there is none.
-
-    It is the approximate greatest common divisor of the differences, so it does not depend on the unit.
-
-    Args:
-        calibration: the readings.
-
-    Returns:
-        The step, in the unit of the outputs.
-    """
+    """Find the step in which the outputs come (LSB), an approximate common divisor of all differences; 0 for none."""
     values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
     if len(values) < 4:
         return 0.0
@@ -81,14 +85,7 @@ def resolution(calibration: Calibration) -> float:
 
 
 def average(calibration: Calibration) -> AveragedCurve:
-    """Average repeats; a reading that was lost (0) or lies far off its repeats is left out.
-
-    Args:
-        calibration: the readings.
-
-    Returns:
-        The averaged curve.
-    """
+    """Average repeats; a reading that was lost (0) or lies far off its repeats is left out."""
     keep = ~_lost(calibration)
     distance, place = np.unique(calibration.distances[keep], return_inverse=True)
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
@@ -96,7 +93,7 @@ def average(calibration: Calibration) -> AveragedCurve:
     repeated = [i for i, g in enumerate(groups) if len(g) >= 3]
     if sum(len(groups[i]) - 1 for i in repeated) >= 6:
         deviations = [np.abs(calibration.outputs[groups[i]] - medians[i]) for i in repeated]
-        spread = np.array([(_MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
+        spread = np.array([(MAD_TO_SIGMA * np.median(d)) ** 2 for d in deviations])
         dof = np.array([len(groups[i]) - 1 for i in repeated], dtype=np.float64)
         signal = medians - min(medians.min(), *calibration.no_object, np.inf)
         sigma, jitter = two_components(spread, dof, signal[repeated])
@@ -121,18 +118,10 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
-    """Estimate the noise of one reading from repeats and no-object readings, never below the quantization.
-
-    The variance of a reading is taken as sigma^2 + (c xi)^2, the two parts by maximum likelihood over the groups of
-    repeats; a strong signal that jitters does not raise the noise of the far field.
-
-    Args:
-        calibration: the readings.
-        curve: their averages.
-
-    Returns:
-        The noise; its `sigma` is None where fewer than three degrees of freedom tell.
-    """
+    """Estimate the noise of one reading from repeats and no-object readings, never below the quantization."""
+    # The variance of a reading is taken as sigma^2 + (c xi)^2, the two parts by maximum likelihood over the groups of
+    # repeats; a strong signal that jitters does not raise the noise of the far field. Fewer than three degrees of
+    # freedom tell nothing.
     step = resolution(calibration)
     floor = step / np.sqrt(12.0)
     keep = np.ones(len(calibration.outputs), dtype=bool)
@@ -150,8 +139,7 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
     sigma, jitter = two_components(variance, dof, np.array([signal[i] for i in used]))
     source = "no-object readings" if used == [len(groups) - 1] else "repeats"
     if sigma < floor:
-        source = f"quantization ({source} scatter less)"
-        return ReadingNoise(sigma=float(floor), source=source, resolution=step, freedom=float(dof.sum()), jitter=jitter)
+        sigma, source = float(floor), f"quantization ({source} scatter less)"
     if sigma <= 0:
         return ReadingNoise(sigma=None, source="", resolution=step)
     return ReadingNoise(sigma=sigma, source=source, resolution=step, freedom=float(dof.sum()), jitter=jitter)
@@ -160,17 +148,9 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Find the likeliest sigma and c of variance = sigma^2 + (c xi)^2, with sigma in closed form for each ratio.
-
-    Args:
-        variance: of each group.
-        dof: degrees of freedom of each.
-        signal: xi of each.
-        usual: a relative part c up to which nothing is held against it; beyond, its logarithm has a normal prior.
-
-    Returns:
-        sigma and c.
-    """
+    """Find the likeliest sigma and c of variance = sigma^2 + (c xi)^2 from groups' variances and degrees of freedom."""
+    # Sigma has a closed form for each ratio. Up to c = `usual` nothing is held against c; beyond, its logarithm has a
+    # normal prior.
     top = float(signal.max())
     ratios = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 61) / top]) if top > 0 else np.array([0.0])
     shape = 1 + (ratios[:, None] * signal) ** 2
@@ -183,3 +163,10 @@ def two_components(
     best = int(np.argmin(deviance))
     sigma = float(np.sqrt(sigma2[best]))
     return sigma, sigma * float(ratios[best])
+
+
+def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return what a weighted straight line through values at distances [m] multiplies each by, to give its slope."""
+    weight = 1 / variance
+    away = distance - float(weight @ distance) / float(weight.sum())
+    return np.asarray(weight * away / float(weight @ away**2))

@@ -14,12 +14,12 @@ from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 __all__ = [
     "Column",
     "Layout",
-    "Pair",
     "TextTable",
     "is_missing",
     "is_no_object",
     "is_number",
     "is_row",
+    "listed",
     "number",
     "shortened",
     "uses_commas",
@@ -29,7 +29,7 @@ _MISSING = {"", "nan", "na", "n/a", "null", "missing", "-", "--"}
 _NO_OBJECT = {"", "inf", "+inf", "infinity", "+infinity", "∞", "none", "no object", "no-object", "no_object", "empty"}
 _DOTTED = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMAED = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
-_LONGEST = 60  # characters of a line that a message shows
+_LONGEST_LINE = 60  # characters of a line that a message shows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,43 +72,25 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pair:
-    """A column of outputs, and their distance: a column, or one distance [m] for all; infinite where no object is."""
-
-    distance: Column | float
-    output: Column
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Where the readings of a table stand.
+    """Where the readings of a table stand: one pair of columns in a long table, many in a wide one.
 
-    Args:
-        pairs: the columns of outputs with their distances; one in a long table, many in a wide one.
-        distances: what is taken as distance, for the provenance.
-        outputs: what is taken as output, for the provenance.
-        unit: of the outputs.
-        labels: indices of the columns that tell curves apart, where nobody says which.
-        notes: what had to be assumed.
+    Beside a column of outputs stands that of their distances, or one distance [m] for all, infinite where no object is.
+    `distances` and `outputs` say what is taken as such, `unit` is that of the outputs, `labels` are indices of the
+    columns that tell curves apart, where nobody says which, and `notes` what had to be assumed.
     """
 
-    pairs: tuple[Pair, ...]
+    pairs: tuple[tuple[Column | float, Column], ...]
     distances: str
     outputs: str
     unit: str
     labels: tuple[int, ...]
     notes: tuple[str, ...]
 
-    @property
-    def used(self) -> set[int]:
-        """The indices of the columns that hold distances or outputs."""
-        distances = {pair.distance.index for pair in self.pairs if isinstance(pair.distance, Column)}
-        return distances | {pair.output.index for pair in self.pairs}
-
 
 def is_number(cell: str) -> bool:
     """Tell whether a cell is a number, with either decimal mark."""
-    plain = _plain(cell)
+    plain = _ascii(cell)
     return bool(_DOTTED.fullmatch(plain) or _COMMAED.fullmatch(plain))
 
 
@@ -137,26 +119,20 @@ def uses_commas(cells: Sequence[str]) -> bool:
 
 def shortened(text: str) -> str:
     """Quote a line for a message."""
-    return repr(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
+    return repr(text if len(text) <= _LONGEST_LINE else f"{text[: _LONGEST_LINE - 3]}...")
+
+
+def listed(items: Sequence[str], most: int) -> str:
+    """List the first items for a message."""
+    return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read one cell as a number, in the decimal mark of its file and no locale's.
-
-    Args:
-        table: the file.
-        line: number of the line.
-        cell: the text.
-        column: the column, whose unit is applied.
-
-    Returns:
-        The number in the unit of the calibration; 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not.
-
-    Raises:
-        CalibrationDataError: the text is no finite number, or one whose products with others are none.
-    """
+    """Read one cell as a number in the unit of the calibration, in the decimal mark of its file and no locale's."""
+    # 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not. What is no finite number, or one whose products
+    # with others are none, is refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
-    plain = _plain(cell)
+    plain = _ascii(cell)
     where = f"{table.file}, line {line}: found {shortened(cell)} in column {table.title(column.index)}"
     if pattern.fullmatch(plain) or _DOTTED.fullmatch(plain):
         value = float(plain.replace(",", "."))
@@ -171,5 +147,5 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     raise CalibrationDataError(f"{where}, expected a number such as 12{table.decimal_mark}5")
 
 
-def _plain(cell: str) -> str:
+def _ascii(cell: str) -> str:
     return cell.replace("\N{MINUS SIGN}", "-")

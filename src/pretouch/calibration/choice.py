@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pretouch._core.errors import CalibrationDataError
 
-from .cells import TextTable, shortened
+from .cells import TextTable, listed, shortened
 from .headers import is_length, split_title
 
 __all__ = ["Chosen", "ColumnChoice", "chosen_labels", "read_choice", "remedy"]
@@ -20,21 +20,17 @@ _HERE = "in a scenario file and in Python"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chosen:
-    """One column as somebody names it.
+    """One column, the `distance` or the `output`, as somebody names it: by its number from 1, its name, or its unit.
 
-    Args:
-        key: `distance` or `output`.
-        text: as it was written.
-        number: of the column, from 1; None where it is given by its header, or only its unit is.
-        name: of the column, without a unit.
-        unit: the unit that the column has; None where the header tells.
+    The number is None where the column is given by its header, or only its unit is; the unit where the header tells.
+    Nothing is known of a column that is left open.
     """
 
     key: str
-    text: str
-    number: int | None
-    name: str
-    unit: str | None
+    text: str = ""
+    number: int | None = None
+    name: str = ""
+    unit: str | None = None
 
     @property
     def names_a_column(self) -> bool:
@@ -45,8 +41,9 @@ class Chosen:
         """Find the column in a table; None where only its unit was said."""
         return _find(table, self.number, (self.text, self.name), f"columns: found {self.text!r} for the {self.key}")
 
-    def unit_beside(self, title: str, found: str | None) -> str | None:
+    def unit_beside(self, title: str) -> str | None:
         """Return the unit of the column, which may be said or stand in its header, but not differ between them."""
+        found = split_title(title)[1]
         if self.unit is None or self.text == title:
             return found
         if found is not None and found != self.unit:
@@ -59,50 +56,34 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnChoice:
-    """What was said about the columns of distances and outputs; either may be left open."""
+    """What was said about the columns of distances and outputs."""
 
-    distance: Chosen | None = None
-    output: Chosen | None = None
-
-    @property
-    def given(self) -> tuple[Chosen, ...]:
-        """What was said."""
-        return tuple(c for c in (self.distance, self.output) if c is not None)
+    distance: Chosen = Chosen(key="distance")
+    output: Chosen = Chosen(key="output")
 
     @property
     def names_a_column(self) -> bool:
         """Whether a column of distances or outputs was named, which only a long table has."""
-        return any(c.names_a_column for c in self.given)
+        return self.distance.names_a_column or self.output.names_a_column
 
     @property
     def has_a_number(self) -> bool:
         """Whether a column was given by its number, which needs no header."""
-        return any(c.number is not None for c in self.given)
+        return self.distance.number is not None or self.output.number is not None
 
     @property
     def declares_distances(self) -> bool:
         """Whether only the unit of distances was said."""
-        return self.distance is not None and not self.distance.names_a_column
+        return self.distance.unit is not None and not self.distance.names_a_column
 
     def names_one_of(self, header: Sequence[str]) -> bool:
         """Tell whether a line holds a header that was given by name."""
         titles = {title.casefold() for title in header} | {split_title(title)[0].casefold() for title in header}
-        return any(c.number is None and c.name and {c.text.casefold(), c.name.casefold()} & titles for c in self.given)
+        return any(c.name and {c.text.casefold(), c.name.casefold()} & titles for c in (self.distance, self.output))
 
 
 def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:
-    """Read what somebody says about the columns.
-
-    Args:
-        columns: for `distance` and `output` a header, a number counted from 1, a unit in brackets, or a header or a
-            number with a unit, such as `3 [counts]`.
-
-    Returns:
-        The choice.
-
-    Raises:
-        CalibrationDataError: there are other keys or values, or the unit of the distance is no length.
-    """
+    """Read what somebody says about the `distance` and the `output` column, as `read_calibration` takes it."""
     found = {}
     for key, value in (columns or {}).items():
         if key not in _KEYS:
@@ -125,23 +106,13 @@ def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:
 
 
 def chosen_labels(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
-    """Find the columns that are named as labels.
-
-    Args:
-        table: the file.
-        labels: their headers, or their numbers counted from 1.
-
-    Returns:
-        Their indices, in the order of the file.
-    """
+    """Find the columns that are named as labels, by headers or numbers from 1; in the order of the file."""
     found = set()
     for label in [labels] if isinstance(labels, str) else labels:
         text = str(label).strip()
         number = int(text) if re.fullmatch(r"\d{1,6}", text) and text not in table.header else None
-        index = _find(table, number, (text, text), f"labels: found {text!r}")
-        if index is not None:
-            found.add(index)
-    return tuple(sorted(found))
+        found.add(_find(table, number, (text, text), f"labels: found {text!r}"))
+    return tuple(sorted(i for i in found if i is not None))
 
 
 def remedy(columns: str) -> str:
@@ -172,6 +143,5 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], found: s
             )
         if at:
             return at[0]
-    known = ", ".join(shortened(title) for title in table.header[:_SHOWN])
-    known += ", ..." if len(table.header) > _SHOWN else ""
-    raise CalibrationDataError(f"{found}, expected one of {known}")
+    known = [shortened(title) for title in table.header]
+    raise CalibrationDataError(f"{found}, expected one of {listed(known, _SHOWN)}")

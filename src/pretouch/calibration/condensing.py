@@ -21,21 +21,13 @@ _ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
-    """Gather readings at many distances into at most fifty, so that neighbors become repeats of each other.
-
-    The range is cut into parts, along which the signal falls, and the distance grows, by equal steps of
-    asinh((y - y_far) / tau), which is ln xi above the scatter tau, and of l, half by half: where the curve is steep,
-    parts are narrow. The first and the last distance are parts of their own. Every reading is moved to the mean
-    distance of its part along a cubic spline through the medians of the parts; what that leaves is of fourth order in
-    the width of a part. Readings of exactly 0 (lost) and at a largest value that is met more than once (clipped) are
-    not moved, so that they are known for what they are.
-
-    Args:
-        calibration: the readings.
-
-    Returns:
-        The same readings in the same order, with their distances gathered; unchanged where there are few distances.
-    """
+    """Gather readings at many distances into at most fifty, so that neighbors become repeats of each other."""
+    # The range is cut into parts, along which the signal falls, and the distance grows, by equal steps of asinh((y -
+    # y_far) / tau), which is ln xi above the scatter tau, and of l, half by half: where the curve is steep, parts are
+    # narrow. The first and the last distance are parts of their own. Every reading is moved to the mean distance of its
+    # part along a cubic spline through the medians of the parts; what that leaves is of fourth order in the width of a
+    # part. Readings of exactly 0 (lost) and at a largest value that is met more than once (clipped) are not moved, so
+    # that they are known for what they are. Their order stays.
     distance = calibration.distances
     if len(calibration.distinct_distances) <= _MANY:
         return calibration
@@ -48,22 +40,16 @@ def condense(calibration: Calibration) -> Calibration:
     part[distance == distance.max()] = len(places)
     _, part = np.unique(part, return_inverse=True)
     count = int(part.max()) + 1
-    middle, median = np.empty(count), np.empty(count)
-    for i in range(count):
-        members = part == i
-        middle[i] = distance[members].mean()
-        median[i] = np.median(calibration.outputs[members])
+    middle = np.array([distance[part == i].mean() for i in range(count)])
+    median = np.array([np.median(calibration.outputs[part == i]) for i in range(count)])
     inner = slice(1, -1)  # at an end nothing is moved, and one reading is no anchor
     course = CubicSpline(middle[inner], median[inner]) if count > _ENDS + 1 else None
     moved = calibration.outputs - (course(distance) - course(middle[part]) if course else 0.0)
     at_top = calibration.outputs == calibration.outputs.max()
     kept = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))
     widths = [format_quantity(float(w), "m", 3) for w in (np.diff(places).min(), np.diff(places).max())]
-    note = (
-        f"{len(calibration.distinct_distances)} distances were gathered into {count}, {widths[0]} to {widths[1]} wide, "
-        "along the curve."
-    )
-    source = calibration.source
+    many, source = len(calibration.distinct_distances), calibration.source
+    note = f"{many} distances were gathered into {count}, {widths[0]} to {widths[1]} wide, along the curve."
     return replace(
         calibration,
         distances=middle[part],

@@ -18,7 +18,7 @@ from pretouch._core.values import Value
 from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
-from .family_fits import Problem, families_of, fit_free, lowest_offset
+from .family_fits import Problem, families_of, fit_free, forward_change, lowest_offset, problem_at
 from .knowledge import DrawnCurve
 from .many_fits import Fits
 from .result import NoiseEstimate, OffsetEstimate
@@ -34,14 +34,10 @@ _NARROW: Final = np.linspace(-2.8, 2.8, 9)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course(Value):
-    """The fits of one family, one for each of some offsets.
+    """The fits of one family, one for each of some offsets, increasing, of shape (b,).
 
-    Args:
-        family: the family.
-        offsets: increasing, shape (b,).
-        x: the parameters at each, shape (b, 3).
-        covariances: of them, at unit variance of the residuals, shape (b, 3, 3).
-        costs: sums of squares, with what is known of the offset beforehand, shape (b,).
+    Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of the residuals; `costs`, shape
+    (b,), are sums of squares, with what is known of the offset beforehand.
     """
 
     family: Family
@@ -57,11 +53,9 @@ class Course(Value):
         if not len(below):
             return None
         height, ends = float(np.sqrt(max(level - float(self.costs.min()), 0.0))), []
-        for inner, outer in ((below[0], below[0] - 1), (below[-1], below[-1] + 1)):
-            if not 0 <= outer < len(self.offsets):
-                ends.append(float(self.offsets[inner]))
-                continue
-            share = (height - root[inner]) / max(root[outer] - root[inner], 1e-300)
+        for inner, way in ((below[0], -1), (below[-1], 1)):
+            outer = min(max(inner + way, 0), len(root) - 1)  # the last one has nothing beyond
+            share = (height - root[inner]) / max(root[outer] - root[inner], 1e-300) if outer != inner else 0.0
             ends.append(float(self.offsets[inner] + share * (self.offsets[outer] - self.offsets[inner])))
         return ends[0], ends[1]
 
@@ -94,37 +88,18 @@ class Courses(Value):
 
     def offset(self, kind: str) -> OffsetEstimate:
         """Return the offset with the interval in which any family lies within the rise of the best."""
-        best = self.best
-        at = int(best.costs.argmin())
         ends = [e for part in self.parts if (e := part.interval(self.least + self.rise)) is not None]
         low, high = min(e[0] for e in ends), max(e[1] for e in ends)
-        value = float(best.offsets[at])
-        return OffsetEstimate(
-            value=value,
-            standard_error=(high - low) / (2 * float(np.sqrt(self.rise))),
-            low=float(low),
-            high=float(high),
-            kind=kind,
-        )
+        error = (high - low) / (2 * float(np.sqrt(self.rise)))
+        value = float(self.best.offsets[self.best.costs.argmin()])
+        return OffsetEstimate(value=value, standard_error=error, low=low, high=high, kind=kind)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves that the readings allow, each with the offset that goes with it.
-
-        Args:
-            count: how many.
-            seed: of the generator.
-
-        Returns:
-            The curves, each as likely as its weight.
-        """
+        """Draw curves that the readings allow, each as likely as its weight, with the offset that goes with it."""
         rng = np.random.default_rng(seed)
-        weights = self.weights()
-        sizes = [len(w) for w in weights]
-        chosen = rng.choice(sum(sizes), count, p=np.concatenate(weights))
-        ends, found = np.cumsum(sizes), []
-        for number in chosen:
-            k = int(np.searchsorted(ends, number, side="right"))
-            part, i = self.parts[k], int(number - (ends[k] - sizes[k]))
+        fits, found = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
+        for number in rng.choice(len(fits), count, p=np.concatenate(self.weights())):
+            part, i = fits[number]
             spread = part.covariances[i] * self.inflation * self.form
             with np.errstate(all="ignore"):
                 moved = rng.multivariate_normal(part.x[i], spread, method="svd", check_valid="ignore")
@@ -163,13 +138,12 @@ class Courses(Value):
             if not kept.any():
                 continue
             x, covariance = part.x[kept], part.covariances[kept] * self.inflation * self.form
-            log = np.log(np.maximum(-part.family.slope(x, distance), 1e-12))
-            change = np.empty((*log.shape, x.shape[1]))
-            for i in range(x.shape[1]):
-                moved = x.copy()
-                moved[:, i] += 1e-5
-                change[..., i] = (np.log(np.maximum(-part.family.slope(moved, distance), 1e-12)) - log) / 1e-5
-            rows.append(log)
+
+            def log_slope(u: FloatArray, at: FloatArray, family: Family = part.family) -> FloatArray:
+                return np.asarray(np.log(np.maximum(-family.slope(u, at), 1e-12)))
+
+            change = np.moveaxis(forward_change(log_slope, x, distance), 0, -1)
+            rows.append(log_slope(x, distance))
             spreads.append(np.einsum("bnp,bpq,bnq->bn", change, covariance, change))
             weights.append(weight[kept])
         every, own, share = np.concatenate(rows), np.concatenate(spreads), np.concatenate(weights)
@@ -177,11 +151,6 @@ class Courses(Value):
         mean = share @ every
         variance = share @ (np.minimum(own, 4.0) + (every - mean) ** 2)
         return np.asarray(mean), np.asarray(np.sqrt(variance))
-
-
-def _smooth_share(noise: NoiseEstimate, curve: AveragedCurve) -> float:
-    """Return the share of misfit in what grows with xi."""
-    return float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))
 
 
 def find_courses(
@@ -192,18 +161,9 @@ def find_courses(
     informed_by: int | None = None,
     also: float | None = None,
 ) -> Courses:
-    """Fit every family at every offset that comes into question.
-
-    Args:
-        curve: the averaged readings, five points or more (four where the offset is known).
-        noise: of readings and means.
-        known: the offset where it is measured or declared; None where the readings have to tell it.
-        informed_by: how many points the noise was estimated from; those of the curve where None.
-        also: another offset to fit at; None for none.
-
-    Returns:
-        The fits.
-    """
+    """Fit every family at every offset in question, to five points or more (four where the offset is known)."""
+    # The noise was estimated from `informed_by` points, those of the curve where None; `also` is another offset to fit
+    # at.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     parts = []
@@ -212,43 +172,33 @@ def find_courses(
         offsets = _offsets(curve, free, known)
         offsets = offsets if also is None else np.unique(np.append(offsets, also))
         problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
-        start = np.repeat(free.x[:, :3], len(offsets), axis=0)
-        found = problem.minimize(start)
+        found = problem.minimize(np.repeat(free.x[:, :3], len(offsets), axis=0))
         prior = family.prior(found.x)
         if known is not None and known.standard_error > 0:
             prior += ((offsets - known.value) / known.standard_error) ** 2
-        parts.append(
-            Course(
-                family=family,
-                offsets=offsets,
-                x=found.x,
-                covariances=found.covariances,
-                costs=found.costs + prior,
-            )
-        )
+        costs = found.costs + prior
+        parts.append(Course(family=family, offsets=offsets, x=found.x, covariances=found.covariances, costs=costs))
     freedom = max((informed_by or len(curve.distance)) - 3 - (known is None), 1)
     best = min(parts, key=lambda part: float(part.costs.min()))
     at = int(best.costs.argmin())
-    problem = Problem(curve=curve, family=best.family, noise=noise, offsets=best.offsets[at : at + 1])
-    row = problem.residuals(best.x[at : at + 1], np.zeros(1, dtype=np.int64))[0]
-    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _likeness(
-        row, _smooth_share(noise, curve)
-    )
-    form = 1.0 if known is not None else _FORM
+    problem = problem_at(curve, best.family, noise, best.offsets[at])
+    row = problem.residuals(best.x[[at]], np.zeros(1, dtype=np.int64))[0]
+    smooth = float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))  # share of misfit
+    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _likeness(row, smooth)
     return Courses(
-        parts=tuple(parts), form=form, inflation=inflation, rise=float(stdtrit(freedom, 0.975)) ** 2 * inflation
+        parts=tuple(parts),
+        form=_FORM if known is None else 1.0,
+        inflation=inflation,
+        rise=float(stdtrit(freedom, 0.975)) ** 2 * inflation,
     )
 
 
 def _likeness(residuals: FloatArray, smooth: float) -> float:
     """Return by how much the variance of a fit grows because neighbors are off alike.
 
-    What is smooth by nature, a misfit, tells no more at forty points than at the few that it is free to bend at. Else
-    the correlation of neighbors tells (Bayley and Hammersley 1946), where it is more than chance.
-
-    Args:
-        residuals: of unit variance.
-        smooth: the share of their variance that is misfit.
+    What is smooth by nature, a misfit, tells no more at forty points than at the few that it is free to bend at; it has
+    the share `smooth` of the variance of the residuals, which is one. Else the correlation of neighbors tells (Bayley
+    and Hammersley 1946), where it is more than chance.
     """
     count, total = len(residuals), float(residuals @ residuals)
     bends = 1 + smooth * max(count / _BENDS - 1, 0.0)

@@ -8,6 +8,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
 
@@ -32,18 +33,9 @@ _ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)
 
 
 def read_table(path: str | os.PathLike[str], choice: ColumnChoice | None = None) -> TextTable:
-    """Split a text file into header and rows.
-
-    Args:
-        path: the file; UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text.
-        choice: what was said about its columns, by which its header may be found.
-
-    Returns:
-        Its cells.
-
-    Raises:
-        CalibrationDataError: the file cannot be read, holds no table, or a row has another number of cells.
-    """
+    """Split a text file into header and rows; what was said about its columns helps to find its header."""
+    # It may be UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text. A file that cannot be read or
+    # holds no table, and a row with another number of cells, are refused.
     path, choice = Path(path), choice or ColumnChoice()
     try:
         content = path.read_bytes()
@@ -98,18 +90,13 @@ def _header_and_rows(
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
     """Turn bytes into text, by the byte-order mark where there is one."""
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        candidates = ["utf-16"]
-    elif b"\0" in content:
+    marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\0" in content and not marked:
         raise CalibrationDataError(f"{file}: found binary data, expected a text table such as CSV")
-    else:
-        candidates = ["utf-8-sig", "cp1252", "latin-1"]
-    for encoding in candidates:
-        try:
+    for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252", "latin-1"):
+        with suppress(UnicodeDecodeError):
             return content.decode(encoding), encoding
-        except UnicodeDecodeError:
-            continue
-    raise CalibrationDataError(f"{file}: found bytes that are no {candidates[0]} text, expected a text table")
+    raise CalibrationDataError(f"{file}: found bytes that are no utf-16 text, expected a text table")
 
 
 def _lines(text: str) -> tuple[Lines, Lines]:
@@ -127,22 +114,13 @@ def _lines(text: str) -> tuple[Lines, Lines]:
 
 
 def _header_at(file: str, lines: Lines, remark: Lines, choice: ColumnChoice) -> tuple[int, Lines, tuple[str, ...]]:
-    """Find the header; -1 where there is none and none is needed.
-
-    Returns:
-        Its place among the lines, these lines, and what was left out above it or taken for it.
-
-    Raises:
-        CalibrationDataError: numbers stand above the header.
-    """
+    """Find the header: its place among the lines, -1 where there is none and none is needed."""
+    # The lines follow, and what was left out above it or taken for it. Numbers above the header are refused.
     found = _certain_header(lines, choice)
     if found is None and _certain_header([*remark, *lines[:1]], choice) == 0:
         return 0, [*remark, *lines], (f"The header is that of the remark in line {remark[0][0]}.",)
-    if found is None:
-        at, lines = _uncertain_header(file, lines, choice)
-        return at, lines, ()
     if not found:
-        return 0, lines, ()
+        return (*_uncertain_header(file, lines, choice), ()) if found is None else (0, lines, ())
     header, delimiter = lines[found], _delimiter(lines[found][1])
     width = len(_cells(lines[found + 1][1], delimiter))
     for i, line in lines[:found]:

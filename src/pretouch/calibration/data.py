@@ -112,10 +112,8 @@ def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
     if column.ndim != 1:
         raise CalibrationDataError(f"{name}: found an array of shape {column.shape}, expected one column")
     column = np.array(column, dtype=np.float64)
-    beyond = [float(value) for value in column if not has_workable_magnitude(value)]
-    if beyond:
-        raise CalibrationDataError(
-            f"{name}: found {beyond[0]:g}{f' {unit}' if unit else ''}, expected numbers {WORKABLE}"
-        )
+    beyond = next((f"{value:g} {unit}".rstrip() for value in column if not has_workable_magnitude(value)), None)
+    if beyond is not None:
+        raise CalibrationDataError(f"{name}: found {beyond}, expected numbers {WORKABLE}")
     column.setflags(write=False)
     return column

@@ -8,7 +8,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 
-__all__ = ["corrected_akaike", "r_squared", "root_mean_square", "runs_p_value", "slope_error", "slope_weights"]
+__all__ = ["corrected_akaike", "r_squared", "root_mean_square", "runs_p_value", "slope_error"]
 
 
 def root_mean_square(values: FloatArray) -> float:
@@ -22,35 +22,21 @@ def r_squared(measured: FloatArray, modelled: FloatArray) -> float:
     return 1 - float(np.sum((measured - modelled) ** 2)) / total if total > 0 else 0.0
 
 
-def slope_error(distance: FloatArray, residuals: FloatArray) -> float | None:
+def slope_error(distance: FloatArray, residuals: FloatArray) -> float:
     """Return the RMS difference of the slopes of ln xi between neighbors, measured minus modelled [1/m]."""
-    if len(distance) < 2:
-        return None
     return root_mean_square(np.diff(residuals) / np.diff(distance))
-
-
-def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return what a weighted straight line through values at distances [m] multiplies each by, to give its slope."""
-    weight = 1 / variance
-    away = distance - float(weight @ distance) / float(weight.sum())
-    return np.asarray(weight * away / float(weight @ away**2))
 
 
 def corrected_akaike(deviance: float, points: int, parameters: int) -> float | None:
     """Return AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1); None where N is too small for it."""
-    if points - parameters - 1 <= 0:
-        return None
-    return deviance + 2 * parameters + 2 * parameters * (parameters + 1) / (points - parameters - 1)
+    free = points - parameters - 1
+    return None if free <= 0 else deviance + 2 * parameters + 2 * parameters * (parameters + 1) / free
 
 
 def runs_p_value(residuals: FloatArray) -> float | None:
-    """Return the chance of as few runs of equal signs, or fewer, in a random order (Wald & Wolfowitz, exact).
+    """Return the one-sided chance of as few runs of equal signs or fewer in a random order; None without two signs.
 
-    Args:
-        residuals: in order of distance; zeros have no sign and are passed over.
-
-    Returns:
-        The one-sided p-value; None where all residuals have the same sign.
+    Wald & Wolfowitz, exact. Zeros have no sign and are passed over.
     """
     signs = np.sign(residuals[residuals != 0])
     plus, minus = int((signs > 0).sum()), int((signs < 0).sum())
@@ -58,11 +44,7 @@ def runs_p_value(residuals: FloatArray) -> float | None:
         return None
     runs = 1 + int((signs[1:] != signs[:-1]).sum())
     ways = 0
-    for r in range(2, runs + 1):
-        half = r // 2
-        if r % 2 == 0:
-            ways += 2 * math.comb(plus - 1, half - 1) * math.comb(minus - 1, half - 1)
-        else:
-            ways += math.comb(plus - 1, half) * math.comb(minus - 1, half - 1)
-            ways += math.comb(plus - 1, half - 1) * math.comb(minus - 1, half)
+    for r in range(2, runs + 1):  # one sign has as many runs as the other, or one more
+        for first, second in ((r // 2, (r + 1) // 2), ((r + 1) // 2, r // 2)):
+            ways += math.comb(plus - 1, first - 1) * math.comb(minus - 1, second - 1)
     return ways / math.comb(plus + minus, plus)

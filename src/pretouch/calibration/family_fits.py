@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,19 +15,17 @@ from .averaging import AveragedCurve
 from .many_fits import Fits, minimize_many
 from .result import NoiseEstimate
 
-__all__ = ["Problem", "families_of", "fit_free", "lowest_offset", "quick_families"]
+__all__ = ["Problem", "families_of", "fit_free", "forward_change", "lowest_offset", "problem_at", "quick_families"]
+
+_STEP: Final = 1e-5  # of a family's parameter, for differences
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """One family on some points, fitted many times.
+    """One family on some points, which the noise weighs, fitted many times.
 
-    Args:
-        curve: the points.
-        family: of the curves.
-        noise: what weighs the points.
-        offsets: of the fits, shape (b,); None where each finds its own, as a last parameter.
-        weights: of each point in each fit, shape (b, n); None where all count alike.
+    The fits have offsets, shape (b,), or each finds its own, as a last parameter; `weights` are those of each point in
+    each fit, shape (b, n), or all count alike.
     """
 
     curve: AveragedCurve
@@ -55,9 +55,9 @@ class Problem:
         """Fit from one start each."""
         return minimize_many(self.residuals, start, self.bounds())
 
-    def minimize_from(self, guess: float, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
+    def minimize_from_afar(self, count: int, bounds: tuple[FloatArray, FloatArray]) -> Fits:
         """Fit each of the first problems within bounds, from several starts; the best is followed to its end."""
-        rows, every = self.starts(guess), np.arange(count)
+        rows, every = self._starts(), np.arange(count)
         which = np.tile(every, len(rows))
 
         def each(u: FloatArray, number: IntArray) -> FloatArray:
@@ -67,9 +67,10 @@ class Problem:
         best = rough.costs.reshape(len(rows), count).argmin(axis=0)
         return minimize_many(self.residuals, rough.x.reshape(len(rows), count, -1)[best, every], bounds)
 
-    def starts(self, guess: float) -> FloatArray:
-        """Return starts at an offset, one per row."""
+    def _starts(self) -> FloatArray:
+        """Return starts at the first offset, or one just below the lowest output; one per row."""
         d, y = self.curve.distance, self.curve.output
+        guess = float(y.min() - 0.02 * np.ptp(y) if self.offsets is None else self.offsets[0])
         reach = float(np.ptp(y)) or max(abs(float(y[0])), 1.0)
         third = max(2, len(d) // 3)
         xi = np.log(np.maximum(y - guess, 0.01 * reach))
@@ -102,9 +103,22 @@ def quick_families(curve: AveragedCurve) -> tuple[Family, ...]:
     return tuple(f for f in families_of(curve) if f.quick)
 
 
+def problem_at(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Problem:
+    """Return the problem of one fit at an offset, or with its own where none is given."""
+    offsets = None if offset is None else np.array([offset])
+    return Problem(curve=curve, family=family, noise=noise, offsets=offsets)
+
+
 def fit_free(curve: AveragedCurve, family: Family, noise: NoiseEstimate, offset: float | None) -> Fits:
     """Fit one family from several starts, with its own offset as the last parameter where none is given; b = 1."""
-    guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if offset is None else offset
-    offsets = None if offset is None else np.array([offset])
-    problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
-    return problem.minimize_from(guess, 1, problem.bounds())
+    problem = problem_at(curve, family, noise, offset)
+    return problem.minimize_from_afar(1, problem.bounds())
+
+
+def forward_change(
+    function: Callable[[FloatArray, FloatArray], FloatArray], u: FloatArray, distance: FloatArray
+) -> FloatArray:
+    """Differentiate a function of parameters u, shape (..., p), and distances by each parameter, shape (p, ...)."""
+    size = u.shape[-1]
+    moved = u + _STEP * np.eye(size).reshape(size, *[1] * (u.ndim - 1), size)
+    return (function(moved, distance) - function(u, distance)) / _STEP

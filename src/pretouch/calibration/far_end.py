@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from .averaging import AveragedCurve, ReadingNoise
+from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise
 
 __all__ = ["end_of_falling", "is_rising"]
 
@@ -17,18 +17,9 @@ _SHARE: Final = 0.2  # of the rise: what is nearer to the lowest output than tha
 
 
 def is_rising(curve: AveragedCurve, known: ReadingNoise) -> bool:
-    """Tell whether the output grows with distance, rather than fall.
-
-    A near-field peak is also risen to, but what follows it falls farther.
-
-    Args:
-        curve: the averaged readings.
-        known: noise as repeats tell it.
-
-    Returns:
-        Whether it rises.
-    """
-    steady = _steady(curve)
+    """Tell whether the output grows with distance, rather than fall."""
+    # A near-field peak is also risen to, but what follows it falls farther.
+    steady = curve.steady
     peak = int(np.argmax(steady))
     risen, fallen = float(steady[peak] - steady[0]), float(steady[peak] - steady[-1])
     beyond_middle = curve.distance[peak] > 0.5 * (curve.distance[0] + curve.distance[-1])
@@ -40,14 +31,9 @@ def is_rising(curve: AveragedCurve, known: ReadingNoise) -> bool:
 def end_of_falling(curve: AveragedCurve, known: ReadingNoise) -> int:
     """Return the index after the last point before the output rises again; all of them where it does not.
 
-    Args:
-        curve: the averaged readings, from the near end.
-        known: noise as repeats tell it.
-
-    Returns:
-        The index; what comes before it is free of most of the rise, too.
+    What comes before it is free of most of the rise, too.
     """
-    steady = _steady(curve)
+    steady = curve.steady
     lowest = int(np.argmin(steady))
     later = steady[lowest + 1 :]
     if len(later) < 2:
@@ -59,14 +45,6 @@ def end_of_falling(curve: AveragedCurve, known: ReadingNoise) -> int:
     return int(np.argmax(steady <= steady[lowest] + _SHARE * rise)) + 1
 
 
-def _steady(curve: AveragedCurve) -> np.ndarray:
-    """Return the output without single points that stick out."""
-    y = curve.output.copy()
-    if len(y) > 2:
-        y[1:-1] = np.median([curve.output[:-2], curve.output[1:-1], curve.output[2:]], axis=0)
-    return y
-
-
 def _error(curve: AveragedCurve, known: ReadingNoise) -> float:
     """Return the standard deviation of a mean in the flat part of the curve."""
     if known.sigma is not None:
@@ -74,4 +52,8 @@ def _error(curve: AveragedCurve, known: ReadingNoise) -> float:
         return float(np.hypot(own, known.resolution / np.sqrt(12.0)))
     bend = np.abs(np.diff(curve.output, 2))
     flat = np.sort(bend)[: max(len(bend) // 2, 1)]
-    return float(1.4826 * np.median(flat) / np.sqrt(6.0) * 2 + known.resolution / np.sqrt(12.0)) if len(bend) else 0.0
+    return (
+        float(MAD_TO_SIGMA * np.median(flat) / np.sqrt(6.0) * 2 + known.resolution / np.sqrt(12.0))
+        if len(bend)
+        else 0.0
+    )

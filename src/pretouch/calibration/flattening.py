@@ -16,10 +16,8 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.sensors import Family
 
-from .averaging import AveragedCurve
-from .diagnostics import slope_weights
-from .family_fits import Problem, families_of
-from .many_fits import Fits
+from .averaging import AveragedCurve, slope_weights
+from .family_fits import Problem, families_of, forward_change
 from .result import NoiseEstimate, OffsetEstimate
 
 __all__ = ["first_steep"]
@@ -38,23 +36,15 @@ _NARROWEST: Final = 0.8  # of the points, at most, that may be left out
 
 
 def first_steep(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEstimate | None, *, flat: bool) -> int:
-    """Find the first point from which on the readings are as steep as the curve that fits them.
-
-    Args:
-        curve: the averaged readings.
-        noise: of readings; its misfit is not used, for it may be the flattening itself.
-        known: the offset; None where it is fitted.
-        flat: whether the first point is known to have no slope.
-
-    Returns:
-        The index of the point; 0 where nothing flattens.
-    """
+    """Find the first point from which on readings are as steep as a curve that fits them; 0 where nothing flattens."""
+    # The misfit of the noise is not used, for it may be the flattening itself; `flat`: the first point is known to have
+    # no slope.
     if len(curve.distance) < _FEWEST_TO_SEE:
         return _beyond(curve, 0, known) if flat else 0
     index = _bulging(curve, noise, None)
     if known is not None and known.kind == "measured":
         index = max(index, _bulging(curve, noise, known))
-    index += _first_followed(curve.part(np.arange(len(curve.distance)) >= index), noise, known)
+    index += _first_followed(curve.part(slice(index, None)), noise, known)
     if index == 0 and not flat:
         return 0
     return _beyond(curve, index, known)
@@ -115,35 +105,28 @@ def _first_followed(curve: AveragedCurve, noise: NoiseEstimate, known: OffsetEst
     return int(np.argmax(ok)) if ok.any() else last
 
 
-def _fits(curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: OffsetEstimate | None, count: int) -> Fits:
-    """Fit a family to what lies from each of the first points outwards; offsets are the last parameter where fitted."""
-    value = None if known is None else known.value
-    problem = Problem(
-        curve=curve,
-        family=family,
-        noise=replace(noise, misfit=_MISFIT),
-        offsets=None if value is None else np.full(count, value),
-        weights=np.arange(len(curve.distance)) >= np.arange(count)[:, None],
-    )
-    low, high = family.easing(*problem.bounds())
-    guess = float(curve.output.min() - 0.02 * np.ptp(curve.output)) if value is None else value
-    return problem.minimize_from(guess, count, (low, high))
-
-
 def _foretold(
     curve: AveragedCurve, family: Family, noise: NoiseEstimate, known: OffsetEstimate | None, last: int
 ) -> BoolArray:
     """Tell from which first points on the slope of the readings is that of a curve fitted a little farther out."""
-    distance, count = curve.distance, last + 1
-    fits = _fits(curve, family, noise, known, len(distance) - _LEFT + 1)
-    offset = fits.x[:, -1] if known is None else np.full(len(fits.x), known.value)
+    distance, count, first = curve.distance, last + 1, np.arange(len(curve.distance) - _LEFT + 1)
+    problem = Problem(
+        curve=curve,
+        family=family,
+        noise=replace(noise, misfit=_MISFIT),
+        offsets=None if known is None else np.full(len(first), known.value),
+        weights=np.arange(len(distance)) >= first[:, None],
+    )
+    fits = problem.minimize_from_afar(len(first), family.easing(*problem.bounds()))
+    offset = fits.x[:, -1] if problem.offsets is None else problem.offsets
     log = np.clip(family.log_output(fits.x[:, :3], distance), -600, 600)
     slope = family.slope(fits.x[:, :3], distance)
     covariance = fits.covariances[:, :3, :3]
     ok = np.ones(count, dtype=bool)
     for k in range(count):
-        stop = min(max(_reach(log[k], k, _FALL), k + _FEWEST), len(distance))
-        ahead = min(max(_reach(log[k], k, _AHEAD), k + 2), len(fits.x) - 1)
+        fallen, nearer = np.searchsorted(-log[k], -log[k, k] + np.array([_FALL, _AHEAD]))
+        stop = min(max(int(fallen), k + _FEWEST), len(distance))
+        ahead = min(max(int(nearer), k + 2), len(fits.x) - 1)
         part = slice(k, stop)
         for i in (k, ahead):
             signal = curve.output[part] - offset[i]
@@ -153,24 +136,13 @@ def _foretold(
             variance = (noise.output / signal) ** 2 / curve.count[part] + noise.relative**2 / curve.count[part] + 1e-8
             line = slope_weights(distance[part], variance)
             own = float((line**2 * variance).sum())
-            change = _gradient(family, fits.x[i, :3], distance[part]) @ line
+            change = forward_change(family.log_output, fits.x[i, :3], distance[part]) @ line
             spread = _roughness(fits.residuals[i, max(stop, i) :])
             error = np.sqrt(own + spread * float(change @ covariance[i] @ change))
             g = -float(slope[i, part].mean())
             flatter = float(line @ miss) / g
             ok[k] &= flatter <= _TOO_FLAT or flatter <= _SURE * error / g
     return ok
-
-
-def _reach(log: FloatArray, start: int, fall: float) -> int:
-    """Return the first point at which ln xi has fallen by so much."""
-    return int(np.searchsorted(-log, -log[start] + fall))
-
-
-def _gradient(family: Family, u: FloatArray, distance: FloatArray) -> FloatArray:
-    """Return the derivatives of ln xi by the parameters, shape (p, n)."""
-    moved = u + 1e-5 * np.eye(len(u))
-    return (family.log_output(moved, distance) - family.log_output(u, distance)) / 1e-5
 
 
 def _roughness(standardized: FloatArray) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 from pretouch._core.errors import UnitError
@@ -15,14 +14,9 @@ from .cells import is_no_object, is_number
 __all__ = [
     "UnitMark",
     "distance_mark",
-    "is_count",
-    "is_distance_name",
     "is_length",
-    "is_output_name",
-    "is_repeat",
-    "is_setting",
-    "is_setting_or_output",
-    "is_time",
+    "is_named",
+    "is_output_unit",
     "looks_wide",
     "names_a_distance",
     "output_unit",
@@ -42,13 +36,18 @@ _SETTING = re.compile(
     r"|(?:integration|exposure|measurement|measuring|shutter|conversion|settling) time|integration|exposure"
     r"|(?:sample|sampling|data|frame) rate|pulse (?:width|length|count)|pulses|averages|averaging|led count"
 )
-_EITHER = {"current", "power", "frequency"}  # a setting beside another output, an output where there is none
-_COUNTS = {
-    *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
-    *("run", "sample", "measurement", "messung", "record"),
+_NAMES: dict[str, set[str] | re.Pattern[str]] = {
+    "distance": _DISTANCES,
+    "output": _OUTPUTS,
+    "setting": _SETTING,
+    "setting or output": {"current", "power", "frequency"},  # a setting beside another output, else an output
+    "count": {
+        *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
+        *("run", "sample", "measurement", "messung", "record"),
+    },
+    "repeat": re.compile(r"(?:(?:trial|repeat|repetition|rep|run|measurement|messung|reading|#) ?)?\d{1,6}"),
+    "time": {"time", "date", "timestamp", "datetime", "clock", "zeit", "datum"},
 }
-_REPEAT = re.compile(r"(?:(?:trial|repeat|repetition|rep|run|measurement|messung|reading|#) ?)?\d{1,6}")
-_TIMES = {"time", "date", "timestamp", "datetime", "clock", "zeit", "datum"}
 _TITLE = re.compile(r"\s*(.*?)\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])]\s*")
 _LAST_WORD = re.compile(r"(.+?)(?:\s+in\s+|[\s_,]+)(\S+)")
 _LONGEST = 200  # characters of a header
@@ -88,39 +87,13 @@ def is_length(unit: str | None) -> bool:
     return _exponents(unit) == (1, 0, 0, 0, 0)
 
 
-def is_distance_name(title: str) -> bool:
-    """Tell whether a header is named as distances often are."""
-    return _name(title) in _DISTANCES
-
-
-def is_output_name(title: str) -> bool:
-    """Tell whether a header is named as outputs often are."""
-    return _name(title) in _OUTPUTS
-
-
-def is_setting(title: str) -> bool:
-    """Tell whether a header is named as a setting of a sensor or a condition, such as `gain` or `temperature`."""
-    return bool(_SETTING.fullmatch(_name(title)))
-
-
-def is_setting_or_output(title: str) -> bool:
-    """Tell whether a setting of that name may be an output where nothing else is: a photocurrent is a current."""
-    return _name(title) in _EITHER
-
-
-def is_count(title: str) -> bool:
-    """Tell whether a header is named as counts of rows are, such as `trial`, `#`, or empty."""
-    return _name(title) in _COUNTS
-
-
-def is_repeat(title: str) -> bool:
-    """Tell whether a header numbers repeats, such as `trial 3`, `run2 [V]` or `3`."""
-    return bool(_REPEAT.fullmatch(_name(title)))
-
-
-def is_time(title: str) -> bool:
-    """Tell whether a header is named as times of rows are."""
-    return _name(title) in _TIMES
+def is_named(title: str, kind: str) -> bool:
+    """Tell whether a header is named as columns of a kind often are."""
+    # A `setting` is one of the sensor or its surroundings, such as `gain` or `temperature`; a `setting or output` may
+    # be an output where nothing else is, as a photocurrent is a current; a `count` numbers rows, as `trial`, `#` or an
+    # empty header do; a `repeat` is the number of one, such as `trial 3`, `run2 [V]` or `3`.
+    known, name = _NAMES[kind], _plain(split_title(title)[0])
+    return name in known if isinstance(known, set) else bool(known.fullmatch(name))
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
@@ -132,6 +105,11 @@ def output_unit(text: str | None) -> tuple[str, float]:
     if unit.exponents in _KNOWN:
         return _KNOWN[unit.exponents], unit.factor
     return text or "", 1.0
+
+
+def is_output_unit(unit: str | None) -> bool:
+    """Tell whether a unit is one of volts or counts."""
+    return output_unit(unit)[0] in _KNOWN.values()
 
 
 def distance_mark(title: str) -> UnitMark | None:
@@ -148,47 +126,29 @@ def distance_mark(title: str) -> UnitMark | None:
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
-    """Tell whether columns are named by distance.
-
-    Args:
-        header: the headers.
-        declared: whether somebody said in which unit.
-
-    Returns:
-        Whether there are two distances with units, or bare numbers that can be nothing else.
-    """
+    """Tell whether columns are named by distance, whose unit is `declared` where somebody said it."""
+    # They are where there are two distances with units, or bare numbers that can be nothing else.
     marks = [mark for title in header if (mark := distance_mark(title))]
-    bare = [float(mark.number) for mark in marks if mark.number is not None and mark.unit is None]
-    united = sum(mark.unit is not None for mark in marks)
-    absent = sum(mark.number is None for mark in marks)
-    if united:
+    if any(mark.unit for mark in marks):
         return len(marks) > 1
-    rising = len(bare) > 2 and all(a < b for a, b in pairwise(bare))
-    falling = len(bare) > 2 and all(a > b for a, b in pairwise(bare))
+    bare = [float(mark.number) for mark in marks if mark.number is not None]
     text = [title for title in header if title and not distance_mark(title)]
-    return (
-        (len(bare) > 1 and any(is_length(split_title(title)[1]) or is_length(title) for title in text))
-        or (rising and bool(text or absent))
-        or (declared and (rising or falling))
-    )
+    if len(bare) > 1 and any(is_length(split_title(title)[1]) or is_length(title) for title in text):
+        return True
+    rising, falling = (len(bare) > 2 and bare == sorted(set(bare), reverse=down) for down in (False, True))
+    return (rising and (bool(text) or len(bare) < len(marks))) or (declared and (rising or falling))
 
 
 def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
-    """Tell whether a line is the header of a calibration, by its words alone.
-
-    Args:
-        header: its cells.
-        declared: whether somebody said in which unit distances are.
-        in_words: whether its cells are the words of a line, which may be prose: "Sensor X" names no distance.
-
-    Returns:
-        Whether a cell names a distance or has a unit of lengths and none is a number, or columns are named by distance.
-    """
+    """Tell whether a line is the header of a calibration, by its words alone."""
+    # It is where a cell names a distance or has a unit of lengths and none is a number, or columns are named by
+    # distance, whose unit is `declared` where somebody said it. Where cells are the words of a line, `in_words`, they
+    # may be prose: "Sensor X" names no distance.
     if looks_wide(header, declared=declared):
         return True
     for title in header:
         name, unit = split_title(title)
-        named = is_distance_name(title) and unit is None and (len(name) > 1 or not in_words)
+        named = is_named(title, "distance") and unit is None and (len(name) > 1 or not in_words)
         if name and (named or is_length(unit)):
             return not any(is_number(cell) for cell in header)
     return False
@@ -196,10 +156,6 @@ def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = 
 
 def _plain(name: str) -> str:
     return re.sub(r"[\s_-]+", " ", name).strip(" .:").casefold()
-
-
-def _name(title: str) -> str:
-    return _plain(split_title(title)[0])
 
 
 def _exponents(unit: str | None) -> tuple[int, ...]:

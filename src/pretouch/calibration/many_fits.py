@@ -29,13 +29,9 @@ _HUGE: Final = 1e150  # a residual that is no number counts as this
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fits:
-    """Minima of many problems.
+    """Minima of many problems: parameters x, shape (b, p), the residuals there, (b, n), and their squares' sums, (b,).
 
-    Args:
-        x: parameters, shape (b, p).
-        residuals: there, shape (b, n).
-        jacobian: their derivatives by the parameters, shape (b, n, p); zero for a parameter at its bound.
-        costs: sums of squared residuals, shape (b,).
+    The jacobian has their derivatives by the parameters, shape (b, n, p), zero for a parameter at its bound.
     """
 
     x: FloatArray
@@ -64,18 +60,9 @@ def minimize_many(
     tolerance: float = 1e-10,
     most: int = 60,
 ) -> Fits:
-    """Minimize the sums of squares of many problems within bounds.
-
-    Args:
-        residuals: of given parameters and problems.
-        start: where each begins, shape (b, p); moved inside the bounds.
-        bounds: lower and upper ones, shape (p,) or (b, p).
-        tolerance: relative change of the cost, and change of the parameters, at which a problem is done.
-        most: steps after which all are.
-
-    Returns:
-        The minima.
-    """
+    """Minimize the sums of squares of many problems within bounds, (p,) or (b, p), each from a row of `start`."""
+    # A problem is done where its cost changes by less than `tolerance` of itself, or its parameters by less than that;
+    # all are after `most` steps. A start is moved inside the bounds.
     low, high = (np.broadcast_to(b, start.shape) for b in bounds)
     x = np.clip(start, low, high)
     if not len(x):
@@ -167,23 +154,13 @@ def intervals(
     coordinates: Callable[[FloatArray], FloatArray],
     rise: float,
 ) -> list[tuple[float, float, bool, bool]]:
-    """Find where the profiles of some coordinates have risen by `rise` above the minimum, all ends side by side.
-
-    The sum of squares plus a stiff spring that pulls a coordinate to a target is minimized over all parameters: its
-    minimum lies on the profile exactly, at the coordinate where it ends up, so no form of the model in which that
-    coordinate is a parameter is needed. Steps are doubled until the profile has risen enough, then secants close in.
-
-    Args:
-        residuals: of one problem, whose number is 0.
-        best: its minimum, b = 1.
-        bounds: of the parameters.
-        coordinates: functions of the parameters, from (b, p) to (b, c).
-        rise: increase of the sum of squares at the ends of the intervals.
-
-    Returns:
-        For each coordinate the lower and upper end, and whether each was reached; where not, the end is the last value
-        that the bounds let the coordinate take.
-    """
+    """Find where the profiles of some coordinates have risen by `rise` above the minimum, all ends side by side."""
+    # The sum of squares plus a stiff spring that pulls a coordinate to a target is minimized over all parameters: its
+    # minimum lies on the profile exactly, at the coordinate where it ends up, so no form of the model in which that
+    # coordinate is a parameter is needed. Steps are doubled until the profile has risen enough, then secants close in.
+    # The residuals are those of one problem, whose number is 0, `best` is its minimum, and coordinates go from (b, p)
+    # to (b, c). For each, its lower and upper end follow, and whether each was reached; where not, the end is the last
+    # value that the bounds let the coordinate take.
     center = coordinates(best.x)[0]
     slope = gradient(lambda u: coordinates(u[None])[0], best.x[0])
     scale = np.sqrt(np.maximum(rise * np.einsum("cp,pq,cq->c", slope, best.covariances[0], slope), 1e-300))
@@ -214,9 +191,7 @@ def intervals(
         for i, value, level, at in zip(open_ones, values, height, found.x, strict=True):
             if lanes[i].take(float(value), float(level)):
                 x[i] = at
-    for lane in lanes:
-        lane.finish()
-    ends = [(lane.end or 0.0, lane.reached) for lane in lanes]
+    ends = [lane.found() for lane in lanes]
     return [(a[0], b[0], a[1], b[1]) for a, b in zip(ends[::2], ends[1::2], strict=True)]
 
 
@@ -251,7 +226,8 @@ class _End:
         self._attempt += 1
         return further
 
-    def finish(self) -> None:
-        """Settle for what was found where the attempts are used up."""
-        if self.end is None:
-            self.end, self.reached = (self._outer[0], True) if self._outer[1] > 0 else (self._inner[0], False)
+    def found(self) -> tuple[float, bool]:
+        """Return the end, and whether it was reached; what was found so far where the attempts are used up."""
+        if self.end is not None:
+            return self.end, self.reached
+        return (self._outer[0], True) if self._outer[1] > 0 else (self._inner[0], False)

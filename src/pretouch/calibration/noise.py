@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -29,17 +30,8 @@ _ROUNDS: Final = 4
 def find_noise(
     curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
-    """Tell noise, misfit and their sizes from repeats and from how far means lie from the curve that fits them best.
-
-    Args:
-        curve: the averaged readings.
-        known: what repeats and readings without an object tell.
-        offset: the offset, None where it is fitted.
-        families: of curves; all of three parameters where none is named.
-
-    Returns:
-        The noise and the misfit.
-    """
+    """Tell noise and misfit from repeats and from how far means lie from the curve that fits them best."""
+    # The offset is None where it is fitted; all families of three parameters take part where none is named.
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
     reach = max(float(np.ptp(curve.output)), 1e-12 * float(np.abs(curve.output).max()), 1e-300)
@@ -54,9 +46,9 @@ def find_noise(
     families = families or families_of(curve)
     miss, signal = np.zeros_like(curve.output), curve.output
     for _ in range(_ROUNDS):
-        fits = [fit_free(curve, family, found, value) for family in families]
-        best = min(range(len(fits)), key=lambda i: float(fits[i].costs[0]))
-        family, x = families[best], fits[best].x[0]
+        fits = [(family, fit_free(curve, family, found, value)) for family in families]
+        family, best = min(fits, key=lambda pair: float(pair[1].costs[0]))
+        x = best.x[0]
         signal = np.exp(np.minimum(family.log_output(x[:3], curve.distance), 300.0))
         miss = curve.output - (x[3] if value is None else value) - signal
         before = found.misfit
@@ -84,14 +76,11 @@ def find_noise(
 
 def _parted(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray) -> NoiseEstimate:
     """Tell noise from misfit where no distance was read twice: what neighbors do not share is noise."""
-    row = miss / noise.of_means(curve.count, signal)
-    if len(row) < 5 or noise.misfit == 0:
-        return replace(noise, relative=noise.misfit, misfit=0.0)
-    rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
-    if rough > 1 - 1.7 / np.sqrt(len(row)):
-        return replace(noise, relative=noise.misfit, misfit=0.0)
-    share = min(max(rough, 0.0), 1.0)
-    return replace(noise, relative=noise.misfit * np.sqrt(share), misfit=noise.misfit * np.sqrt(1 - share))
+    row, share = miss / noise.of_means(curve.count, signal), 1.0
+    if len(row) >= 5 and noise.misfit > 0:
+        rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
+        share = rough if rough <= 1 - 1.7 / np.sqrt(len(row)) else 1.0
+    return replace(noise, relative=noise.misfit * math.sqrt(share), misfit=noise.misfit * math.sqrt(1 - share))
 
 
 def _misfit(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray, freedom: int) -> float:

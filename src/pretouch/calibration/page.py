@@ -18,14 +18,7 @@ Row = tuple[Cell, ...]
 
 
 def calibration_page(report: CalibrationReport) -> Page:
-    """Describe a calibration.
-
-    Args:
-        report: a report of any verdict.
-
-    Returns:
-        Its page.
-    """
+    """Describe a calibration of any verdict."""
     usable, best = report.verdict == "usable", report.best
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
@@ -59,15 +52,7 @@ def fit_page(fit: SensorFit) -> Page:
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Return what a page says of the calibration that its sensor was fitted to.
-
-    Args:
-        report: the report of the fit.
-        open_lines: what it leaves open of the answer on the page.
-
-    Returns:
-        Blocks.
-    """
+    """Return what a page says of its sensor's calibration, and in `open_lines` what that leaves open of its answer."""
     said = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
         Paragraph(text=_headline(report)),
@@ -107,8 +92,8 @@ def _picture(report: CalibrationReport) -> Picture:
 
 
 def _readings(report: CalibrationReport) -> Chapter:
-    rows = tuple(_reading_rows(report))
-    table = Rows(head=("", "value", "why, or from where"), rows=rows, wraps=True, brief=True)
+    head = ("", "value", "why, or from where")
+    table = Rows(head=head, rows=tuple(_reading_rows(report)), wraps=True, brief=True)
     return Chapter(title="Window, offset and noise", blocks=(table,))
 
 
@@ -145,15 +130,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
 
 
 def _ranking(report: CalibrationReport) -> Chapter:
-    head = (
-        "model",
-        "RMSE ln \u03be",
-        "RMSE g [1/m]",
-        "left out, ln \u03be",
-        "AICc",
-        "runs p",
-        "R\u00b2 on \u03be",
-    )
+    head = ("model", "RMSE ln \u03be", "RMSE g [1/m]", "left out, ln \u03be", "AICc", "runs p", "R\u00b2 on \u03be")
     note = (
         "Ranked by AICc. The controller feels ln \u03be and its slope, so these columns say how good a curve is; "
         '"left out" is the error at distances that a fit had not seen. R\u00b2 on \u03be is there for comparison with '

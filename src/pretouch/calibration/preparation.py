@@ -11,7 +11,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 
-from .averaging import AveragedCurve, ReadingNoise, average, reading_noise
+from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, reading_noise
 from .condensing import condense
 from .courses import Courses, find_courses
 from .data import Calibration
@@ -58,24 +58,12 @@ class Prepared:
 
 def prepare(
     calibration: Calibration,
-    *,
     offset: OffsetChoice,
     saturation: float | str | None,
     near_field_peak: float | str | None,
     floor_sigmas: float,
 ) -> Prepared:
-    """Find near end, far end, bad readings, offset, noise and misfit of a calibration, and all curves that it allows.
-
-    Args:
-        calibration: the readings.
-        offset: "auto", "fit", "zero", a number, or a number and its standard error.
-        saturation: output from which readings are clipped, "auto", or None.
-        near_field_peak: distance of the peak [m], text with a unit, "auto", or None.
-        floor_sigmas: how many standard errors the signal must stand above the offset.
-
-    Returns:
-        Everything that the models have in common.
-    """
+    """Find all that models have in common, from what `fit_sensor` takes: both ends, bad readings, offset and noise."""
     positive(floor_sigmas, "floor_sigmas")
     calibration = condense(calibration)
     curve = average(calibration)
@@ -83,16 +71,20 @@ def prepare(
     given = _given_offset(calibration, offset, known)
     if near_field_peak == "auto" and is_rising(curve, known):
         return _nothing(calibration, curve, NearEnd(index=0, reason="", saturation=None), given, _rising(calibration))
-    near = find_near_end(calibration, curve, saturation=saturation, near_field_peak=near_field_peak)
+    near = find_near_end(calibration, curve, saturation, near_field_peak)
     needed = _FEWEST_DISTANCES + (given is None)
     left = len(curve.distance) - near.index
     if left < needed:
-        return _nothing(calibration, curve, near, given, _too_few(near, left, needed))
+        few = (
+            f"Only {left} distinct distance{'s' if left != 1 else ''} to use ({near.reason}), and at least {needed} "
+            "are needed: measure at 8 or more, out to where the output no longer changes, and record readings with "
+            "no object."
+        )
+        return _nothing(calibration, curve, near, given, few)
     if not np.ptp(curve.output[near.index :]) > 0:
         stuck = f"The output is {curve.output[near.index]:g} {calibration.unit}".rstrip()
         return _nothing(calibration, curve, near, given, f"{stuck} at every distance: check power and wiring.")
-    from_near = curve.part(np.arange(len(curve.distance)) >= near.index)
-    end = near.index + end_of_falling(from_near, known)
+    end = near.index + end_of_falling(curve.part(slice(near.index, None)), known)
     if end - near.index < needed:
         end = len(curve.distance)
     return _prepared(calibration, curve, known, given, near=near, end=end, floor_sigmas=floor_sigmas)
@@ -110,7 +102,7 @@ def _prepared(
 ) -> Prepared:
     """Go on where the ends of falling are known."""
     place = np.arange(len(curve.distance))
-    out = tuple(near.index + i for i in bad_distances(curve.part((place >= near.index) & (place < end)), known, given))
+    out = tuple(near.index + i for i in bad_distances(curve.part(slice(near.index, end)), known, given))
     good = (place >= near.index) & (place < end) & ~np.isin(place, out)
     near, flattens = _steep_end(curve, known, given, near, good)
     good &= place >= near.index
@@ -124,14 +116,7 @@ def _prepared(
         at = format_quantity(float(curve.distance[end - 1]), "m")
         last = (end, f"from {at} on the output rises again: a second reflection, or a wall; left out")
     window = window_of(
-        calibration,
-        curve,
-        near,
-        offset=found,
-        sigma=noise.output,
-        floor_sigmas=floor_sigmas,
-        left_out=out,
-        last=last,
+        calibration, curve, near, offset=found, sigma=noise.output, floor_sigmas=floor_sigmas, left_out=out, last=last
     )
     used = curve.part(np.isin(curve.distance, window.distances))
     courses = None
@@ -164,7 +149,8 @@ def _level(
     if given is None:
         return noise, None, find_courses(tail, noise, None)
     if given.standard_error < 0:  # one or two readings: their noise is that of the others
-        given = _with_noise(calibration, given, noise)
+        error, value = float(noise.output / np.sqrt(len(calibration.no_object))), given.value
+        given = replace(given, standard_error=error, low=value - 2.6 * error, high=value + 2.6 * error)
     free = None
     if len(tail.distance) >= _FEWEST_DISTANCES + 2:  # what a wrong offset makes is no misfit
         free = find_courses(tail, find_noise(tail, known, None), None, also=given.value)
@@ -204,19 +190,16 @@ def _rising(calibration: Calibration) -> str:
 
 def _given_offset(calibration: Calibration, offset: OffsetChoice, known: ReadingNoise) -> OffsetEstimate | None:
     """Return the offset where it is measured or declared; None where it has to be fitted."""
-    if isinstance(offset, str):
-        if offset == "zero":
-            return declared_offset(0.0)
-        if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
-            return None
-        if offset == "auto":
-            return _measured_offset(calibration.no_object, known)
-        raise InvalidInputError(
-            f"offset: found {offset!r}, expected 'auto', 'fit', 'zero', a number, or a number and its standard error"
-        )
+    if offset == "fit" or (offset == "auto" and not len(calibration.no_object)):
+        return None
+    if offset == "auto":
+        return _measured_offset(calibration.no_object, known)
+    expected = "a number, or a number and its standard error"
+    if isinstance(offset, str) and offset != "zero":
+        raise InvalidInputError(f"offset: found {offset!r}, expected 'auto', 'fit', 'zero', {expected}")
     if isinstance(offset, (tuple, list)) and len(offset) != 2:
-        raise InvalidInputError(f"offset: found {offset!r}, expected a number, or a number and its standard error")
-    return declared_offset(offset)
+        raise InvalidInputError(f"offset: found {offset!r}, expected {expected}")
+    return declared_offset(0.0 if isinstance(offset, str) else offset)
 
 
 def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimate:
@@ -226,30 +209,14 @@ def _measured_offset(readings: FloatArray, known: ReadingNoise) -> OffsetEstimat
     kept = readings
     if len(readings) >= 5:
         deviation = np.abs(readings - np.median(readings))
-        limit = 6 * max(1.4826 * float(np.median(deviation)), known.resolution)
+        limit = 6 * max(MAD_TO_SIGMA * float(np.median(deviation)), known.resolution)
         kept = readings[deviation <= limit] if limit > 0 else readings
-    value, count = float(np.mean(kept)), len(kept)
-    error, reach = -1.0, 0.0
-    if known.sigma is not None:
-        error = known.sigma / np.sqrt(count)
-        reach = float(stdtrit(max(known.freedom, 1.0), 0.975)) * error
-    return OffsetEstimate(
-        value=value, standard_error=float(error), low=float(value - reach), high=float(value + reach), kind="measured"
-    )
-
-
-def _with_noise(calibration: Calibration, offset: OffsetEstimate, noise: NoiseEstimate) -> OffsetEstimate:
-    error = noise.output / np.sqrt(len(calibration.no_object))
-    value = offset.value
-    return replace(offset, standard_error=float(error), low=float(value - 2.6 * error), high=float(value + 2.6 * error))
-
-
-def _too_few(near: NearEnd, left: int, needed: int) -> str:
-    """Say that there are too few distances to say anything."""
-    return (
-        f"Only {left} distinct distance{'s' if left != 1 else ''} to use ({near.reason}), and at least {needed} are "
-        "needed: measure at 8 or more, out to where the output no longer changes, and record readings with no object."
-    )
+    value = float(np.mean(kept))
+    if known.sigma is None:
+        return OffsetEstimate(value=value, standard_error=-1.0, low=value, high=value, kind="measured")
+    error = float(known.sigma / np.sqrt(len(kept)))
+    reach = float(stdtrit(max(known.freedom, 1.0), 0.975)) * error
+    return OffsetEstimate(value=value, standard_error=error, low=value - reach, high=value + reach, kind="measured")
 
 
 def _nothing(
@@ -266,7 +233,7 @@ def _nothing(
     return Prepared(
         calibration=calibration,
         window=window,
-        used=curve.part(np.zeros(len(curve.distance), dtype=bool)),
+        used=curve.part(slice(0)),
         outliers=curve.bad_readings,
         no_signal=(reason,),
     )
@@ -299,14 +266,7 @@ def _why_no_signal(
 
 
 def chance_of_falling(output: FloatArray) -> float:
-    """Return the chance that a random order falls as much as this one (Kendall's test, exact; ties count half).
-
-    Args:
-        output: averaged outputs in order of distance.
-
-    Returns:
-        The one-sided p-value.
-    """
+    """Return the chance that a random order falls as much as this one (Kendall's test, exact; ties count half)."""
     n = len(output)
     pairs = [float(output[j] - output[i]) for i in range(n) for j in range(i + 1, n)]
     rising = sum(p > 0 for p in pairs) + (sum(p == 0 for p in pairs) + 1) // 2

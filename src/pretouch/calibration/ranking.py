@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -59,32 +60,22 @@ def rank_models(
     """
     models = model_names() if models is None else tuple(dict.fromkeys(models))
     check_models(models)
-    prepared = prepare(
-        calibration,
-        offset=offset,
-        saturation=saturation,
-        near_field_peak=near_field_peak,
-        floor_sigmas=floor_sigmas,
-    )
+    prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas)
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
-        for model in models:
-            reason = why_not(model, prepared)
-            if reason:
-                not_fitted[model] = reason
-            else:
-                fits.append(fit_prepared(model, prepared))
-        fits.sort(key=_rank)
+        not_fitted = {model: reason for model in models if (reason := why_not(model, prepared))}
+        fits = sorted((fit_prepared(model, prepared) for model in models if model not in not_fitted), key=_rank)
     slope = slope_knowledge(prepared)
     reservations = prepared.no_signal or tuple(_reservations(prepared, fits, slope))
+    usable = "usable with reservations" if reservations else "usable"
     return CalibrationReport(
         calibration=prepared.calibration,
         fits=tuple(fits),
         window=prepared.window,
         offset=prepared.offset,
         noise=prepared.noise,
-        verdict=_verdict(prepared, reservations),
+        verdict="no usable signal" if prepared.no_signal else usable,
         reasons=reservations or (_praise(prepared, fits),),
         not_fitted=not_fitted,
         slope=slope,
@@ -105,29 +96,22 @@ def _left_out(prepared: Prepared) -> tuple[str, ...]:
     at_bad = np.isin(calibration.distances, prepared.outlier_distances)
     single = [i for i in prepared.outliers if not at_bad[i]]
     if single:
-        shown = [
-            f"{_level(calibration, calibration.outputs[i])} at {format_quantity(float(calibration.distances[i]), 'm')}"
-            for i in single[:_MOST_NAMED]
-        ]
-        more = ", ..." if len(single) > _MOST_NAMED else ""
-        found.append(
-            f"{_readings(len(single))} ({', '.join(shown)}{more}): lost, or far off the others at the same distance."
-        )
+        at = (format_quantity(float(calibration.distances[i]), "m") for i in single)
+        shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
+        named = ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
+        found.append(f"{_readings(len(single))} ({named}): lost, or far off the others at the same distance.")
     for distance in prepared.outlier_distances:
         here = calibration.distances == distance
-        level = _level(calibration, np.mean(calibration.outputs[here]))
-        found.append(
-            f"{_readings(int(here.sum()))} ({level} at {format_quantity(distance, 'm')}): no curve through the others "
-            "comes near; measure again."
-        )
+        named = f"{_level(calibration, np.mean(calibration.outputs[here]))} at {format_quantity(distance, 'm')}"
+        found.append(f"{_readings(here.sum())} ({named}): no curve through the others comes near; measure again.")
     if window.distances:
-        kept = ~at_bad
-        near = int((kept & (calibration.distances < window.l_min)).sum())
-        far = int((kept & (calibration.distances > window.l_max)).sum())
-        if near:
-            found.append(f"{_readings(near)} nearer than {format_quantity(window.l_min, 'm')}: {window.start_reason}.")
-        if far:
-            found.append(f"{_readings(far)} beyond {format_quantity(window.l_max, 'm')}: {window.end_reason}.")
+        low, high = window.l_min, window.l_max
+        for there, where, reason in (
+            (calibration.distances < low, f"nearer than {format_quantity(low, 'm')}", window.start_reason),
+            (calibration.distances > high, f"beyond {format_quantity(high, 'm')}", window.end_reason),
+        ):
+            if (there & ~at_bad).any():
+                found.append(f"{_readings((there & ~at_bad).sum())} {where}: {reason}.")
     return tuple(found)
 
 
@@ -135,14 +119,8 @@ def _level(calibration: Calibration, output: float) -> str:
     return f"{output:.4g} {calibration.unit}".rstrip()
 
 
-def _readings(count: int) -> str:
+def _readings(count: Any) -> str:
     return f"{count:,} reading{'s' if count != 1 else ''}"
-
-
-def _verdict(prepared: Prepared, reservations: tuple[str, ...]) -> str:
-    if prepared.no_signal:
-        return "no usable signal"
-    return "usable with reservations" if reservations else "usable"
 
 
 def _praise(prepared: Prepared, fits: list[SensorFit]) -> str:
@@ -160,31 +138,21 @@ def _reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeKnowled
     """List what is wrong with a usable signal, each with what to do about it."""
     calibration, window, used = prepared.calibration, prepared.window, prepared.used
     low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
-    found = []
-    if len(used.distance) < _FEW_POINTS:
-        found.append(
-            f"The window from {low} to {high} holds only {len(used.distance)} distinct distances: measure at 8 or more "
-            "inside it."
-        )
-    if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
-        found.append(
-            "Every distance was read once, so the noise is inferred from the curve itself: read each distance 3 times "
-            "or more."
-        )
-    found += _offset_reservations(prepared)
-    if len(prepared.outlier_distances) > 1 + len(used.distance) // 10:
-        found.append(
-            f"The output at {len(prepared.outlier_distances)} distances fits no curve through the other readings: "
-            "measure again."
-        )
-    if fits:
-        fall = float(np.log(used.output[0] - fits[0].offset.value) - np.log(used.output[-1] - fits[0].offset.value))
-        if fall < _SMALL_FALL:
-            found.append(
-                f"From {low} to {high} the output falls only by a factor of {math.exp(fall):.2g}: measure "
-                "over a wider range."
-            )
+    signal = used.output - (fits[0].offset.value if fits else 0.0)
+    fall = float(np.log(signal[0]) - np.log(signal[-1])) if fits else math.inf
+    count, bad = len(used.distance), len(prepared.outlier_distances)
     dropped = calibration.source.dropped if calibration.source else 0
+    once = "Every distance was read once, so the noise is inferred from the curve itself"
+    few = f"The window from {low} to {high} holds only {count} distinct distances"
+    found = [f"{few}: measure at 8 or more inside it."] if count < _FEW_POINTS else []
+    if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
+        found.append(f"{once}: read each distance 3 times or more.")
+    found += _offset_reservations(prepared)
+    if bad > 1 + count // 10:
+        found.append(f"The output at {bad} distances fits no curve through the other readings: measure again.")
+    if fall < _SMALL_FALL:
+        falls = f"the output falls only by a factor of {math.exp(fall):.2g}"
+        found.append(f"From {low} to {high} {falls}: measure over a wider range.")
     if dropped > 0.2 * (dropped + len(calibration.outputs)):
         found.append(f"{dropped} rows have no output: check the recording.")
     if fits:
@@ -195,43 +163,32 @@ def _reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeKnowled
 
 def _offset_reservations(prepared: Prepared) -> list[str]:
     """Say where the readings contradict the offset, and offsets that no sensor has."""
-    unit, found = prepared.calibration.unit, []
-    offset, curve = prepared.offset, average(prepared.calibration)
-    if offset is None:
+    unit, offset, noise, found = prepared.calibration.unit, prepared.offset, prepared.noise, []
+    if offset is None or noise is None:
         return []
+    curve, record = average(prepared.calibration), "record the output with no object"
     at = int(curve.output.argmin())
     lowest = float(curve.output[at])
-    named = f"{offset.kind} offset of {offset.value:.4g} {unit}".rstrip()
+    named = f"{offset.kind} offset of {_level(prepared.calibration, offset.value)}"
     if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
-        found.append(f"The {named} is negative, which no reading is: record the output with no object.")
-    error = 4 * prepared.noise.output / math.sqrt(float(curve.count[at])) if prepared.noise is not None else 0.0
-    if offset.kind == "declared" and offset.value > lowest + error:
-        found.append(
-            f"The {named} is larger than readings ({lowest:.4g} {unit}".rstrip()
-            + "): no signal is left there; record the output with no object."
-        )
+        found.append(f"The {named} is negative, which no reading is: {record}.")
+    if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
+        readings = _level(prepared.calibration, lowest)
+        found.append(f"The {named} is larger than readings ({readings}): no signal is left there; {record}.")
     if offset.kind == "fitted" and prepared.flattens:
-        found.append(
-            "The offset was fitted to a curve whose near part flattens, and both bend it alike: record the output "
-            "with no "
-            "object."
-        )
+        bent = "The offset was fitted to a curve whose near part flattens, and both bend it alike"
+        found.append(f"{bent}: {record}.")
     if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
         return found
     free = prepared.free.offset("fitted")
     asked = f"{free.value:.4g} {unit} (95 % interval {free.low:.4g} to {free.high:.4g})"
-    if free.value > offset.value:
-        found.append(
-            f"The far readings level off at {asked}, above the {named}: a pedestal left in weakens the virtual "
-            "force; record the output with no object, or fit the offset."
-        )
-    else:
-        found.append(
-            f"The far readings fall more steeply than any curve on the {named}; they ask for {asked}: too much is "
-            "subtracted, which makes the virtual force too strong far away; record the output with no object, or fit "
-            "the offset."
-        )
-    return found
+    what = (
+        f"level off at {asked}, above the {named}: a pedestal left in weakens the virtual force"
+        if free.value > offset.value
+        else f"fall more steeply than any curve on the {named}; they ask for {asked}: too much is subtracted, which "
+        "makes the virtual force too strong far away"
+    )
+    return [*found, f"The far readings {what}; {record}, or fit the offset."]
 
 
 def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
@@ -240,8 +197,7 @@ def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
         return []
     table = " The table follows the readings." if any(f.model == "table" for f in fits) else ""
     return [
-        f"The readings miss {fits[0].model}, the best model, by {100 * prepared.noise.misfit:.0f} % of xi (RMS) "
-        "beyond their "
-        f"noise, and the virtual force is off by about as much over one step of distance: check how distances were "
-        f"set.{table}"
+        f"The readings miss {fits[0].model}, the best model, by {100 * prepared.noise.misfit:.0f} % of xi (RMS) beyond "
+        "their noise, and the virtual force is off by about as much over one step of distance: check how distances "
+        f"were set.{table}"
     ]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -67,17 +66,17 @@ def read_calibration(
         >>> measured.distances, measured.no_object
         (array([0.  , 0.01]), array([0.1]))
     """
-    found = read_calibrations(path, no_object=no_object, columns=columns, labels=labels)
+    found = _curves(path, no_object, columns, labels)
     wanted = {key: str(value).strip() for key, value in (select or {}).items()}
-    keys = {key for curve in found for key in _label(curve)}
+    keys = {key: None for told, _ in found for key in told}
     for key in wanted:
         if key not in keys:
             known = ", ".join(sorted(keys)) or "none: the file holds one curve"
             raise CalibrationDataError(f"select: found {key!r}, expected a label column ({known})")
-    chosen = [curve for curve in found if all(_label(curve).get(k) == v for k, v in wanted.items())]
+    chosen = [curve for told, curve in found if all(told[k] == v for k, v in wanted.items())]
     if len(chosen) == 1:
         return chosen[0]
-    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(_label(c)[k] for c in found))}" for k in _label(found[0]))
+    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(told[k] for told, _ in found))}" for k in keys)
     raise CalibrationDataError(
         f"{Path(path).name}: found {len(chosen)} curves{f' for {wanted}' if wanted else ''}, expected one: choose with "
         f"select={{...}} among {values}"
@@ -91,7 +90,7 @@ def read_calibrations(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> tuple[Calibration, ...]:
-    """Read every calibration of a file: one per combination of its label columns.
+    """Read every calibration of a file, as `read_calibration` does: one per combination of its label columns.
 
     Args:
         path: the file, as `read_calibration` describes it.
@@ -102,15 +101,23 @@ def read_calibrations(
 
     Returns:
         The calibrations in the order of their first rows.
-
-    Raises:
-        CalibrationDataError: the file has a mistake; the message names the line, what was found, what is expected.
     """
+    return tuple(curve for _, curve in _curves(path, no_object, columns, labels))
+
+
+def _curves(
+    path: str | os.PathLike[str],
+    no_object: NoObject,
+    columns: Mapping[str, str | int] | None,
+    labels: Sequence[str | int] | None,
+) -> list[tuple[dict[str, str], Calibration]]:
+    """Read every calibration of a file, each with the values of its label columns by their names."""
     choice = read_choice(columns)
     table = read_table(path, choice)
     layout = wide_layout(table, choice) or long_layout(table, choice)
+    used = {column.index for pair in layout.pairs for column in pair if isinstance(column, Column)}
     label_columns = layout.labels if labels is None else chosen_labels(table, labels)
-    label_columns = tuple(i for i in label_columns if i not in layout.used)
+    label_columns = tuple(i for i in label_columns if i not in used)
     groups: dict[tuple[str, ...], list[_Reading]] = {}
     shared: list[_Reading] = []
     for line, row in table.rows:
@@ -131,14 +138,12 @@ def read_calibrations(
         )
     extra = _no_object_readings(no_object, layout)
     names = tuple(table.name(i) for i in label_columns)
-    return tuple(
-        _curve(table, layout, dict(zip(names, key, strict=True)), [*readings, *shared], extra)
-        for key, readings in groups.items()
-    )
+    told = [dict(zip(names, key, strict=True)) for key in groups]
+    curves = zip(told, groups.values(), strict=True)
+    return [(of, _curve(table, layout, of, [*readings, *shared], extra)) for of, readings in curves]
 
 
-@dataclass(frozen=True, slots=True)
-class _Reading:
+class _Reading(NamedTuple):
     """One cell of outputs: its distance, infinite where no object is; NaN where the output is missing."""
 
     distance: float
@@ -147,17 +152,18 @@ class _Reading:
 
 def _readings(table: TextTable, layout: Layout, line: int, row: tuple[str, ...]) -> Iterator[_Reading]:
     """Read one row, which in a wide table holds a reading at every distance."""
-    for pair in layout.pairs:
-        distance = pair.distance
-        if isinstance(distance, Column):
-            cell = row[distance.index]
-            distance = math.inf if is_no_object(cell) else number(table, line, cell, distance)
+    for where, what in layout.pairs:
+        if isinstance(where, float):
+            distance = where
+        else:
+            cell = row[where.index]
+            distance = math.inf if is_no_object(cell) else number(table, line, cell, where)
             if distance < 0:
                 raise CalibrationDataError(
                     f"{table.file}, line {line}: found the distance {cell}, which must not be negative"
                 )
-        cell = row[pair.output.index]
-        yield _Reading(distance, math.nan if is_missing(cell) else number(table, line, cell, pair.output))
+        cell = row[what.index]
+        yield _Reading(distance, math.nan if is_missing(cell) else number(table, line, cell, what))
 
 
 def _curve(
@@ -193,20 +199,6 @@ def _curve(
     )
 
 
-def _label(calibration: Calibration) -> dict[str, str]:
-    """Return the labels of a calibration by column."""
-    names = calibration.source.label_columns if calibration.source else ()
-    values = calibration.label
-    labels = {}
-    for i, name in enumerate(names):
-        rest = values.removeprefix(f"{name}=")
-        following = f", {names[i + 1]}=" if i + 1 < len(names) else None
-        value, _, tail = rest.partition(following) if following else (rest, "", "")
-        labels[name] = value
-        values = f"{names[i + 1]}={tail}" if following else ""
-    return labels
-
-
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
     """Collect the no-object readings that were given beside the file, in the unit of the calibration."""
     if no_object is None:
@@ -217,7 +209,7 @@ def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
     index = len(table.header) - 1
     if len(table.header) > 1:
         names = [split_title(title)[0] for title in table.header]
-        wanted = split_title(layout.pairs[0].output.title)[0]
+        wanted = split_title(layout.pairs[0][1].title)[0]
         if wanted not in names:
             raise CalibrationDataError(
                 f"{table.place}: found {len(names)} columns, expected one of readings, or one named {wanted!r}"

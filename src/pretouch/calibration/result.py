@@ -17,14 +17,7 @@ from pretouch.sensors import SensorModel
 from .data import Calibration
 from .knowledge import AllowedCurves, SlopeKnowledge
 
-__all__ = [
-    "CalibrationReport",
-    "Estimate",
-    "NoiseEstimate",
-    "OffsetEstimate",
-    "SensorFit",
-    "UsableWindow",
-]
+__all__ = ["CalibrationReport", "Estimate", "NoiseEstimate", "OffsetEstimate", "SensorFit", "UsableWindow"]
 
 _FINEST: Final = 1e-4  # of xi: nothing is known better; exact numbers are weighed as their logarithms
 
@@ -126,18 +119,17 @@ class UsableWindow(Value):
     @property
     def l_min(self) -> float:
         """The smallest usable distance [m]."""
-        return self._range[0]
+        return self._end(0)
 
     @property
     def l_max(self) -> float:
         """The largest usable distance [m]."""
-        return self._range[1]
+        return self._end(-1)
 
-    @property
-    def _range(self) -> tuple[float, float]:
+    def _end(self, which: int) -> float:
         if not self.distances:
             raise ResultUnavailableError(f"this calibration has no usable window: {self.end_reason}")
-        return self.distances[0], self.distances[-1]
+        return self.distances[which]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -198,17 +190,15 @@ class SensorFit(Described, Value):
         estimates = self.parameters.items()
         names = ("covariance", "middle_slope", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc")
         more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "identifiable", "warnings")
-        told: dict[str, Any] = plain(
-            {
-                "name": self.model,
-                "parameters": {name: e.value for name, e in estimates},
-                "standard_errors": {name: e.standard_error for name, e in estimates},
-                "intervals": {name: (e.low, e.high) for name, e in estimates},
-                "units": {name: e.unit for name, e in estimates},
-                **{name: getattr(self, name) for name in (*names, *more)},
-            }
-        )
-        return told
+        told = {
+            "name": self.model,
+            "parameters": {name: e.value for name, e in estimates},
+            "standard_errors": {name: e.standard_error for name, e in estimates},
+            "intervals": {name: (e.low, e.high) for name, e in estimates},
+            "units": {name: e.unit for name, e in estimates},
+            **{name: getattr(self, name) for name in (*names, *more)},
+        }
+        return dict(plain(told))
 
     def __repr__(self) -> str:
         return (
@@ -257,34 +247,31 @@ class CalibrationReport(Described, Value):
         """Return the report as one JSON object: numbers in SI, None where there is none."""
         calibration, slope = self.calibration, self.slope
         source = calibration.source
-        told: dict[str, Any] = plain(
-            {
-                "verdict": self.verdict,
-                "reasons": self.reasons,
-                "best": self.best.model if self.best else None,
-                "window": (self.window.l_min, self.window.l_max) if self.fits else None,
-                "window_reasons": (self.window.start_reason, self.window.end_reason),
-                "saturation": self.window.saturation,
-                "offset": self.offset or dict.fromkeys(OffsetEstimate.__slots__),
-                "noise": self.noise or dict.fromkeys(NoiseEstimate.__slots__),
-                "slope": slope
-                and {"distances": slope.distances, "values": slope.slope, "uncertainty": slope.uncertainty},
-                "left_out": self.left_out,
-                "models": self.fits,
-                "not_fitted": self.not_fitted,
-                "calibration": {
-                    "file": source and source.file,
-                    "sha256": source and source.sha256,
-                    "label": calibration.label,
-                    "output_unit": calibration.unit,
-                    "readings": len(calibration.outputs),
-                    "no_object_readings": len(calibration.no_object),
-                    "dropped": source.dropped if source else 0,
-                    "notes": source.notes if source else (),
-                },
-            }
-        )
-        return told
+        told = {
+            "verdict": self.verdict,
+            "reasons": self.reasons,
+            "best": self.best.model if self.best else None,
+            "window": (self.window.l_min, self.window.l_max) if self.fits else None,
+            "window_reasons": (self.window.start_reason, self.window.end_reason),
+            "saturation": self.window.saturation,
+            "offset": self.offset or dict.fromkeys(OffsetEstimate.__slots__),
+            "noise": self.noise or dict.fromkeys(NoiseEstimate.__slots__),
+            "slope": slope and {"distances": slope.distances, "values": slope.slope, "uncertainty": slope.uncertainty},
+            "left_out": self.left_out,
+            "models": self.fits,
+            "not_fitted": self.not_fitted,
+            "calibration": {
+                "file": source and source.file,
+                "sha256": source and source.sha256,
+                "label": calibration.label,
+                "output_unit": calibration.unit,
+                "readings": len(calibration.outputs),
+                "no_object_readings": len(calibration.no_object),
+                "dropped": source.dropped if source else 0,
+                "notes": source.notes if source else (),
+            },
+        }
+        return dict(plain(told))
 
     def __repr__(self) -> str:
         best = f", best {self.best.model}" if self.best else ""

@@ -13,7 +13,7 @@ import numpy as np
 
 from pretouch._core.units import format_quantity
 
-from .diagnostics import slope_weights
+from .averaging import slope_weights
 from .knowledge import SlopeKnowledge
 from .preparation import Prepared
 from .result import SensorFit
@@ -63,26 +63,23 @@ def slope_reservations(prepared: Prepared, best: SensorFit, known: SlopeKnowledg
             used = prepared.used.output - offset.value
             remedy = "record the output with no object, or measure out to where it no longer changes"
             if prepared.reaches_last:
-                remedy += (
-                    f" (the readings end where the signal still is {100 * used[-1] / used[0]:.2g} % of its largest)"
-                )
+                left = f"{100 * used[-1] / used[0]:.2g} %"
+                remedy += f" (the readings end where the signal still is {left} of its largest)"
         elif offset is not None and best.slope_shift > 0.5 * KNOWN / _NORMAL:
             remedy = "record the output with no object more often: its uncertainty moves the slope"
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
         near, far = (format_quantity(float(d), "m", 3) for d in known.distances[[0, -1]])
         found.append(
             f"g is known to {size} only (at {format_quantity(known.worst_at, 'm', 3)}, of the part from {near} to "
-            f"{far} in "
-            f"which the virtual force is given), and {100 * KNOWN:.0f} % is what a design can rely on: {remedy}."
+            f"{far} in which the virtual force is given), and {100 * KNOWN:.0f} % is what a design can rely on: "
+            f"{remedy}."
         )
     gap = _largest_gap(prepared, best, float(known.distances[-1]))
     if gap is not None:
-        share, low, high = gap
-        near, far = format_quantity(low, "m", 3), format_quantity(high, "m", 3)
+        share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
         found.append(
-            f"From {near} to {far} the readings are {100 * abs(share):.0f} % "
-            f"{'flatter' if share > 0 else 'steeper'} than {best.model}, the best model: "
-            "the curve has another shape; the table follows it."
+            f"From {near} to {far} the readings are {100 * abs(share):.0f} % {'flatter' if share > 0 else 'steeper'} "
+            f"than {best.model}, the best model: the curve has another shape; the table follows it."
         )
     return found
 

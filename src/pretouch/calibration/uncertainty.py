@@ -3,51 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.sensors import Family
+from pretouch.sensors import Family, SensorModel
 
 from .family_fits import Problem
 from .many_fits import Fits, gradient, intervals
 from .result import Estimate, OffsetEstimate
 
-__all__ = ["Spread", "estimates"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spread:
-    """The estimates of one fit; `slope_shift` is how far one standard error of the offset moves g, relative."""
-
-    parameters: dict[str, Estimate]
-    covariance: FloatArray
-    middle_slope: Estimate
-    identifiable: tuple[str, ...]
-    slope_shift: float
+__all__ = ["estimates"]
 
 
 def estimates(
-    problem: Problem,
-    best: Fits,
-    *,
-    offset: OffsetEstimate,
-    shifted: list[FloatArray],
-    informed_by: int,
-) -> Spread:
-    """Work out what a fit knows about its parameters.
-
-    Args:
-        problem: the model at the offset.
-        best: its minimum, b = 1.
-        offset: the offset with its uncertainty.
-        shifted: the parameters fitted at either end of the offset's interval; empty where it is exact.
-        informed_by: how many points the noise was estimated from.
-
-    Returns:
-        Estimates of all parameters and of the slope in the middle of the window.
-    """
+    problem: Problem, best: Fits, sensor: SensorModel, *, offset: OffsetEstimate, output_unit: str, informed_by: int
+) -> dict[str, Any]:
+    """Work out what a fit, b = 1, at its offset knows about its parameters and the slope in the middle of a window."""
+    # The parameters, their covariance, and what else a `SensorFit` says of them. Its offset, if it is not exact, moves
+    # the parameters to those fitted at either end of its interval; `informed_by` points told the noise.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     family, x = problem.family, best.x[0]
@@ -55,6 +31,8 @@ def estimates(
     inflation = max(1.0, float(best.costs[0]) / dof)  # a model that does not fit does not know its parameters better
     known = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
     rise = float(stdtrit(max(dof, known), 0.975)) ** 2 * inflation
+    outer = np.array([o for o in (offset.low, offset.high) if o != offset.value])
+    shifted = replace(problem, offsets=outer).minimize(np.repeat(best.x, len(outer), axis=0)).x
     share = offset.standard_error / (offset.high - offset.low) if len(shifted) == 2 else 0.0
     place = np.array([family.middle])
 
@@ -63,13 +41,12 @@ def estimates(
         return np.column_stack([rows, np.log(np.maximum(-family.slope(u, place)[:, 0], 1e-9))])
 
     center, moved = every(best.x)[0], [every(u[None])[0] for u in shifted]
+    least, most = np.min([center, *moved], axis=0), np.max([center, *moved], axis=0)
     ends = []
     found = intervals(problem.residuals, best, problem.bounds(), every, rise)
-    for i, (low, high, *reached) in enumerate(found):
-        below = center[i] - min([center[i], *(m[i] for m in moved)])
-        above = max([center[i], *(m[i] for m in moved)]) - center[i]
-        down = center[i] - math.hypot(center[i] - low, below) if reached[0] else low
-        up = center[i] + math.hypot(high - center[i], above) if reached[1] else high
+    for at, lowest, highest, (low, high, *reached) in zip(center, least, most, found, strict=True):
+        down = at - math.hypot(at - low, at - lowest) if reached[0] else low
+        up = at + math.hypot(high - at, highest - at) if reached[1] else high
         ends.append((down, up, reached[0], reached[1]))
     own = best.covariances[0]
     covariance = _covariance(x, own, family, moved, share=share, inflation=inflation)
@@ -80,14 +57,20 @@ def estimates(
     slope_error = abs(slopes[0]) * math.hypot(math.sqrt(inflation * float(log_slope @ own @ log_slope)), shift)
     middle = Estimate(value=slopes[0], standard_error=slope_error, low=slopes[1], high=slopes[2], unit="1/m")
     runaway = family.runs_away(ends)
-    parameters = _parameters(family, center[:-1], ends[:-1], covariance, runaway=runaway)
-    return Spread(
-        parameters=parameters,
-        covariance=covariance,
-        middle_slope=middle,
-        identifiable=family.told_apart(parameters, middle, runaway=runaway),
-        slope_shift=shift,
-    )
+    parameters = _parameters(family, sensor, center[:-1], ends[:-1], covariance, unit=output_unit, runaway=runaway)
+    at_bound = any(min(value - low, high - value) < 1e-4 for value, low, high in zip(x, *family.bounds, strict=True))
+    warnings = family.remarks(parameters, at_bound=at_bound)
+    if offset.kind == "fitted":
+        moves = f"one standard error of it moves the slope by {100 * shift:.2g} %."
+        warnings = (*warnings, f"The offset was fitted, not measured; {moves}")
+    return {
+        "parameters": parameters,
+        "covariance": covariance,
+        "middle_slope": middle,
+        "slope_shift": shift,
+        "identifiable": family.told_apart(parameters, middle, runaway=runaway),
+        "warnings": warnings,
+    }
 
 
 def _covariance(
@@ -105,32 +88,34 @@ def _covariance(
 
 def _parameters(
     family: Family,
+    sensor: SensorModel,
     center: FloatArray,
     ends: list[tuple[float, float, bool, bool]],
     covariance: FloatArray,
     *,
+    unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Map the intervals of the coordinates to those of the written parameters."""
-    values, found = family.parameters(center), {}
-    domains = {f.name: f.metadata["domain"] for f in fields(family.curve) if "unit" in f.metadata}
-    for i, name in enumerate(family.parameter_names):
-        mapped = []
+    """Map the intervals of the coordinates to those of the written parameters, which have the sensor's values."""
+    found = {}
+    for i, told in enumerate(sensor._declared()):
+        name, meta, mapped = told.name, told.metadata, []
         for k in (0, 1):
             q = center.copy()
             q[i] = ends[i][k]
             mapped.append((float(family.parameters(q)[i]), ends[i][2 + k]))
         (low, low_reached), (high, high_reached) = sorted(mapped)
-        domain = domains[name]
-        low, high = low if low_reached else domain[0], high if high_reached else domain[1]
+        first, last = meta["domain"]
+        low, high = low if low_reached else first, high if high_reached else last
         if runaway:
-            high = math.inf
-            low = domain[0] if name == "scale" else low
+            low, high = first if name == "scale" else low, math.inf
         error = float(np.sqrt(max(covariance[i, i], 0.0))) if math.isfinite(high - low) else math.inf
+        value, of_output = sensor.parameters[name], meta["of_output"]
         found[name] = Estimate(
-            value=float(values[i]),
+            value=value,
             standard_error=error,
-            low=max(low, domain[0]),
-            high=min(high, domain[1]),
+            low=min(max(low, first), value),
+            high=max(min(high, last), value),
+            unit=meta["unit"] if of_output is None else f"{unit} {of_output}".strip(),
         )
     return found

@@ -10,21 +10,10 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit
 
-from .cells import Column, Layout, Pair, TextTable, is_missing, is_no_object, is_number, shortened
+from .cells import Column, Layout, TextTable, is_missing, is_no_object, is_number, listed, shortened
 from .choice import ColumnChoice, remedy
 from .columns import taken_as
-from .headers import (
-    UnitMark,
-    distance_mark,
-    is_count,
-    is_distance_name,
-    is_length,
-    is_output_name,
-    is_time,
-    looks_wide,
-    output_unit,
-    split_title,
-)
+from .headers import UnitMark, distance_mark, is_length, is_named, is_output_unit, looks_wide, output_unit, split_title
 
 __all__ = ["wide_layout"]
 
@@ -32,15 +21,8 @@ _BRACKETS = re.compile(r"([^\[\]()]*)[\[(]\s*([^\[\]()]*)\s*[\])]")
 
 
 def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
-    """Read the headers of a table as distances.
-
-    Args:
-        table: the file.
-        choice: what was said about its columns; whoever names one means a long table.
-
-    Returns:
-        The layout, with a pair for every column of outputs; None where the table is no wide one.
-    """
+    """Read the headers of a table as distances, with a pair for every column of outputs."""
+    # None where the table is no wide one; whoever names a column means a long table.
     if choice.names_a_column or not looks_wide(table.header, declared=choice.declares_distances):
         return None
     marks = {i: mark for i, title in enumerate(table.header) if (mark := distance_mark(title))}
@@ -50,23 +32,16 @@ def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
     unit = _distance_unit(table, choice, marks, others)
     symbol, factor, notes = _output_unit(table, choice, marks, others)
     counts = [i for i in others if _counts_rows(table, i)]
-    places = [i for i, mark in marks.items() if mark.number is not None]
+    places = [table.header[i] for i, mark in marks.items() if mark.number is not None]
     said = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
-    span = f"{table.header[places[0]]} to {table.header[places[-1]]}{said}" if places else "none"
+    span = f"{places[0]} to {places[-1]}{said}" if places else "none"
+    filled = [table.title(i) for i in counts if any(row[i] for _, row in table.rows)]
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
-    notes += [
-        f"Column {table.title(i)} is not used: it counts the rows."
-        for i in counts
-        if any(row[i] for _, row in table.rows)
-    ]
+    notes += [f"Column {title} is not used: it counts the rows." for title in filled]
+    columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
+    distances = [_place(table, mark, unit) for mark in marks.values()]
     return Layout(
-        pairs=tuple(
-            Pair(
-                distance=_distance(table, mark, unit),
-                output=Column(index=i, title=table.header[i], unit=symbol, factor=factor),
-            )
-            for i, mark in marks.items()
-        ),
+        pairs=tuple(zip(distances, columns, strict=True)),
         distances=f"the headers {span}",
         outputs="the cells below them",
         unit=symbol,
@@ -93,12 +68,12 @@ def _refuse_doubt(table: TextTable, marks: dict[int, UnitMark], others: list[int
 
 def _distance_unit(table: TextTable, choice: ColumnChoice, marks: dict[int, UnitMark], others: list[int]) -> str:
     """Find the unit of bare numbers: that of the other headers, what was said, or what stands in the corner."""
-    own = {mark.unit for mark in marks.values() if mark.unit}
+    own = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
-    said = choice.distance.unit if choice.distance else None
+    said = choice.distance.unit
     if own:
-        first = next(iter(own))
-        if said is not None and own != {said}:
+        first = next((unit for unit in own if unit != said), said)
+        if said is not None and first != said:
             raise CalibrationDataError(
                 f"columns: found the unit {said!r} for the distance, whose headers say {first!r}: leave one of them out"
             )
@@ -112,10 +87,10 @@ def _distance_unit(table: TextTable, choice: ColumnChoice, marks: dict[int, Unit
         return said
     corner = [u for i in others for name, u in _units(table.header[i]) if is_length(u) and _of_distance(name)]
     if not corner:
-        shown = ", ".join(repr(table.header[i]) for i in list(marks)[:3])
+        shown = listed([repr(table.header[i]) for i in marks], 3)
         raise CalibrationDataError(
-            f"{table.place}: found the distances {shown}{', ...' if len(marks) > 3 else ''} without a unit: write it "
-            f'into them, such as "5 mm", or say it: {remedy("distance=[mm]")}'
+            f"{table.place}: found the distances {shown} without a unit: write it into them, such as "
+            f'"5 mm", or say it: {remedy("distance=[mm]")}'
         )
     return corner[0]
 
@@ -129,17 +104,21 @@ def _units(title: str) -> list[tuple[str, str]]:
 
 def _of_distance(name: str) -> bool:
     words = re.split(r"[\W_]+", name)
-    return not any(words) or any(is_distance_name(word) for word in words if word)
+    return not any(words) or any(is_named(word, "distance") for word in words if word)
 
 
 def _output_unit(
     table: TextTable, choice: ColumnChoice, marks: dict[int, UnitMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
     """Find the unit of the cells: what was said, or what stands in the corner; else integers are counts."""
-    said = choice.output.unit if choice.output else None
+    said = choice.output.unit
     for i in others:
         for name, unit in _units(table.header[i]):
-            if said is None and _is_output_unit(unit) and (not name.strip() or is_output_name(name.strip(" \\/|,;"))):
+            if (
+                said is None
+                and is_output_unit(unit)
+                and (not name.strip() or is_named(name.strip(" \\/|,;"), "output"))
+            ):
                 said = unit
     if said is not None:
         return (*output_unit(said), [])
@@ -147,30 +126,26 @@ def _output_unit(
     return symbol, 1.0, [f"The outputs have no unit; they are taken as {taken}."]
 
 
-def _is_output_unit(unit: str) -> bool:
-    return output_unit(unit)[0] in {"V", "counts"}
-
-
 def _counts_rows(table: TextTable, index: int) -> bool:
     """Tell whether a column numbers or times the repeats, or is the empty one below a corner."""
     title = table.header[index]
     cells = [row[index] for _, row in table.rows]
     distinct = len(set(cells)) == len(cells)
-    corner = not title or any(is_length(unit) or _is_output_unit(unit) for _, unit in _units(title))
+    corner = not title or any(is_length(unit) or is_output_unit(unit) for _, unit in _units(title))
     return (
         not any(cells)
-        or (is_count(title) and bool(title))
-        or (is_time(title) and distinct and len(cells) > 1)
-        or (corner and distinct and all(_is_number_of_repeat(cell) for cell in cells))
+        or (is_named(title, "count") and bool(title))
+        or (is_named(title, "time") and distinct and len(cells) > 1)
+        or (corner and distinct and all(map(_numbers_a_repeat, cells)))
     )
 
 
-def _is_number_of_repeat(cell: str) -> bool:
+def _numbers_a_repeat(cell: str) -> bool:
     """Tell whether a cell is a number, or one after a word for repeats, such as `trial 3`."""
-    return is_number(cell) or is_missing(cell) or is_count(re.sub(r"\d+$", "", cell))
+    return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 
-def _distance(table: TextTable, mark: UnitMark, unit: str) -> float:
+def _place(table: TextTable, mark: UnitMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))

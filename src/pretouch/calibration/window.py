@@ -81,7 +81,7 @@ def find_window(
             "noise: found None, and too few repeats or no-object readings to estimate it; give the standard deviation "
             "of one reading"
         )
-    near = find_near_end(calibration, curve, saturation=saturation, near_field_peak=near_field_peak)
+    near = find_near_end(calibration, curve, saturation, near_field_peak)
     if near.index == len(curve.distance):
         raise CalibrationDataError(
             f"saturation: found every distance clipped; {near.reason}: measure farther away, lower the gain of the "
@@ -99,29 +99,12 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 
 
 def find_near_end(
-    calibration: Calibration,
-    curve: AveragedCurve,
-    *,
-    saturation: float | str | None,
-    near_field_peak: float | str | None,
+    calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
 ) -> NearEnd:
-    """Find where the usable part of a curve starts.
-
-    Args:
-        calibration: the readings.
-        curve: their averages.
-        saturation: output from which readings are clipped, "auto", or None.
-        near_field_peak: distance of the peak [m], text with a unit, "auto", or None.
-
-    Returns:
-        The index of the first usable distance and the reason; the number of distances where all are clipped.
-    """
+    """Find the first usable distance and the reason; the index is the number of distances where all are clipped."""
     level, found = _saturation(calibration, curve, saturation)
-    clipped = np.zeros(len(curve.distance), dtype=bool)
-    if level is not None:
-        saturated = np.unique(calibration.distances[calibration.outputs >= level])
-        clipped = np.isin(curve.distance, saturated)
-    index = _end_of_clipping(clipped)
+    saturated = calibration.outputs >= (np.inf if level is None else level)
+    index = _end_of_clipping(np.isin(curve.distance, calibration.distances[saturated]))
     reason = "first measured distance"
     if index:
         last = format_quantity(float(curve.distance[index - 1]), "m")
@@ -180,12 +163,9 @@ def _peak(curve: AveragedCurve, start: int, given: float | str | None) -> tuple[
                 f"({curve.distance[-1]:g} m)"
             )
         return index, "declared"
-    output = curve.output[start:]
-    steady = output.copy()
-    if len(output) > 2:  # one reading that sticks out makes no peak
-        steady[1:-1] = np.median([output[:-2], output[1:-1], output[2:]], axis=0)
-    near = max(int(np.argmax(steady)) - 1, 0)
-    return start + near + int(np.argmax(output[near : near + 3])), "found"
+    part = curve.part(slice(start, None))
+    near = max(int(np.argmax(part.steady)) - 1, 0)
+    return start + near + int(np.argmax(part.output[near : near + 3])), "found"
 
 
 def window_of(
@@ -199,44 +179,27 @@ def window_of(
     left_out: tuple[int, ...] = (),
     last: tuple[int, str] | None = None,
 ) -> UsableWindow:
-    """Find the far end of the window and put both ends together.
-
-    Args:
-        calibration: the readings.
-        curve: their averages.
-        near: the near end.
-        offset: the offset and its standard error.
-        sigma: standard deviation of one reading.
-        floor_sigmas: how many standard errors the signal must stand above the offset.
-        left_out: indices into the curve that are passed over.
-        last: index after the last point that may be used, and why; None for all of them.
-
-    Returns:
-        The window.
-    """
+    """Find the far end of the window and put both ends together."""
+    # Points `left_out` are passed over; `last` is the index after the last point that may be used, and why.
     stop, why = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]
     error = np.hypot(sigma / np.sqrt(curve.count), offset.standard_error)
     above = [bool(curve.output[i] - offset.value > floor_sigmas * error[i]) for i in indices]
-    end = len(indices)
-    for k, holds in enumerate(above):
-        if not holds and not any(above[k + 1 : k + 2]):  # one low reading between two good ones is no floor
-            end = k
-            break
+    # one low reading between two good ones is no floor
+    end = next((k for k in range(len(above)) if not any(above[k : k + 2])), len(above))
     used = [i for i, holds in zip(indices[:end], above[:end], strict=True) if holds]
     unit = f" {calibration.unit}" if calibration.unit else ""
     floor = offset.value + floor_sigmas * float(np.median(error))
-    reason = why
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
-        reason = (
+        why = (
             f"from {beyond} the signal is not {floor_sigmas:g} standard errors ({floor - offset.value:.3g}{unit}) "
             f"above the offset ({offset.value:.4g}{unit})"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),
         start_reason=near.reason,
-        end_reason=reason,
+        end_reason=why,
         saturation=near.saturation,
         floor=floor,
     )

@@ -13,11 +13,8 @@ __all__ = ["Alike"]
 class Alike:
     """How many curves of one kind are one: with X = s x the equation of motion keeps its form if the force does.
 
-    Args:
-        curve: the one.
-        length: s of each curve, by which its lengths are multiplied; 1 where they stay.
-        gain: the factor of its gain.
-        parameters: those that matter: the derivatives of the logarithms of both factors by each.
+    The lengths of each are multiplied by s, its `length`, and its gain by `gain`; of the parameters that matter, the
+    derivatives of the logarithms of both factors by each.
     """
 
     curve: Any

@@ -25,16 +25,9 @@ class CurveChange:
     """The derivative of ln xi by a parameter, up to a constant: output ln xi + shift g + stretch l g.
 
     These three have a meaning of their own: a larger gain, a sensor farther behind the surface, another unit of length.
-    So whatever follows from them follows for the parameter. Where a change is none of these, or is one only with a loss
-    of digits, its slope says everything.
-
-    Args:
-        output: factor of ln xi.
-        shift: factor of g [m].
-        stretch: factor of l g.
-        slope: the derivative of g by the parameter, as a function of the distance [m], where the three factors do not
-            give the change.
-        nearest: distance at the start [m] below which `slope` is to be used although the factors are given.
+    So whatever follows from them follows for the parameter; the shift is in m. Where a change is none of these, or is
+    one only with a loss of digits, as where a motion starts nearer than `nearest` [m], the slope says everything: the
+    derivative of g by the parameter, as a function of the distance [m].
     """
 
     output: float = 0.0
@@ -45,22 +38,10 @@ class CurveChange:
 
 
 def curve_change(sensor: Any, name: str) -> CurveChange:
-    """Return how a parameter changes a curve.
-
-    Where the class of the curve does not say it, dg/d(parameter) is that of the polynomial through eleven curves with
-    the parameter within 5 % of its value, or on one side of it where the other makes no sense. It is good to some 1e-11
-    of itself where g is computed to rounding.
-
-    Args:
-        sensor: the curve.
-        name: the parameter, a key of its `parameter_units`.
-
-    Returns:
-        The change.
-
-    Raises:
-        InvalidInputError: the curve has no such parameter, or none with another value of it can be made.
-    """
+    """Return how a parameter, a key of the sensor's `parameter_units`, changes a curve; any other key is refused."""
+    # Where the class of the curve does not say it, dg/d(parameter) is that of the polynomial through eleven curves with
+    # the parameter within 5 % of its value, or on one side of it where the other makes no sense. It is good to some
+    # 1e-11 of itself where g is computed to rounding.
     if name not in sensor.parameter_units:
         raise InvalidInputError(
             f"parameter: found {name!r}, expected one of {', '.join(sensor.parameter_units) or 'none at all'}"
@@ -82,23 +63,15 @@ def _by_differences(sensor: Any, name: str) -> SlopeChange:
     error: InvalidInputError | None = None
     for middle in (value, value - half, value + half):
         try:
-            curves = [_with(sensor, name, float(v)) for v in middle + half * _NODES]
+            curves = [replace(sensor, **{name: float(v)}) for v in middle + half * _NODES]
         except InvalidInputError as found:
             error = found
             continue
-        weights = _weights((value - middle) / half) / half
+        # what the values at Chebyshev's extreme points add to the derivative of their polynomial
+        weights = chebyshev_sum(chebyshev_basis(tuple(_NODES)).to_slope, (value - middle) / half) / half
 
         def slope(distance: FloatArray, curves: Any = curves, weights: FloatArray = weights) -> FloatArray:
             return np.asarray(np.tensordot(weights, [c._log_slope(distance) for c in curves], axes=1))
 
         return slope
     raise InvalidInputError(f"{name}: found {value:g}, beside which the curve has no derivative: {error}")
-
-
-def _with(sensor: Any, name: str, value: float) -> Any:
-    return replace(sensor, **{name: value})
-
-
-def _weights(at: float) -> FloatArray:
-    """Return what the values at Chebyshev's extreme points add to the derivative of their polynomial at a point."""
-    return chebyshev_sum(chebyshev_basis(tuple(_NODES)).to_slope, at)

@@ -25,13 +25,7 @@ _FEW = 64
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawCheck(Value):
-    """One law, whether the curve obeys it, and what was measured.
-
-    Args:
-        law: the law in one sentence.
-        holds: whether it was obeyed at every probed distance.
-        evidence: the number that decided it, with its unit.
-    """
+    """One law in a sentence, whether it holds at every probed distance, and the number that told, with its unit."""
 
     law: str
     holds: bool
@@ -40,12 +34,7 @@ class LawCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorConformance(Value):
-    """What `check_sensor` found.
-
-    Args:
-        sensor: the name of the curve.
-        checks: one entry per law.
-    """
+    """What `check_sensor` found on the sensor of that name: one check for every law."""
 
     sensor: str
     checks: tuple[LawCheck, ...]
@@ -85,59 +74,38 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
     low, high = sensor.valid_range
     distance = np.linspace(low, min(high, low + _REACH), probes)
     with np.errstate(all="ignore"):
-        checks = tuple(_laws(sensor, distance))
+        checks = tuple(LawCheck(law=law, holds=h, evidence=e) for law, h, e in _laws(sensor, distance))
     return SensorConformance(sensor=sensor.name or type(sensor).__name__, checks=checks)
 
 
-def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[LawCheck]:
+def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool, str]]:
     """Check one law after the other, until one fails without which the next make no sense."""
     obstacle = _evaluation_obstacle(sensor, distance)
-    yield LawCheck(
-        law="ln xi and g take distances of any shape and keep it",
-        holds=obstacle is None,
-        evidence=obstacle or "a number, a row and a table of distances",
-    )
+    taken = obstacle or "a number, a row and a table of distances"
+    yield "ln xi and g take distances of any shape and keep it", obstacle is None, taken
     if obstacle is not None:
         return
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
-    wrong = ~np.isfinite(log_output) | ~np.isfinite(slope)
-    yield LawCheck(
-        law="ln xi and g are finite on the valid range",
-        holds=not wrong.any(),
-        evidence=f"{int(wrong.sum())} of {distance.size} distances give none",
-    )
-    if wrong.any():
+    wrong = int((~np.isfinite(log_output) | ~np.isfinite(slope)).sum())
+    yield "ln xi and g are finite on the valid range", not wrong, f"{wrong} of {distance.size} distances give none"
+    if wrong:
         return
-    yield LawCheck(
-        law="the output does not grow with distance (g <= 0)",
-        holds=bool((slope <= 0).all()),
-        evidence=f"largest g = {slope.max():.4g} 1/m",
-    )
+    top = slope.max()
+    yield "the output does not grow with distance (g <= 0)", bool(top <= 0), f"largest g = {top:.4g} 1/m"
     error, tolerance = _slope_error(sensor, distance, slope)
-    yield LawCheck(
-        law="g is the derivative of ln xi",
-        holds=bool(error <= tolerance),
-        evidence=f"largest difference {error:.2g} 1/m, {tolerance:.2g} 1/m allowed",
-    )
+    measured = f"largest difference {error:.2g} 1/m, {tolerance:.2g} 1/m allowed"
+    yield "g is the derivative of ln xi", bool(error <= tolerance), measured
     constant = sensor.constant_log_slope
     spread = 0.0 if constant is None else float(np.abs(slope - constant).max())
-    yield LawCheck(
-        law="a slope that is declared constant is constant",
-        holds=spread <= _ROUNDING * float(np.abs(slope).max()),
-        evidence="not declared" if constant is None else f"largest difference {spread:.2g} 1/m",
-    )
+    measured = "not declared" if constant is None else f"largest difference {spread:.2g} 1/m"
+    flat = spread <= _ROUNDING * float(np.abs(slope).max())
+    yield "a slope that is declared constant is constant", flat, measured
     difference = max(_scalar_difference(sensor.log_output, distance), _scalar_difference(sensor.log_slope, distance))
-    yield LawCheck(
-        law="an array gives what its elements give one by one",
-        holds=difference <= _ROUNDING,
-        evidence=f"largest relative difference {difference:.2g}",
-    )
+    measured = f"largest relative difference {difference:.2g}"
+    yield "an array gives what its elements give one by one", difference <= _ROUNDING, measured
     value = _is_value(sensor)
-    yield LawCheck(
-        law="the curve is a value: a frozen dataclass with fields that can be hashed",
-        holds=value,
-        evidence=f"{type(sensor).__name__} is {'one' if value else 'none, so it can change after it was used'}",
-    )
+    found = f"{type(sensor).__name__} is {'one' if value else 'none, so it can change after it was used'}"
+    yield "the curve is a value: a frozen dataclass with fields that can be hashed", value, found
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
@@ -168,18 +136,8 @@ def _is_value(sensor: SensorModel) -> bool:
 
 
 def _slope_error(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Compare g with ln xi between neighboring probes: their difference against Gauss's rule on g, 1/m.
-
-    Intervals that disagree are halved as long as there are few of them: where g is steep, the rule needs that.
-
-    Args:
-        sensor: the curve.
-        distance: the probes [m].
-        slope: g there [1/m].
-
-    Returns:
-        The largest difference and the one that is allowed.
-    """
+    """Compare g with ln xi between probes: the largest difference from Gauss's rule on g, and what is allowed, 1/m."""
+    # Intervals that disagree are halved as long as there are few of them: where g is steep, the rule needs that.
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     width = np.diff(edges)
     left, right = (side[width > 1e-3 * width.max()] for side in (edges[:-1], edges[1:]))  # else rounding decides

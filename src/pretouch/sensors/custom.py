@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -48,11 +48,8 @@ class CustomSensor(SensorModel):
         corners = np.atleast_1d(finite(self.corners, "corners", "m"))
         object.__setattr__(self, "corners", tuple(map(float, corners.ravel())))
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """The corners inside the valid range [m]."""
-        low, high = self.valid_range
-        return tuple(sorted(c for c in self.corners if low < c < high))
+    def _knots(self) -> Iterable[float]:
+        return self.corners
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(self.log_output_function(distance), dtype=np.float64)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
@@ -55,7 +55,7 @@ class Family(ABC):
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """The written parameters, the scale first."""
-        return tuple(f.name for f in fields(self.curve) if "unit" in f.metadata)
+        return tuple(f.name for f in self.curve._declared())
 
     @property
     def size(self) -> int:
@@ -115,39 +115,15 @@ class Family(ABC):
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Tell whether parameters may grow together without bound.
-
-        Args:
-            ends: of each coordinate the ends of its interval, and whether each was reached.
-
-        Returns:
-            Whether they may.
-        """
+        """Tell whether parameters may grow together without bound, by their intervals' ends, and which were reached."""
         return False
 
     def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Say which parameters readings cannot tell apart.
-
-        Args:
-            parameters: the estimates by name.
-            slope: the estimate of g at l_m.
-            runaway: whether parameters run away together.
-
-        Returns:
-            Sentences.
-        """
+        """Say which parameters readings cannot tell apart; `slope` is g at l_m, and a runaway is of some together."""
         return ()
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Say what a user should know of the parameters that were found.
-
-        Args:
-            parameters: the estimates by name.
-            at_bound: whether one of them lies on a bound of the search.
-
-        Returns:
-            Sentences.
-        """
+        """Say what a user should know of the parameters that were found, one of them maybe at a bound of the search."""
         return ()
 
 
@@ -162,7 +138,7 @@ class PlainFamily(Family):
 
     @property
     def _signs(self) -> list[str]:
-        return [f.metadata["sign"] for f in fields(self.curve) if "unit" in f.metadata][1:]
+        return [f.metadata["sign"] for f in self.curve._declared()[1:]]
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:

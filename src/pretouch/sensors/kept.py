@@ -18,17 +18,9 @@ R = TypeVar("R")
 def kept_by_curve(
     most: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
-    """Keep the results of a function of a curve and of numbers; what was asked before never changes what comes out.
-
-    Equal curves share their results. Curves compare their fields: one that holds anything else, which a comparison
-    does not see, has its results computed anew.
-
-    Args:
-        most: how many results are kept.
-
-    Returns:
-        What makes such a function of a function.
-    """
+    """Keep `most` results of a function of a curve and of numbers; what was asked before changes nothing of them."""
+    # Equal curves share their results. Curves compare their fields: one that holds anything else, which a comparison
+    # does not see, has its results computed anew.
 
     def keeping(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
         kept = lru_cache(maxsize=most)(function)

@@ -59,7 +59,7 @@ def mittag_leffler(
     if not (z <= 0).all():
         raise InvalidInputError(f"argument: found {float(z[~(z <= 0)].flat[0]):g}, which must not be positive")
     rows = z.reshape(len(orders), -1)
-    value, derivative = np.empty(rows.shape), np.empty(rows.shape)
+    value, derivative = np.empty_like(rows), np.empty_like(rows)
     many = max(1, _CHUNK // max(rows.shape[1], 1))
     for top in range(0, len(rows), many):
         for left in range(0, rows.shape[1], _CHUNK):

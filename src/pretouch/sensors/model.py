@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, Field, dataclass, fields, replace
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -73,11 +73,10 @@ class SensorModel(ABC):
     """How it is fitted: by the general way, which needs `fit_start`, or by one of its own."""
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            if "unit" in f.metadata:
-                value = _number(getattr(self, f.name), f.name, f.metadata["unit"])
-                _check_domain(value, f.name, f.metadata)
-                object.__setattr__(self, f.name, value)
+        for f in self._declared():
+            value = _number(getattr(self, f.name), f.name, f.metadata["unit"])
+            _check_domain(value, f.name, f.metadata)
+            object.__setattr__(self, f.name, value)
         low = _number(self.minimum_distance, "minimum_distance", "m")
         high = _limit(self.maximum_distance, "maximum_distance")
         object.__setattr__(self, "minimum_distance", low)
@@ -103,6 +102,10 @@ class SensorModel(ABC):
     @property
     def knots(self) -> tuple[float, ...]:
         """Distances inside the valid range at which a higher derivative of ln xi jumps, in m."""
+        low, high = self.valid_range
+        return tuple(sorted(k for k in self._knots() if low < k < high))
+
+    def _knots(self) -> Iterable[float]:
         return ()
 
     @property
@@ -110,10 +113,15 @@ class SensorModel(ABC):
         """The slope g [1/m] where it is the same at every distance, else None."""
         return None
 
+    @classmethod
+    def _declared(cls) -> list[Field[Any]]:
+        """Return the fields that are parameters of the curve, the scale first, with what `parameter` told of them."""
+        return [f for f in fields(cls) if "unit" in f.metadata]
+
     @property
     def parameters(self) -> dict[str, float]:
         """The parameters of the curve by name, in SI."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if "unit" in f.metadata}
+        return {f.name: getattr(self, f.name) for f in self._declared()}
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
@@ -123,7 +131,7 @@ class SensorModel(ABC):
     @property
     def parameter_units(self) -> dict[str, str]:
         """The SI unit of each parameter by its name; the empty text for pure numbers."""
-        return {f.name: f.metadata["unit"] for f in fields(self) if "unit" in f.metadata}
+        return {f.name: f.metadata["unit"] for f in self._declared()}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
         """Return the curve with other values of parameters, in SI."""
@@ -149,10 +157,8 @@ class SensorModel(ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve as one JSON object, in SI."""
-        found: dict[str, Any] = plain(
-            {"model": self.name, "parameters": self.parameters, "valid_range": self.valid_range}
-        )
-        return found
+        told = {"model": self.name, "parameters": self.parameters, "valid_range": self.valid_range}
+        return dict(plain(told))
 
     def _change_by(self, name: str) -> CurveChange | None:  # noqa: ARG002 - for subclasses
         """Return how a parameter changes ln xi, where that is known; None: it is found by differences."""
@@ -160,50 +166,22 @@ class SensorModel(ABC):
 
     @final
     def log_output(self, distance: ArrayLike) -> Any:
-        """Evaluate ln xi(l).
-
-        Args:
-            distance: l [m], any shape, inside the valid range.
-
-        Returns:
-            ln xi, of the same shape: a float for a scalar.
-        """
+        """Evaluate ln xi(l) at distances l [m] of any shape inside the valid range; a float for a scalar."""
         return self._like(distance, self._log_output(self._checked(distance)))
 
     @final
     def log_slope(self, distance: ArrayLike) -> Any:
-        """Evaluate g(l) = d ln xi / dl.
-
-        Args:
-            distance: l [m], any shape, inside the valid range.
-
-        Returns:
-            g [1/m], of the same shape: a float for a scalar.
-        """
+        """Evaluate g(l) = d ln xi / dl [1/m] at distances l [m] of any shape inside the valid range, likewise."""
         return self._like(distance, self._log_slope(self._checked(distance)))
 
     @final
     def output(self, distance: ArrayLike) -> Any:
-        """Evaluate the sensor output xi(l), in the unit of the calibration.
-
-        Args:
-            distance: l [m], any shape, inside the valid range.
-
-        Returns:
-            xi, of the same shape: a float for a scalar.
-        """
+        """Evaluate the output xi(l), in the calibration's unit, at distances [m] inside the valid range, likewise."""
         return self._like(distance, np.exp(self._log_output(self._checked(distance))))
 
     @final
     def contains(self, distance: ArrayLike) -> BoolArray:
-        """Tell which distances lie inside the valid range.
-
-        Args:
-            distance: l [m], any shape.
-
-        Returns:
-            An array of truth values, of the same shape.
-        """
+        """Tell which distances l [m], of any shape, lie inside the valid range."""
         low, high = self.valid_range
         values = np.asarray(distance, dtype=np.float64)
         return np.asarray((values >= low) & (values <= high))

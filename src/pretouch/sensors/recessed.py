@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
@@ -51,10 +51,7 @@ class Recessed(SensorModel):
             raise InvalidInputError(f"sensor: found {self.sensor!r}, expected a sensor curve")
         recess = _number(self.recess, "recess", "m")
         low, high = self.sensor.valid_range
-        nearest, farthest = (
-            _limit(self.minimum_distance, "minimum_distance"),
-            _limit(self.maximum_distance, "maximum_distance"),
-        )
+        nearest, farthest = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "recess", recess)
         reach = 0.0 if math.isclose(low, recess, rel_tol=_ROUNDING) else low - recess
         object.__setattr__(self, "minimum_distance", max(nearest, reach))
@@ -87,11 +84,8 @@ class Recessed(SensorModel):
         inner = self.sensor.with_parameters(curve) if curve else self.sensor
         return Recessed(sensor=inner, recess=values.get("recess", self.recess))
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """The knots of the curve inside the valid range [m], from the contact surface."""
-        low, high = self.valid_range
-        return tuple(k for k in (knot - self.recess for knot in self.sensor.knots) if low < k < high)
+    def _knots(self) -> Iterable[float]:
+        return (knot - self.recess for knot in self.sensor.knots)
 
     @property
     def constant_log_slope(self) -> float | None:

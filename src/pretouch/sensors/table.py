@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +14,6 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 
 from .model import SensorModel, _limit
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PchipInterpolator
 
 __all__ = ["Table"]
 
@@ -58,18 +56,15 @@ class Table(SensorModel):
                     f"{name}: found {column[i]:g} followed by {column[i + 1]:g}; a table must be strictly "
                     f"{'increasing in distance' if sign > 0 else 'decreasing in output: smooth or fit it first'}"
                 )
-        low, high = _limit(self.minimum_distance, "minimum_distance"), _limit(self.maximum_distance, "maximum_distance")
+        low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "distances", tuple(map(float, distances)))
         object.__setattr__(self, "outputs", tuple(map(float, outputs)))
         object.__setattr__(self, "minimum_distance", max(low, self.distances[0]))
         object.__setattr__(self, "maximum_distance", min(high, self.distances[-1]))
         SensorModel.__post_init__(self)
 
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """The distances of the inner points [m], where the second derivative of ln xi jumps."""
-        low, high = self.valid_range
-        return tuple(d for d in self.distances if low < d < high)
+    def _knots(self) -> Iterable[float]:
+        return self.distances  # where the second derivative of ln xi jumps
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(_interpolant(self.distances, self.outputs)(distance))
@@ -87,7 +82,7 @@ def _column(values: ArrayLike, name: str) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> PchipInterpolator:
+def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> Any:
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for tables
 
     return PchipInterpolator(np.array(distances), np.log(outputs), extrapolate=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,7 @@ from pretouch.motion import Scenario
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
-from .gain import design, gain_problem
+from .problem import GainProblem
 from .result import GainDesign
 from .search import HELD, GainAxis
 from .search.freedom import make_freedom
@@ -80,11 +79,11 @@ def design_admittance(task: Task) -> AdmittanceDesign:
             "use design_gain for the gain alone"
         )
     freedom = make_freedom(task.scenario, task.stable_bounds(), task.natural_frequency, task.damping_ratio)
-    problem = gain_problem(task, freedom.axis)
+    problem = GainProblem(task=task, axis=freedom.axis)
     trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
     def gain_at(encounter: Scenario, axis: GainAxis = problem.axis) -> GainDesign:
-        return design(replace(problem, scenario=encounter, axis=axis))
+        return GainDesign.of(GainProblem(task=task.replace(scenario=encounter), axis=axis))
 
     as_it_is = gain_at(task.scenario)
     search = _AdmittanceSearch(trials)

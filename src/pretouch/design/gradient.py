@@ -41,7 +41,7 @@ class Shift:
 
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
     """Tell whether encounters, objective and the active constraint, if any, have gradients."""
-    limited = constraint is None or ratio(constraint, problem.impact).has_gradients
+    limited = constraint is None or ratio(constraint, problem.task.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
 
@@ -73,8 +73,8 @@ def follow_optimum(
     gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)
     stretch = np.hypot(gains, axis.scale)
     result = problem.run(gains)
-    merit, velocity = problem.merit, problem.scenario.obstacle.velocity
-    limited = None if constraint is None else ratio(constraint, problem.impact)
+    merit, velocity = problem.merit, problem.task.scenario.obstacle.velocity
+    limited = None if constraint is None else ratio(constraint, problem.task.impact)
 
     def by(name: str, criterion: Criterion) -> FloatArray:
         return criterion.slope(result.end, along(result.gradients.of, name, velocity))

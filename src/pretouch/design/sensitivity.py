@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -69,7 +69,7 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
     Returns:
         One entry per input whose change keeps the contact, largest effect first.
     """
-    constraint = next((c for c in problem.constraints if c.name == at and c.quantity != "gain"), None)
+    constraint = next((c for c in problem.task.limits if c.name == at and c.quantity != "gain"), None)
     inputs = list(_inputs(problem))
     if has_gradients(problem, constraint):
         held = at != "interior" and constraint is None
@@ -78,15 +78,15 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
         exact = [(float(shifts[name].gain[0]), float(shifts[name].objective[0])) for name in names]
         if np.isfinite(exact).all():  # beside an edge of contact only one side is left
             return _ranked(inputs, exact)
-    steps, axis = _SMOOTH if problem.evaluator is None else _RIPPLED, problem.axis
+    steps, axis = _SMOOTH if problem.task.evaluate is None else _RIPPLED, problem.axis
     first, second = _FIRST / steps.gain, _SECOND / steps.gain**2
     gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + steps.gain * _NODES)
 
     def sample(changed: GainProblem) -> FloatArray:
         """Sample the objective and the active constraint's magnitude at the nodes."""
         result = changed.run(gains)
-        value = changed.objective.value(result.end, abs(changed.scenario.obstacle.velocity), changed.impact)
-        limited = constraint.magnitude(result.end, changed.impact) if constraint else np.zeros(len(gains))
+        value = changed.task.goal.value(result.end, abs(changed.task.scenario.obstacle.velocity), changed.task.impact)
+        limited = constraint.magnitude(result.end, changed.task.impact) if constraint else np.zeros(len(gains))
         return np.where(result.reached, [value, limited], np.nan)
 
     middle = sample(problem)
@@ -144,7 +144,7 @@ def _derivative(
 
 def _inputs(problem: GainProblem) -> Iterator[_Input]:
     """Yield every scalar input of the scenario and the sensor; what is 0 has a typical magnitude only in a motion."""
-    scenario, sensor = problem.scenario, problem.sensor
+    scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
     typical = {"m": length, "m/s": speed, "m/s^2": speed**2 / length}
@@ -158,7 +158,7 @@ def _inputs(problem: GainProblem) -> Iterator[_Input]:
             value=value,
             unit=unit,
             typical=typical.get(unit, value),
-            changed=lambda v, n=name: replace(problem, scenario=scenario_with(scenario, {n: v})),  # type: ignore[misc]
+            changed=lambda v, n=name: problem.changed(scenario=scenario_with(scenario, {n: v})),  # type: ignore[misc]
         )
     for name, unit in sensor_inputs(sensor).items():
         rest = name.removeprefix("sensor.")
@@ -170,7 +170,7 @@ def _inputs(problem: GainProblem) -> Iterator[_Input]:
                 value=value,
                 unit=unit,
                 typical=length if place else abs(value),
-                changed=lambda v, n=rest: replace(problem, sensor=sensor_with(sensor, {n: v})),  # type: ignore[misc]
+                changed=lambda v, n=rest: problem.changed(sensor=sensor_with(sensor, {n: v})),  # type: ignore[misc]
             )
 
 
@@ -204,7 +204,7 @@ def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tup
 
 def _check(problem: GainProblem, name: str) -> None:
     """Refuse an input that no contact depends on."""
-    known = [n for n in input_names(problem.sensor) if n != "gain"]
+    known = [n for n in input_names(problem.task.sensor) if n != "gain"]
     if name not in known:
         raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(known)}")
 
@@ -214,7 +214,7 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, f
     kinds = _kinds(problem.column(where), gain[where])
     left = [where[kinds == _UNKNOWN]]
     for kind in np.unique(kinds[kinds != _UNKNOWN]):
-        constraint = problem.constraints[kind] if kind >= 0 else None
+        constraint = problem.task.limits[kind] if kind >= 0 else None
         these = where[kinds == kind]
         if has_gradients(problem, constraint):
             several, held = problem.column(these), bool(kind == _BOUND)
@@ -226,9 +226,9 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, f
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
     """Tell where each optimum sits: the number of the active constraint, or one of the three above."""
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
-    if problem.constraints:
+    if problem.task.limits:
         end = problem.run(gain[:, None]).end
-        for i, constraint in enumerate(problem.constraints):
-            ratio = np.reshape(constraint.magnitude(end, problem.impact) / constraint.limit, -1)
+        for i, constraint in enumerate(problem.task.limits):
+            ratio = np.reshape(constraint.magnitude(end, problem.task.impact) / constraint.limit, -1)
             kinds[np.abs(ratio - 1) < _ACTIVE] = _BOUND if constraint.quantity == "gain" else i
     return kinds

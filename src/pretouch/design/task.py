@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar, cast
 
@@ -53,7 +53,29 @@ class Source(Protocol):
         """Return the message of an error, with the reason that the file has for it."""
 
 
-@dataclass(frozen=True, slots=True)
+def _sparing(cls: type[R]) -> type[R]:
+    """Let a task store what it is given only, since a design takes a few microseconds; the rest is its class's."""
+    complete: Any = cls.__init__
+    known = {name for name in cls.__annotations__ if name != "_"}
+
+    @wraps(complete)
+    def __init__(self: Any, scenario: Any, sensor: Any, objective: Any = None, **asked: Any) -> None:  # noqa: N807
+        if not known >= asked.keys():
+            complete(self, scenario, sensor, objective, **asked)  # which refuses the name
+        kept = self.__dict__
+        kept["scenario"], kept["sensor"], kept["uncertainty"] = scenario, sensor, {}
+        kept.update(asked)
+        if objective is not None:
+            kept["objective"] = as_objective(objective)
+        if "constraints" in asked:
+            kept["constraints"] = tuple(asked["constraints"])
+
+    cls.__init__ = __init__  # type: ignore[assignment,method-assign]
+    return cls
+
+
+@_sparing
+@dataclass(frozen=True)
 class Task(Value):
     """One problem, which every verb takes: the encounter, the sensor, and what is asked for.
 
@@ -146,12 +168,6 @@ class Task(Value):
     source: Source | None = None
     part: Any = None
 
-    def __post_init__(self) -> None:
-        if self.objective is not None:
-            object.__setattr__(self, "objective", as_objective(self.objective))
-        if type(self.constraints) is not tuple:
-            object.__setattr__(self, "constraints", tuple(self.constraints))
-
     @property
     def goal(self) -> Objective:
         """The objective, for a verb that needs one.
@@ -203,7 +219,7 @@ class Task(Value):
         Returns:
             The changed copy.
         """
-        return replace(self, **changes)
+        return Task(**{**self.__dict__, **changes})
 
 
 def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:

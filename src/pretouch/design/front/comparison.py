@@ -109,7 +109,7 @@ def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: Con
     proved = damped & (np.asarray(gain) <= 0) & (trials.freedom.scenario.obstacle.acceleration <= 0)
     if np.all(proved):
         return np.ones(np.shape(gain), dtype=bool)
-    how = trials.encounters
+    how = trials.encounters.task
     motion = solve_motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
     forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
     return np.asarray(proved | forward)

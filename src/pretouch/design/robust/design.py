@@ -13,7 +13,8 @@ from pretouch.uncertainty.sampling import check_draw
 
 from ..certificate import DesignStatus
 from ..constraints import each_once
-from ..gain import design, gain_problem
+from ..problem import GainProblem
+from ..result import GainDesign
 from ..search import EXACT, SAMPLED, GainAxis, search_axis
 from ..task import Task, placed
 from .evidence import RobustEvidence
@@ -99,8 +100,8 @@ def design_robust_gain(task: Task) -> RobustDesign:
         problem = pose(ensemble=make(drawn, count=samples))
         effort = EXACT if evaluate is None else SAMPLED
         searched, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], effort)
-    ideal = gain_problem(task.replace(evaluate=None), axis)
-    nominal = design(ideal)
+    ideal = GainProblem(task=task.replace(evaluate=None), axis=axis)
+    nominal = GainDesign.of(ideal)
     gain = float(problem.axis.gain(minima[0].coordinate)) if minima else None
     checked = None if gain is None else validate(fresh, gain, nominal.gain, confidence=task.confidence)
     contact = searched.landscape.reached.any()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from pretouch.motion.inputs import SCENARIO_INPUTS, input_units
 from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
 from pretouch.uncertainty.sampling import names_of
 
-from ..gain import design
 from ..problem import GainProblem
+from ..result import GainDesign
 
 __all__ = ["Price", "price_of_robustness"]
 
@@ -83,18 +84,22 @@ def price_of_robustness(
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
     low, high = _range(uncertainty, name)
     x = np.linspace(low, high, count)
-    free = replace(problem, constraints=())
+    task = problem.task.replace(constraints=())
     values = {name: x, **_companions(uncertainty, name, x)}
-    several = make_ensemble(problem.scenario, problem.sensor, values, method=free.method, horizon=free.horizon)
+    several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon)
     result = several.contacts(gain)
-    robust = np.where(result.reached, problem.objective.value(result.end, several.speed, problem.impact), np.nan)
+    robust = np.where(result.reached, task.goal.value(result.end, several.speed, task.impact), np.nan)
+
+    def one(**changes: Any) -> GainDesign:
+        return GainDesign.of(GainProblem(task=task.replace(**changes), axis=problem.axis))
+
     if all(member in SCENARIO_INPUTS for member in several.values):
-        found = design(replace(free, scenario=several.scenario))
+        found = one(scenario=several.scenario)
         best, least = np.asarray(found.gain), np.asarray(found.objective)
     else:
-        each = [design(replace(free, scenario=s, sensor=c)) for s, c in map(several.at, range(count))]
+        each = [one(scenario=s, sensor=c) for s, c in map(several.at, range(count))]
         best, least = (np.array([getattr(d, n) for d in each], dtype=np.float64) for n in ("gain", "objective"))
-    unit = input_units(problem.sensor)[name]
+    unit = input_units(task.sensor)[name]
     return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
 
 

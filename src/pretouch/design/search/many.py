@@ -39,7 +39,7 @@ def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]
     Returns:
         Status, gain [N s] and objective of the scenario's shape; NaN unless optimal.
     """
-    shape = problem.scenario.shape
+    shape = problem.task.scenario.shape
     free = problem.within_gain_limit()
     found = find_family(free)
     if found is not None and found[2].all():

@@ -11,7 +11,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite
 from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.robust import Required
-from pretouch.design.robust.design import limits_of
+from pretouch.design.robust.measures import limits_of
 from pretouch.motion import ContactResult, Scenario, find_contact
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
@@ -61,7 +61,7 @@ class VerdictRequest:
             raise InvalidInputError(
                 f"confidence: found {task.confidence:g}, expected a number between 0 and 1, such as 0.95"
             )
-        return cls(task=task, bounds=task.stable_bounds(), limits=limits_of(task))
+        return cls(task=task, bounds=task.stable_bounds(), limits=limits_of(task.constraints))
 
     @property
     def loop(self) -> ClosedLoop:

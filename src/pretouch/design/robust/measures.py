@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,7 +16,16 @@ from pretouch._core.numbers import FloatArray, finite, float_or_array
 
 from ..constraints import Constraint
 
-__all__ = ["ConditionalValueAtRisk", "Expected", "Measure", "Quantile", "Required", "WorstCase", "checked_measure"]
+__all__ = [
+    "ConditionalValueAtRisk",
+    "Expected",
+    "Measure",
+    "Quantile",
+    "Required",
+    "WorstCase",
+    "checked_measure",
+    "limits_of",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -259,6 +269,11 @@ class Required:
     def share(self, ratios: Any) -> Any:
         """Return the ratio |quantity| / limit that is not exceeded with the probability, along the last axis."""
         return float_or_array(np.max(ratios, axis=-1)) if self.probability == 1 else _quantile(ratios, self.probability)
+
+
+def limits_of(constraints: Iterable[Constraint | Required]) -> tuple[Required, ...]:
+    """Return constraints, each with its probability: a plain one must hold in every encounter."""
+    return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
 
 
 def _quantile(values: Any, probability: float) -> Any:

@@ -56,17 +56,14 @@ class Price(Value):
         return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {most:.3g}>"
 
 
-def price_of_robustness(
-    problem: GainProblem, uncertainty: Uncertainty, name: str, count: int, gain: float | None
-) -> Price:
+def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
     """Hold one gain against the best gain for each value of an input, the others at their given values.
 
     Inputs that were estimated together with it follow at their likeliest values. The gains made
     for each value keep no constraints, so that the loss is never negative, and part of it what constraints cost.
 
     Args:
-        problem: that of the ideal design, of which the constraints are not kept.
-        uncertainty: what is known of the inputs.
+        problem: the problem, of which the constraints are not kept.
         name: the input.
         count: at how many values, from its 1 % to its 99 % quantile.
         gain: the robust gain [N s].
@@ -82,6 +79,7 @@ def price_of_robustness(
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
+    uncertainty = problem.task.uncertainty
     low, high = _range(uncertainty, name)
     x = np.linspace(low, high, count)
     task = problem.task.replace(constraints=())

@@ -103,18 +103,9 @@ class Validation(Value):
         return {**known, "loss_of_nominal": self.loss, "constraints": self.limits}
 
 
-def validate(problem: RobustProblem, gain: float, nominal: float | None, *, confidence: float) -> Validation:
-    """Appraise a gain on samples that its design has not seen.
-
-    Args:
-        problem: the problem, with fresh and independent encounters.
-        gain: D_p [N s].
-        nominal: another gain to be appraised beside it [N s]; None for none.
-        confidence: of the intervals.
-
-    Returns:
-        The measure with its interval, and every constraint.
-    """
+def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
+    """Appraise a gain [N s], and a nominal one beside it, on fresh encounters that its design has not seen."""
+    confidence = problem.task.confidence
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)
     beside, loss = None, None

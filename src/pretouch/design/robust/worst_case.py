@@ -9,21 +9,22 @@ and their difference is all that is not known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
-from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
+from pretouch.uncertainty import CorrelatedNormal, Uncertainty, sample_inputs
 from pretouch.uncertainty.distributions import Interval
 
-from ..search import Minimum, Scan, search_axis
+from ..search import GainAxis, Minimum, Scan, search_axis
 from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
+from ..task import Task
 from .problem import RobustProblem
 
 __all__ = ["WorstEncounter", "WorstSearch", "box_of", "search_worst_case"]
@@ -70,17 +71,7 @@ class WorstSearch(NamedTuple):
 
 
 def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
-    """Return the smallest and the largest value of each input.
-
-    Args:
-        uncertainty: what is known of the inputs.
-
-    Returns:
-        Both by name.
-
-    Raises:
-        InvalidInputError: an input has no bounds, or there are too many.
-    """
+    """Return the smallest and the largest value of each input by name; refuse one without bounds, and too many."""
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
             f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}: "
@@ -98,30 +89,19 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
     return found
 
 
-def search_worst_case(
-    uncertainty: Uncertainty, make: Callable[[Mapping[str, Any]], Ensemble], pose: Callable[..., RobustProblem]
-) -> WorstSearch:
-    """Find the gain whose worst encounter is the mildest.
-
-    Args:
-        uncertainty: what is known of the inputs.
-        make: makes encounters of values of the inputs.
-        pose: makes the problem of encounters.
-
-    Returns:
-        The last round of the search.
-    """
-    box = box_of(uncertainty)
+def search_worst_case(task: Task, axis: GainAxis) -> WorstSearch:
+    """Find the gain whose worst encounter is the mildest; return the last round of the search."""
+    box = box_of(task.uncertainty)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
     points = _first_points(box)
     for _ in range(_ROUNDS):
-        problem = pose(ensemble=make(dict(zip(box, points.T, strict=True))))
+        problem = RobustProblem.over(task, axis, dict(zip(box, points.T, strict=True)))
         scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
         if not minima:
             return WorstSearch(problem, scanned, minima, None)
         gain, decided = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
         found = [
-            maximize_on_box(_function(problem, make, box, gain, which), low, high, tolerance=_TOLERANCE)
+            maximize_on_box(_function(problem, box, gain, which), low, high, tolerance=_TOLERANCE)
             for which in range(-1, len(problem.limits))
         ]
         allowed = (decided, *(1.0 for _ in problem.limits))
@@ -140,19 +120,13 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
     return np.concatenate([corners, middle, np.stack([inside[name] for name in box], axis=1)])
 
 
-def _function(
-    problem: RobustProblem,
-    make: Callable[[Mapping[str, Any]], Ensemble],
-    box: Mapping[str, tuple[float, float]],
-    gain: float,
-    which: int,
-) -> Function:
+def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
     """Return the objective (-1) or the ratio of a constraint as a function of the inputs, with its gradient."""
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 
     def at(points: FloatArray) -> RobustProblem:
-        return replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+        return RobustProblem.over(problem.task, problem.axis, dict(zip(names, points.T, strict=True)))
 
     def value(points: FloatArray) -> FloatArray:
         objective, ratios = at(points).values(gain)

@@ -128,9 +128,9 @@ def _design(
         )
     good = chosen is not None and chosen.status is DesignStatus.OPTIMAL
     return AdmittanceDesign(
+        problem=trials.encounters,
         status=status,
         free=trials.freedom.names,
-        bounds=trials.freedom.axis.ends,
         natural_frequency_bounds=trials.freedom.natural_frequency,
         damping_ratio_bounds=trials.freedom.damping_ratio,
         gain_design=chosen if good else None,

@@ -98,6 +98,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
     knee = find_knee(trials, found.at, found.values, found.scanned, found.scanned_values) if known else None
     gain, (frequency, ratio) = freedom.gain(found.at), freedom.admittance(found.at)
     return ParetoFront(
+        problem=trials.encounters,
         status=FrontStatus.FOUND if known else FrontStatus.INFEASIBLE if contact else FrontStatus.NO_CONTACT,
         quantities=names,
         free=freedom.names,
@@ -115,13 +116,8 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
         scanned=found.scanned_values[reached],
         tried=len(found.scanned) + len(found.at),
         missed=found.missed,
-        bounds=freedom.axis.ends,
         natural_frequency_bounds=freedom.natural_frequency,
         damping_ratio_bounds=freedom.damping_ratio,
-        constraints=trials.constraints,
-        scenario=freedom.scenario,
-        sensor=trials.encounters.task.sensor,
-        impact=trials.encounters.task.impact,
         result=result,
     )
 

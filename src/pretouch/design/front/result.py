@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray, FloatArray
@@ -16,11 +15,9 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import in_short, unit_of
 from pretouch.motion.contact import ContactResult
-from pretouch.motion.scenario import Scenario
-from pretouch.sensors import SensorModel
 
 from ..constraints import Constraint
-from ..impact import ImpactModel
+from ..problem import Answer
 from .comparison import BoundComparison
 from .physical_bound import PhysicalBound
 
@@ -78,8 +75,8 @@ class FrontPoint(Value):
         return f"<FrontPoint {self.name}: D_p = {self.gain:.4g} N s>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ParetoFront(Described, Value):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ParetoFront(Answer):
     """What `pareto_front` returns: choices of which none is better than another in every quantity.
 
     Args:
@@ -102,13 +99,8 @@ class ParetoFront(Described, Value):
         tried: how many encounters were tried on the way.
         missed: the largest amount by which the front misses an encounter that was tried, of its extent, in all
             quantities at once: what lies between its points.
-        bounds: the gains between which the front was sought [N s].
-        natural_frequency_bounds: likewise [rad/s]; None where it is not free.
+        natural_frequency_bounds: between which it was sought [rad/s]; None where it is not free.
         damping_ratio_bounds: likewise; None where it is not free.
-        constraints: the limits.
-        scenario: the encounter.
-        sensor: the sensor curve.
-        impact: the physical properties, where given.
         result: the encounters of the points; None where there are none.
     """
 
@@ -129,16 +121,16 @@ class ParetoFront(Described, Value):
     scanned: FloatArray
     tried: int
     missed: float
-    bounds: tuple[float, float]
     natural_frequency_bounds: tuple[float, float] | None
     damping_ratio_bounds: tuple[float, float] | None
-    constraints: tuple[Constraint, ...]
-    scenario: Scenario
-    sensor: SensorModel
-    impact: ImpactModel | None
     result: ContactResult | None
 
     page: ClassVar[str] = "pretouch.design.front.page:front_page"
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The limits."""
+        return self.problem.task.limits
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:

@@ -49,15 +49,7 @@ class Criterion:
     has_gradients: bool
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Differentiate the number by an input.
-
-        Args:
-            state: the state at contact.
-            of: from a quantity to its derivative by the input, as `along` makes it.
-
-        Returns:
-            The derivative in SI, of the shape of the state.
-        """
+        """Differentiate the number by an input, which `along` follows: in SI, of the shape of the state."""
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
             total = total + rate * np.asarray(of(quantity))
@@ -65,16 +57,9 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Follow one input.
-
-    Args:
-        of: the derivative of a quantity by an input, as `ContactGradients` has it.
-        by: the input.
-        velocity: that of the obstacle at the start [m/s], for what follows its speed.
-
-    Returns:
-        From a quantity to its derivative by the input, that of the gain and of the obstacle's speed among them.
-    """
+    """Follow one input: from a quantity to its derivative by it, the gain and the obstacle's speed among them."""
+    # `of` is the derivative of a quantity by an input, as `ContactGradients` has it; `velocity` is that of the obstacle
+    # at the start [m/s], for what follows its speed.
 
     def slope(quantity: str) -> Any:
         if quantity == "gain":

@@ -53,21 +53,10 @@ def follow_optimum(
     names: tuple[str, ...],
     held: bool = False,
 ) -> dict[str, Shift]:
-    """Differentiate optimal gains and their objectives by inputs.
-
-    Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
-    so du/dp = -G_p / G_u; on a bound the gain stays.
-
-    Args:
-        problem: what was designed, each field of the scenario a number or of shape (n, 1).
-        constraint: the active constraint, if the optima sit on one.
-        gain: the optimal gains [N s], shape (n,).
-        names: the inputs, as `ContactGradients` has them.
-        held: whether the optima sit on a bound, and stay there.
-
-    Returns:
-        By name, arrays of shape (n,); NaN where a sample does not end in contact.
-    """
+    """Differentiate optimal gains, shape (n,), and their objectives by inputs, as `ContactGradients` names them."""
+    # Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
+    # so du/dp = -G_p / G_u; on a bound, where it is held, the gain stays. Each field of the scenario is a number or of
+    # shape (n, 1). Arrays of shape (n,) by name, NaN where a sample does not end in contact.
     axis = problem.axis
     center = axis.coordinate(gain)
     gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)

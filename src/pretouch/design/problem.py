@@ -97,14 +97,7 @@ class GainProblem(Value):
         return GainProblem(task=self.task.replace(constraints=others), axis=GainAxis(low=low, high=high))
 
     def column(self, which: IntArray) -> GainProblem:
-        """Return the problem of some encounters of an array, as a column with which a row of gains broadcasts.
-
-        Args:
-            which: their places in the flat array, shape (m,).
-
-        Returns:
-            The problem, each field of its scenario a number or of shape (m, 1).
-        """
+        """Return the problem of the encounters at flat places, each a column with which a row of gains broadcasts."""
         shape = self.task.scenario.shape
 
         def taken(value: Any) -> Any:

@@ -175,18 +175,9 @@ def _inputs(problem: GainProblem) -> Iterator[_Input]:
 
 
 def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
-    """Differentiate optimal gains by one input.
-
-    Args:
-        problem: what was designed, for one encounter or an array of them.
-        gain: the optimal gains [N s], of the scenario's shape; NaN where there is none.
-        name: the input, as in ContactGradients.inputs.
-        one: gives the evidence of the encounter at an index, for those without exact derivatives.
-
-    Returns:
-        d D_p / d input, in N s per unit of the input, of the scenario's shape; NaN where there is no gain, and where
-        the optimum lies so close to an edge of contact that it has no derivative.
-    """
+    """Differentiate optimal gains by one input, as `ContactGradients` names it: in N s per unit of the input."""
+    # `one` gives the design of the encounter at an index, for those without exact derivatives. NaN where there is no
+    # gain, and where the optimum lies so close to an edge of contact that it has no derivative.
     flat = np.asarray(gain, dtype=np.float64).reshape(-1)
     found = np.full(flat.shape, np.nan)
     where = np.flatnonzero(np.isfinite(flat))

@@ -223,14 +223,7 @@ class Task(Value):
 
 
 def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Make a verb that names line and key of what it refuses, where its task comes from a file.
-
-    Args:
-        verb: the verb; its first argument is the task.
-
-    Returns:
-        The verb.
-    """
+    """Make a verb that names line and key of what it refuses, where its task comes from a file."""
 
     @wraps(verb)
     def told(task: Task, /, *args: P.args, **options: P.kwargs) -> R:

@@ -25,15 +25,9 @@ _SPACING: Final = 0.01  # between neighbors of the front, of its extent
 
 
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
-    """Find the front of a curve over [0, 1].
-
-    Args:
-        evaluate: from coordinates, shape (n,), to quantities, shape (n, k), infinite where not feasible.
-
-    Returns:
-        The front, its coordinates of shape (n, 1), ascending in the first of two quantities, in the coordinate with
-        three; pieces are separated by coordinates that are worse. Empty where nothing is feasible.
-    """
+    """Find the front of a curve over [0, 1], which gives quantities, shape (n, k), of coordinates, (n,)."""
+    # Quantities are infinite where not feasible. Points of the front ascend in the first of two quantities, in the
+    # coordinate with three; pieces are separated by coordinates that are worse. Empty where nothing is feasible.
     samples = _Samples(evaluate)
     for k in range(samples.values.shape[1]):
         lowest = refine(lambda u, k=k: evaluate(u)[:, k], samples.at, samples.values[:, k])  # type: ignore[misc]

@@ -57,14 +57,7 @@ def extent_of(values: FloatArray) -> FloatArray:
 
 
 def non_dominated(values: FloatArray) -> BoolArray:
-    """Tell which points no other point dominates; of points that are equal, the first one counts.
-
-    Args:
-        values: quantities to be minimized, shape (n, k) with k = 2 or 3; a point with an infinite one is left out.
-
-    Returns:
-        True where no other point is as low in every quantity, shape (n,).
-    """
+    """Tell which points, (n, 2) or (n, 3), no other dominates; of equal ones the first, of infinite ones none."""
     n, k = values.shape
     kept = np.zeros(n, dtype=bool)
     order = np.lexsort((np.arange(n), *values.T[::-1]))
@@ -91,15 +84,9 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return by how much a front misses points: the least shift of all its quantities with which it dominates each.
-
-    Args:
-        points: shape (m, k); infinite ones are missed by nothing.
-        front: shape (n, k).
-
-    Returns:
-        The shift, shape (m,); not positive where the front dominates the point (Zitzler et al. 2003, additive epsilon).
-    """
+    """Return by how much a front, shape (n, k), misses points, (m, k): the least shift with which it dominates each."""
+    # Not positive where it dominates the point (Zitzler et al. 2003, additive epsilon); infinite points are missed by
+    # nothing.
     missed = np.full(len(points), -np.inf)
     there = np.flatnonzero(np.isfinite(points).all(axis=1))
     for start in range(0, len(there), 1024):

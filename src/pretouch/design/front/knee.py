@@ -26,19 +26,8 @@ _LEAST: Final = 1e-3  # depth below which a front counts as straight
 def find_knee(
     trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Find the knee.
-
-    Args:
-        trials: the encounters.
-        at: coordinates of the front, shape (n, size).
-        values: the quantities there, shape (n, k).
-        scanned: coordinates of all that was tried.
-        scanned_values: the quantities there.
-
-    Returns:
-        Coordinates and depth, of the extent of the front; None for a front that is straight, bulges outward, or does
-        not trade at all.
-    """
+    """Return coordinates and depth of the knee, of the extent of the front."""
+    # None for a front that is straight, bulges outward, or does not trade at all.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
         return None

@@ -30,14 +30,7 @@ _PULL: Final = 1e-3  # of the other quantities, where one alone is minimized: of
 
 
 def find_front(trials: Trials) -> FoundFront:
-    """Find the front of everything that is free.
-
-    Args:
-        trials: the encounters.
-
-    Returns:
-        The front, in pieces between which no encounter was found; empty where nothing is feasible on the grid.
-    """
+    """Find the front of all that is free, in pieces between which nothing was found; empty if nothing is feasible."""
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))

@@ -40,14 +40,7 @@ class RobustOutcomes(Value):
     impact: ImpactModel | None
 
     def magnitude(self, quantity: str) -> FloatArray:
-        """Return the magnitude of a quantity of the contact.
-
-        Args:
-            quantity: a key of QUANTITY_UNITS, such as `relative_velocity`.
-
-        Returns:
-            |quantity| in SI, shape (n,); infinite where there is no contact.
-        """
+        """Return |quantity| in SI of one of QUANTITY_UNITS, shape (n,); infinite where there is no contact."""
         found = np.abs(np.asarray(quantity_of(quantity, self.state, self.impact)))
         return np.where(self.reached, np.broadcast_to(found, self.reached.shape), np.inf)
 

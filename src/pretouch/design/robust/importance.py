@@ -57,17 +57,9 @@ class InputImportance(Value):
 
 
 def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImportance, ...]:
-    """Rank uncertain inputs by what they contribute to the variance of the objective at a gain [N s].
-
-    Each of the two sets has as many samples as the task asks for; more where these are too few to tell shares at all.
-
-    Args:
-        problem: the problem; its encounters are not used.
-        gain: D_p [N s].
-
-    Returns:
-        One entry per input, the largest total share first; shares are NaN where some encounter has no contact.
-    """
+    """Rank uncertain inputs by their share of the variance of the objective at a gain [N s], the largest first."""
+    # Each of the two sets has as many samples as the task asks for; more where these are too few to tell shares at all.
+    # Shares are NaN where some encounter has no contact.
     task, uncertainty = problem.task, problem.task.uncertainty
     if not uncertainty:
         return ()

@@ -62,17 +62,7 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Refuse a measure that would be told as another one.
-
-    Args:
-        measure: the measure.
-
-    Returns:
-        The same.
-
-    Raises:
-        InvalidInputError: it is no Measure, or computes its own number under the label or the interval of another.
-    """
+    """Refuse what is no Measure, and one that computes its own number under the label or the interval of another."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"

@@ -57,24 +57,9 @@ class Price(Value):
 
 
 def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
-    """Hold one gain against the best gain for each value of an input, the others at their given values.
-
-    Inputs that were estimated together with it follow at their likeliest values. The gains made
-    for each value keep no constraints, so that the loss is never negative, and part of it what constraints cost.
-
-    Args:
-        problem: the problem, of which the constraints are not kept.
-        name: the input.
-        count: at how many values, from its 1 % to its 99 % quantile.
-        gain: the robust gain [N s].
-
-    Returns:
-        The curve.
-
-    Raises:
-        ResultUnavailableError: there is no robust gain.
-        InvalidInputError: the input is not uncertain, or the number of values makes no sense.
-    """
+    """Hold one gain [N s] against the best gain for each of many values of an input, the others as they are given."""
+    # Inputs that were estimated together with it follow at their likeliest values. The gains made for each value keep
+    # no constraints, so that the loss is never negative, and part of it what constraints cost.
     if type(count) is not int or count < 2:
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:

@@ -55,11 +55,13 @@ class GainEvidence(Answer):
 
     settled: tuple[Any, Any, Any] | None
 
-    @cached_property
+    @property
     def answer(self) -> tuple[Any, Any, Any]:
         """Status, gain and objective."""
-        if self.settled is not None:
-            return self.settled
+        return self._searched if self.settled is None else self.settled
+
+    @cached_property
+    def _searched(self) -> tuple[Any, Any, Any]:
         if self.minima:
             best = self.minima[0]
             return DesignStatus.OPTIMAL, float(self.problem.axis.gain(best.coordinate)), best.value

@@ -7,7 +7,6 @@ formed by any input.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,24 +18,11 @@ from .constraints import Constraint
 from .criteria import Criterion, along, ratio
 from .problem import GainProblem
 
-__all__ = ["Shift", "follow_optimum", "has_gradients"]
+__all__ = ["follow_optimum", "has_gradients"]
 
 _BASIS: Final = chebyshev_basis(9)
 _HALF: Final = 0.08  # of u, from the optimum to the outermost samples: its eighth power is below the rounding of those
 _BESIDE: Final = 0.5  # of that: no search is this far from its optimum
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shift:
-    """How optima follow one input, arrays of the shape of the designs.
-
-    Args:
-        gain: d D_p / d input, in N s per unit of the input.
-        objective: d f / d input at the optimum, per unit of the input.
-    """
-
-    gain: FloatArray
-    objective: FloatArray
 
 
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
@@ -52,11 +38,12 @@ def follow_optimum(
     gain: FloatArray,
     names: tuple[str, ...],
     held: bool = False,
-) -> dict[str, Shift]:
+) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Differentiate optimal gains, shape (n,), and their objectives by inputs, as `ContactGradients` names them."""
     # Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
     # so du/dp = -G_p / G_u; on a bound, where it is held, the gain stays. Each field of the scenario is a number or of
-    # shape (n, 1). Arrays of shape (n,) by name, NaN where a sample does not end in contact.
+    # shape (n, 1). By name d D_p / d input [N s per unit] and d f / d input at the optimum, shape (n,); NaN where a
+    # sample does not end in contact.
     axis = problem.axis
     center = axis.coordinate(gain)
     gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)
@@ -82,7 +69,7 @@ def follow_optimum(
             shift = -_rise(by_input, place) / _rise(slope, place)
         total = _value(by_input, place) + _value(slope, place) * shift
         at = np.hypot(axis.scale * np.sinh(center + _HALF * place), axis.scale)
-        found[name] = Shift(gain=shift * at, objective=total)
+        found[name] = shift * at, total
     return found
 
 

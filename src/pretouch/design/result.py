@@ -36,7 +36,7 @@ class GainDesign(GainEvidence):
     def of(cls, problem: GainProblem) -> GainDesign:
         """Design the gain of a problem, or of each encounter of an array."""
         found = cls(problem=problem, settled=settle(problem))
-        _ = found.answer  # now, and not when it is read
+        _ = found.answer  # is searched for now, and not when it is read
         return found
 
     def at(self, *index: int) -> GainDesign:

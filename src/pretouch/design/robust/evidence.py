@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,9 +13,8 @@ from pretouch.motion import ContactState
 
 from ..impact import ImpactModel
 from ..quantities import quantity_of
-from .measures import Required
 
-__all__ = ["Reachable", "RobustOutcomes", "RobustTradeOff"]
+__all__ = ["RobustOutcomes", "RobustTradeOff"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -68,22 +66,3 @@ class RobustTradeOff(Value):
 
     def __repr__(self) -> str:
         return f"<RobustTradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s>"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reachable(Value):
-    """How far a limit can be held, taken alone.
-
-    Args:
-        required: the limit and the probability with which it must hold.
-        magnitude: the smallest |quantity| that any scanned gain keeps with that probability, SI.
-        gain: the gain that does [N s].
-    """
-
-    required: Required
-    magnitude: float
-    gain: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as one JSON object, in SI."""
-        return {"name": self.required.constraint.name, "magnitude": self.magnitude, "gain": self.gain}

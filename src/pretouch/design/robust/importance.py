@@ -122,23 +122,20 @@ def _linear_shares(problem: RobustProblem, gain: float) -> dict[str, float] | No
     if task.evaluate is not None or not problem.criterion(-1).has_gradients:
         return None
     center: dict[str, float] = {}
+    spread: dict[str, tuple[tuple[str, ...], FloatArray]] = {}
     for name, known in uncertainty.items():
-        center |= (
-            dict(zip(known.names, known.mean, strict=True))
-            if isinstance(known, CorrelatedNormal)
-            else {name: known.mean}
-        )
+        if isinstance(known, CorrelatedNormal):
+            center |= dict(zip(known.names, known.mean, strict=True))
+            spread[name] = known.names, np.asarray(known.covariance)
+        else:
+            center[name], spread[name] = known.mean, ((name,), np.array([[known.variance]]))
     inner = RobustProblem.over(task, problem.axis, {name: np.array([value]) for name, value in center.items()})
     result = inner.ensemble.contacts(gain)
     if not result.reached.all():
         return None
-    slopes = {name: float(inner.slope(result, name)[0]) for name in center}
     variances = {}
-    for name, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal):
-            own = np.array([slopes[member] for member in known.names])
-            variances[name] = float(own @ np.asarray(known.covariance) @ own)
-        else:
-            variances[name] = slopes[name] ** 2 * known.variance
+    for name, (members, covariance) in spread.items():
+        slopes = np.array([float(inner.slope(result, member)[0]) for member in members])
+        variances[name] = float(slopes @ covariance @ slopes)
     total = sum(variances.values())
     return {name: v / total if total > 0 else 0.0 for name, v in variances.items()}

@@ -130,7 +130,15 @@ def _probability(value: Any) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quantile(Measure):
+class _AtProbability(Measure):
+    probability: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "probability", _probability(self.probability))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantile(_AtProbability):
     """The objective that is not exceeded with a probability.
 
     Args:
@@ -140,11 +148,6 @@ class Quantile(Measure):
         >>> Quantile(probability=0.6).of([1.0, 2.0, 3.0, 4.0, 5.0])
         3.0
     """
-
-    probability: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "probability", _probability(self.probability))
 
     @property
     def label(self) -> str:
@@ -170,7 +173,7 @@ class Quantile(Measure):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConditionalValueAtRisk(Measure):
+class ConditionalValueAtRisk(_AtProbability):
     """The mean of the worst cases: of what lies beyond a quantile (Rockafellar and Uryasev, J. Risk 2 (2000) 21).
 
     Args:
@@ -180,11 +183,6 @@ class ConditionalValueAtRisk(Measure):
         >>> ConditionalValueAtRisk(probability=0.6).of([1.0, 2.0, 3.0, 4.0, 5.0])
         4.5
     """
-
-    probability: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "probability", _probability(self.probability))
 
     @property
     def label(self) -> str:

@@ -21,7 +21,7 @@ from pretouch.uncertainty.sampling import names_of
 from ..certificate import DesignStatus
 from ..problem import Answer
 from ..search import Scan
-from .evidence import Reachable, RobustOutcomes, RobustTradeOff
+from .evidence import RobustOutcomes, RobustTradeOff
 from .importance import InputImportance, rank_uncertain_inputs
 from .measures import Measure, Required
 from .price import Price, price_of_robustness
@@ -144,15 +144,14 @@ class RobustDesign(Answer):
         return float(self.problem.axis.gain(self.scan.coordinate[best])) if known else None
 
     @property
-    def reachable(self) -> tuple[Reachable, ...]:
-        """How far each limit can be held, taken alone."""
+    def reachable(self) -> tuple[tuple[Required, float, float], ...]:
+        """Each limit, the least |quantity| that a gain keeps as often as it must, taken alone, and that gain [N s]."""
         found = []
         for limit, ratios in zip(self.limits, self.scan.landscape.ratios, strict=True):
             best = int(np.argmin(ratios))
             if np.isfinite(ratios[best]):
                 gain = float(self.problem.axis.gain(self.scan.coordinate[best]))
-                size = float(ratios[best]) * limit.constraint.limit
-                found.append(Reachable(required=limit, magnitude=size, gain=gain))
+                found.append((limit, float(ratios[best]) * limit.constraint.limit, gain))
         return tuple(found)
 
     def outcomes(self, gain: float | None = None) -> RobustOutcomes:
@@ -272,7 +271,7 @@ class RobustDesign(Answer):
         more = ("importance", "local_minima", "scanned", "bounds", "samples", "seed", "uncertainty", "warnings")
         others = {
             "objective_name": self.definition.name,
-            "reachable": self.reachable,
+            "reachable": [{"name": r.constraint.name, "magnitude": m, "gain": g} for r, m, g in self.reachable],
             "strongest_gain_needed": self.strongest,
         }
         told: dict[str, Any] = plain({**{name: getattr(self, name) for name in (*names, *more)}, **others})
@@ -287,13 +286,13 @@ class RobustDesign(Answer):
 def _conflict(design: RobustDesign) -> str:
     """Name the limits that no gain holds as often as it must, or say that they exclude each other."""
     said = []
-    for found in design.reachable:
-        c, p = found.required.constraint, found.required.probability
-        if found.magnitude > c.limit:
+    for required, magnitude, gain in design.reachable:
+        c, p = required.constraint, required.probability
+        if magnitude > c.limit:
             said.append(
                 f"{c.name} cannot be held at {format_quantity(c.limit, c.unit)} "
                 f"{'in every sample' if p == 1 else f'in {100 * p:g} %'}: the least that is, is "
-                f"{format_quantity(found.magnitude, c.unit)}, at D_p = {format_quantity(found.gain, 'N*s')}"
+                f"{format_quantity(magnitude, c.unit)}, at D_p = {format_quantity(gain, 'N*s')}"
             )
     return "; ".join(said) or "each constraint can be held as often as it must, but no gain holds all of them"
 

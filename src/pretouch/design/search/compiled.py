@@ -57,9 +57,10 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
     terms = known_terms(problem)
     if terms is None:
         return None
-    method = checked_method(problem.task.scenario, problem.task.sensor, problem.task.method)
-    horizon = positive(problem.task.horizon, "horizon", "s")
-    linear, size = method == "closed-form", math.prod(problem.task.scenario.shape)
+    task = problem.task
+    method = checked_method(task.scenario, task.sensor, task.method)
+    horizon = positive(task.horizon, "horizon", "s")
+    linear, size = method == "closed-form", math.prod(task.scenario.shape)
     if size == 0:
         return None
     return _search(problem, linear, horizon, np.array(terms), size)
@@ -74,17 +75,17 @@ def known_terms(problem: GainProblem) -> list[tuple[float, float, float, float]]
     Returns:
         A row per term, as the core's pretouch_find_gains takes it; None where the search does not know the problem.
     """
-    if problem.task.evaluate is not None or problem.task.constraints or problem.task.sensor.valid_range[0] > 0:
+    task = problem.task
+    if task.evaluate is not None or task.constraints or task.sensor.valid_range[0] > 0:
         return None
-    if problem.task.method == "uniform-motion" or type(problem.task.goal) is not Objective:
+    if task.method == "uniform-motion" or type(task.goal) is not Objective:
         return None
-    return _terms(problem.task.goal, problem.task.impact, problem.task.scenario)
+    return _terms(task.goal, task.impact, task.scenario)
 
 
 def _search(problem: GainProblem, linear: bool, horizon: float, terms: FloatArray, size: int) -> FloatArray:
-    axis, inputs = problem.axis, _inputs(problem.task.scenario, size)
-    reach = farthest(problem.task.scenario, problem.task.sensor)
-    slope, *curve, _held = _curve(problem.task.sensor, reach, linear)
+    axis, task, inputs = problem.axis, problem.task, _inputs(problem.task.scenario, size)
+    slope, *curve, _held = _curve(task.sensor, farthest(task.scenario, task.sensor), linear)
     scale, low, high = axis.scale, axis.low, axis.high
     ends = (scale, math.asinh(low / scale), math.asinh(high / scale), low, high)
     wanted = (slope, *curve, horizon, address(terms), len(terms), *ends)

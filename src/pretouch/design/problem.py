@@ -15,7 +15,6 @@ from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
 
-from .constraints import each_once
 from .criteria import Criterion, merit
 from .impact import ImpactModel
 from .objectives import Objective
@@ -37,10 +36,6 @@ class GainProblem(Value):
 
     task: Task
     axis: GainAxis
-
-    def __post_init__(self) -> None:
-        if self.task.constraints:
-            each_once(self.task.limits)
 
     @property
     def is_differentiable(self) -> bool:

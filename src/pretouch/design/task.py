@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
@@ -15,7 +15,7 @@ from pretouch.motion.evaluator import Evaluator
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 
-from .constraints import Constraint
+from .constraints import Constraint, each_once
 from .impact import ImpactModel
 from .objectives import Objective
 from .own_objective import AnyObjective, as_objective
@@ -69,6 +69,7 @@ def _sparing(cls: type[R]) -> type[R]:
             kept["objective"] = as_objective(objective)
         if "constraints" in asked:
             kept["constraints"] = tuple(asked["constraints"])
+            each_once(self.limits)
 
     cls.__init__ = __init__  # type: ignore[assignment,method-assign]
     return cls
@@ -88,9 +89,10 @@ class Task(Value):
         sensor: the sensor curve, over the distance from the contact surface.
         objective: what is minimized: an Objective, or an object or a function of your own (docs/design.md).
         bounds: smallest and largest gain [N s] of a design; mitigating gains are negative.
-        constraints: limits that the encounter must keep, any sequence of them. Where inputs are uncertain, or runs have
-            noise, a Constraint must hold always, a `Required` one with its probability; elsewhere both always. For a
-            front, those of acceleration and speed are the limits of the robot, of which the physical bound speaks.
+        constraints: limits that the encounter must keep, each once, in any sequence. Where inputs are uncertain, or
+            runs have noise, a Constraint must hold always, a `Required` one with its probability; elsewhere both
+            always. For a front, those of acceleration and speed are the limits of the robot, of which the physical
+            bound speaks.
         impact: physical properties, for objectives, constraints and quantities that speak of forces.
         method: how encounters are solved in continuous time, as in `find_contact`.
         horizon: how long to wait for contact there [s].
@@ -175,15 +177,14 @@ class Task(Value):
         Raises:
             InvalidInputError: there is none.
         """
-        if self.objective is None:
+        found: Objective | None = self.__dict__.get("objective")  # which was made one at the start
+        if found is None:
             raise InvalidInputError("objective: found None, expected an Objective, such as excursion_objective(...)")
-        return cast("Objective", self.objective)  # which was made one at the start
+        return found
 
     @property
     def limits(self) -> tuple[Constraint, ...]:
         """The constraints without their probabilities."""
-        if not self.constraints:  # a design takes a few microseconds
-            return ()
         return tuple([c if isinstance(c, Constraint) else c.constraint for c in self.constraints])
 
     @property

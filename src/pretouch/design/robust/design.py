@@ -11,7 +11,6 @@ from pretouch.uncertainty import Interval, sample_inputs
 from pretouch.uncertainty.sampling import check_draw
 
 from ..certificate import DesignStatus
-from ..constraints import each_once
 from ..problem import GainProblem
 from ..result import GainDesign
 from ..search import EXACT, SAMPLED, GainAxis, search_axis
@@ -128,7 +127,6 @@ def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
     confidence = task.confidence
     if not 0 < confidence < 1:
         raise InvalidInputError(f"confidence: found {confidence:g}, expected a number between 0 and 1, such as 0.95")
-    each_once(task.limits)
     if not task.uncertainty and task.evaluate is None:
         raise InvalidInputError(NOTHING_UNCERTAIN)
     if isinstance(measure, WorstCase):

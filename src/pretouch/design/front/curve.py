@@ -21,7 +21,7 @@ __all__ = ["trace_front"]
 _EFFORT: Final = Effort(share=0.01)  # a quantity may pass through 0
 _HALVINGS: Final = 44  # until neighbors on two sides of an end are 1e-13 of the axis apart
 _FINEST: Final = 12
-_SPACING: Final = 0.01  # between neighbors of the front, of its extent
+_CURVE_SPACING: Final = 0.01  # between neighbors of the front, of its extent
 
 
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
@@ -83,7 +83,7 @@ class _Samples:
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
                 gaps = (np.abs(np.diff(self.values, axis=0)) / extent_of(self.values[best])).max(axis=1)
-            if not self.halve(best[1:] & best[:-1] & (gaps > _SPACING)):
+            if not self.halve(best[1:] & best[:-1] & (gaps > _CURVE_SPACING)):
                 return
 
 
@@ -98,7 +98,7 @@ def _thinned(values: FloatArray, best: BoolArray) -> BoolArray:
     shares = values / extent_of(values[front])
     last = front[0]
     for i in front[1:]:
-        if i not in needed and np.abs(shares[i] - shares[last]).max() < _SPACING / 4:
+        if i not in needed and np.abs(shares[i] - shares[last]).max() < _CURVE_SPACING / 4:
             kept[i] = False
         else:
             last = i

@@ -18,8 +18,8 @@ from ..task import Task, placed
 from .measures import Expected, Measure, Required, WorstCase, checked_measure, limits_of
 from .problem import RobustProblem
 from .result import RobustDesign
-from .validation import validate
-from .worst_case import WorstEncounter, search_worst_case
+from .validation import WorstEncounter, validate
+from .worst_case import search_worst_case
 
 __all__ = ["design_robust_gain"]
 

@@ -26,8 +26,7 @@ from .importance import InputImportance, rank_uncertain_inputs
 from .measures import Measure, Required
 from .price import Price, price_of_robustness
 from .problem import RobustProblem
-from .validation import LossOfNominal, Validation
-from .worst_case import WorstEncounter
+from .validation import LossOfNominal, Validation, WorstEncounter
 
 __all__ = ["RobustDesign"]
 

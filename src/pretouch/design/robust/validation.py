@@ -13,7 +13,7 @@ from pretouch._core.values import Value
 from .measures import Required
 from .problem import RobustProblem
 
-__all__ = ["LimitOutcome", "LossOfNominal", "Validation", "least_probability", "validate"]
+__all__ = ["LimitOutcome", "LossOfNominal", "Validation", "WorstEncounter", "least_probability", "validate"]
 
 _ROUNDING: Final = 1e-12  # of a limit
 
@@ -101,6 +101,29 @@ class Validation(Value):
         names = ("samples", "confidence", "value", "low", "high", "nominal", "nominal_breaks", "reached")
         known = {name: getattr(self, name) for name in names}
         return {**known, "loss_of_nominal": self.loss, "constraints": self.limits}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstEncounter(Value):
+    """The worst encounter of all that are possible, and why none is worse.
+
+    Args:
+        inputs: its inputs by name, in SI.
+        value: the objective there.
+        bound: what no possible encounter exceeds, as far as the search of all boxes certifies it.
+        lower: what no gain can get below, since these encounters alone ask for it.
+        boxes: how many boxes of inputs were told apart to find that out.
+        monotone: inputs in which the objective only grows or only falls over all of the box, with the sign.
+        encounters: the encounters that decide, as rows of inputs in the order of `inputs`.
+    """
+
+    inputs: dict[str, float]
+    value: float
+    bound: float
+    lower: float
+    boxes: int
+    monotone: dict[str, int]
+    encounters: tuple[tuple[float, ...], ...]
 
 
 def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:

@@ -10,7 +10,6 @@ and their difference is all that is not known.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import product
 from typing import Final, NamedTuple
 
@@ -18,7 +17,6 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.values import Value
 from pretouch.uncertainty import CorrelatedNormal, Uncertainty, sample_inputs
 from pretouch.uncertainty.distributions import Interval
 
@@ -26,8 +24,9 @@ from ..search import GainAxis, Minimum, Scan, search_axis
 from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
 from ..task import Task
 from .problem import RobustProblem
+from .validation import WorstEncounter
 
-__all__ = ["WorstEncounter", "WorstSearch", "box_of", "search_worst_case"]
+__all__ = ["WorstSearch", "box_of", "search_worst_case"]
 
 _MOST_INPUTS: Final = 8
 _INSIDE: Final = 64  # points inside the box to begin with
@@ -36,29 +35,6 @@ _SAME: Final = 1e-9  # of the objective: two worst encounters that are equally b
 _TOLERANCE: Final = 1e-7  # of the objective, for a worst encounter inside the box
 _ACTIVE: Final = 1e-7  # of the objective: an encounter that is as bad decides, too
 _STEP: Final = 1e-4  # of an input's range, where a difference stands for a gradient
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorstEncounter(Value):
-    """The worst encounter of all that are possible, and why none is worse.
-
-    Args:
-        inputs: its inputs by name, in SI.
-        value: the objective there.
-        bound: what no possible encounter exceeds, as far as the search of all boxes certifies it.
-        lower: what no gain can get below, since these encounters alone ask for it.
-        boxes: how many boxes of inputs were told apart to find that out.
-        monotone: inputs in which the objective only grows or only falls over all of the box, with the sign.
-        encounters: the encounters that decide, as rows of inputs in the order of `inputs`.
-    """
-
-    inputs: dict[str, float]
-    value: float
-    bound: float
-    lower: float
-    boxes: int
-    monotone: dict[str, int]
-    encounters: tuple[tuple[float, ...], ...]
 
 
 class WorstSearch(NamedTuple):

@@ -1,7 +1,4 @@
-"""What an encounter is appraised by: a number, made of quantities at contact, and how it follows them.
-
-Every derivative of an objective or a limit, by whatever input, is this chain rule with the derivatives of the contact.
-"""
+"""What an encounter is appraised by: a number, made of quantities at contact, and how it follows them."""
 
 from __future__ import annotations
 
@@ -33,6 +30,8 @@ _WITH_GRADIENTS: Final = frozenset(
 ) | {"impact_force", "gain"}
 
 
+# Every derivative of an objective or a limit, by whatever input, is this chain rule with the derivatives of the
+# contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
     """A number of an encounter.

@@ -1,9 +1,4 @@
-"""How the optimum follows each input, exactly.
-
-Gradients of contacts go through the objective term by term. Along the coordinate u of the gain they are sampled at
-Chebyshev's nodes beside the optimum, which gives f_up and f_uu as first derivatives of what is exact: no difference is
-formed by any input.
-"""
+"""How the optimum follows each input, exactly."""
 
 from __future__ import annotations
 
@@ -25,6 +20,9 @@ _HALF: Final = 0.08  # of u, from the optimum to the outermost samples: its eigh
 _BESIDE: Final = 0.5  # of that: no search is this far from its optimum
 
 
+# Gradients of contacts go through the objective term by term. Along the coordinate u of the gain they are sampled at
+# Chebyshev's nodes beside the optimum, which gives f_up and f_uu as first derivatives of what is exact: no difference
+# is formed by any input.
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
     """Tell whether encounters, objective and the active constraint, if any, have gradients."""
     limited = constraint is None or ratio(constraint, problem.task.impact).has_gradients

@@ -10,7 +10,8 @@ import numpy as np
 from pretouch._core.described import Described
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
-from pretouch.motion import ContactResult, Scenario, find_contact
+from pretouch.motion import Scenario, find_contact
+from pretouch.motion.contact import ContactResult
 from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel

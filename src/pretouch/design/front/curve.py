@@ -1,8 +1,4 @@
-"""The front where only the gain is free: the curve of all gains in the plane of quantities, and what of it is best.
-
-The curve is scanned until neighbors predict each other; where a quantity is least along it, where limits begin to hold
-and where another stretch of the curve becomes better, the ends of the front's pieces are found to rounding.
-"""
+"""The front where only the gain is free: the curve of all gains in the plane of quantities, and what of it is best."""
 
 from __future__ import annotations
 
@@ -24,6 +20,8 @@ _FINEST: Final = 12
 _CURVE_SPACING: Final = 0.01  # between neighbors of the front, of its extent
 
 
+# The curve is scanned until neighbors predict each other; where a quantity is least along it, where limits begin to
+# hold and where another stretch of the curve becomes better, the ends of the front's pieces are found to rounding.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
     """Find the front of a curve over [0, 1], which gives quantities, shape (n, k), of coordinates, (n,)."""
     # Quantities are infinite where not feasible. Points of the front ascend in the first of two quantities, in the

@@ -1,9 +1,4 @@
-"""The front where more than the gain is free: found everywhere on a grid, then followed exactly.
-
-A grid over all that is free says where the front runs. From points spread along it, each search goes toward less of
-every quantity at once, as far as encounters reach; gaps are filled by searches that begin between neighbors. At last
-the front is put to the test by encounters that had no part in finding it; those that it misses are searched from, too.
-"""
+"""The front where more than the gain is free: found everywhere on a grid, then followed exactly."""
 
 from __future__ import annotations
 
@@ -29,6 +24,10 @@ _MISSED: Final = 2e-3  # of the extent: a test encounter that the front misses b
 _PULL: Final = 1e-3  # of the other quantities, where one alone is minimized: of equally good encounters the better
 
 
+# A grid over all that is free says where the front runs. From points spread along it, each search goes toward less of
+# every quantity at once, as far as encounters reach; gaps are filled by searches that begin between neighbors. At last
+# the front is put to the test by encounters that had no part in finding it; those that it misses are searched from,
+# too.
 def find_front(trials: Trials) -> FoundFront:
     """Find the front of all that is free, in pieces between which nothing was found; empty if nothing is feasible."""
     grid = trials.freedom.lattice(_GAINS)

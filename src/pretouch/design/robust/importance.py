@@ -1,16 +1,4 @@
-"""Which uncertain input matters most: Sobol indices of the objective, and the same to first order from gradients.
-
-With two independent sets of samples A and B, and C like A but with one input from B (I. M. Sobol, Math. Comput. Simul.
-55 (2001) 271), the share of the variance that an input has alone, and the share that would be left if all others were
-known, are
-
-    S = mean(f_B (f_C - f_A)) / Var f   (A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259),
-    T = mean((f_A - f_C)^2) / (2 Var f)   (M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35).
-
-Inputs that were estimated together count as one: what is measured better is the calibration. To first order the
-objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of them all. Where encounters are
-solved with noise, that is one more input: B meets other noise than A.
-"""
+"""Which uncertain input matters most: Sobol indices of the objective, and the same to first order from gradients."""
 
 from __future__ import annotations
 
@@ -33,6 +21,16 @@ _PARTS: Final = 16  # of the samples, from which the spread of the estimates is 
 _FEWEST: Final = 4 * _PARTS
 
 
+# With two independent sets of samples A and B, and C like A but with one input from B (I. M. Sobol, Math. Comput.
+# Simul. 55 (2001) 271), the share of the variance that an input has alone, and the share that would be left if all
+# others were known, are
+#
+#     S = mean(f_B (f_C - f_A)) / Var f   (A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259),
+#     T = mean((f_A - f_C)^2) / (2 Var f)   (M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35).
+#
+# Inputs that were estimated together count as one: what is measured better is the calibration. To first order the
+# objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of them all. Where encounters are
+# solved with noise, that is one more input: B meets other noise than A.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputImportance(Value):
     """How much of the variance of the objective one input is the cause of.

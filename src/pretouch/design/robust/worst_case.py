@@ -1,11 +1,4 @@
-"""The gain whose worst encounter is the mildest: a few encounters decide, and none of the others is worse.
-
-Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
-found the worst encounter of the whole box is searched for and certified (`search.box_maximum`). If it is worse than
-those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
-Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never exceeds,
-and their difference is all that is not known.
-"""
+"""The gain whose worst encounter is the mildest: a few encounters decide, and none of the others is worse."""
 
 from __future__ import annotations
 
@@ -17,8 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch.uncertainty import CorrelatedNormal, Uncertainty, sample_inputs
-from pretouch.uncertainty.distributions import Interval
+from pretouch.uncertainty import CorrelatedNormal, Interval, Uncertainty, sample_inputs
 
 from ..search import GainAxis, Minimum, Scan, search_axis
 from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
@@ -65,6 +57,11 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
     return found
 
 
+# Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
+# found the worst encounter of the whole box is searched for and certified (`search.box_maximum`). If it is worse than
+# those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
+# Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never
+# exceeds, and their difference is all that is not known.
 def search_worst_case(task: Task, axis: GainAxis) -> WorstSearch:
     """Find the gain whose worst encounter is the mildest; return the last round of the search."""
     box = box_of(task.uncertainty)

@@ -89,6 +89,7 @@ class AdmittanceDesign(Answer):
     """What `design_admittance` returns.
 
     Args:
+        problem: the task, and the gains between which the optimum was sought.
         status: optimal, infeasible or no-contact.
         free: what was chosen: `gain` and `natural_frequency`, `damping_ratio` or both.
         natural_frequency_bounds: between which it was sought [rad/s]; None where it is not free.

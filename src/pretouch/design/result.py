@@ -28,7 +28,12 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GainDesign(GainEvidence):
-    """What `design_gain` returns: the gain at once, its evidence when it is first read."""
+    """What `design_gain` returns: the gain at once, its evidence when it is first read.
+
+    Args:
+        problem: the task, and the gains between which the optimum was sought.
+        settled: status, gain [N s] and objective, as far as these were settled without the whole scan.
+    """
 
     page: ClassVar[str] = "pretouch.design.page:gain_page"
 
@@ -40,14 +45,7 @@ class GainDesign(GainEvidence):
         return found
 
     def at(self, *index: int) -> GainDesign:
-        """Return the design of one encounter of an array, with its evidence.
-
-        Args:
-            index: one integer per axis.
-
-        Returns:
-            The design.
-        """
+        """Return the design of one encounter of an array, at one integer per axis, with its evidence."""
         return GainDesign.of(self.problem.at(index)) if self.scenario.shape else self
 
     @property

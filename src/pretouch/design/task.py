@@ -212,14 +212,7 @@ class Task(Value):
         return found
 
     def replace(self, **changes: Any) -> Task:
-        """Return the task with other values of some fields.
-
-        Args:
-            changes: the fields and their values.
-
-        Returns:
-            The changed copy.
-        """
+        """Return the task with other values of some fields."""
         return Task(**{**self.__dict__, **changes})
 
 

@@ -112,25 +112,12 @@ class PhysicalBound(Value):
         return float_or_array(np.where(known, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the least time of contact at a contact speed: that of the least excursion.
-
-        Args:
-            contact_speed: w = |l'| at contact >= 0 [m/s].
-
-        Returns:
-            The time [s]; NaN where no robot of this limit comes to that speed.
-        """
+        """Return the least time of contact [s] at a contact speed [m/s], that of the least excursion; NaN as there."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
-        """Return the least acceleration with which any robot comes to a contact speed from the detection distance.
-
-        Args:
-            contact_speed: w = |l'| at contact >= 0 [m/s].
-
-        Returns:
-            (v^2 - w^2) / (2 l0) - a [m/s^2], or 0 where the obstacle arrives no faster; whatever the excursion.
-        """
+        """Return the least acceleration [m/s^2] with which any robot comes to a contact speed [m/s], or 0."""
+        # (v^2 - w^2) / (2 l0) - a, from the detection distance and whatever the excursion.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 

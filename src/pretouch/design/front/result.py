@@ -80,6 +80,7 @@ class ParetoFront(Answer):
     """What `pareto_front` returns: choices of which none is better than another in every quantity.
 
     Args:
+        problem: the task, and the gains between which the front was sought.
         status: found, infeasible (no choice meets the constraints) or no-contact.
         quantities: what is traded, two or three names of QUANTITY_UNITS; their magnitudes are minimized.
         free: what was chosen: `gain`, `natural_frequency`, `damping_ratio`.
@@ -143,30 +144,13 @@ class ParetoFront(Answer):
         return tuple(map(unit_of, self.quantities))
 
     def of(self, quantity: str) -> FloatArray:
-        """Return the magnitudes of one quantity along the front, shape (n,).
-
-        Args:
-            quantity: one of `quantities`.
-
-        Returns:
-            The magnitudes in SI.
-
-        Raises:
-            InvalidInputError: the front does not trade this quantity.
-        """
+        """Return the magnitudes of one of its quantities along the front in SI, shape (n,)."""
         if quantity not in self.quantities:
             raise InvalidInputError(f"quantity: found {quantity!r}, expected one of {', '.join(self.quantities)}")
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:
-        """Tell which points keep further limits, such as `displacement=0.05`.
-
-        Args:
-            limits: the largest magnitude of quantities of the front, in SI.
-
-        Returns:
-            Shape (n,).
-        """
+        """Tell which points, shape (n,), keep further limits in SI of its quantities, such as `displacement=0.05`."""
         kept = np.ones(len(self.gain), dtype=bool)
         for name, limit in limits.items():
             kept &= self.of(name) <= limit

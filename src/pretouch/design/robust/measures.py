@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -94,10 +94,7 @@ class Expected(Measure):
         3.0
     """
 
-    @property
-    def label(self) -> str:
-        """What it is called in reports."""
-        return "expected value"
+    label: ClassVar[str] = "expected value"
 
     def of(self, values: Any) -> Any:
         """Return the mean."""
@@ -214,10 +211,7 @@ class WorstCase(Measure):
         6.0
     """
 
-    @property
-    def label(self) -> str:
-        """What it is called in reports."""
-        return "worst case"
+    label: ClassVar[str] = "worst case"
 
     def of(self, values: Any) -> Any:
         """Return the largest value."""

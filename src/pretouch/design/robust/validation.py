@@ -157,20 +157,7 @@ def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Vali
 
 
 def least_probability(held: int, count: int, confidence: float) -> float:
-    """Return the one-sided lower bound of a probability after so many successes (Clopper and Pearson, 1934).
-
-    Args:
-        held: successes.
-        count: trials.
-        confidence: of the bound.
-
-    Returns:
-        The bound.
-
-    Examples:
-        >>> round(least_probability(300, 300, 0.95), 4)
-        0.9901
-    """
+    """Return the one-sided lower bound of a probability after so many successes (Clopper and Pearson, 1934)."""
     from scipy.special import betaincinv  # noqa: PLC0415 - SciPy, only when something is validated
 
     return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

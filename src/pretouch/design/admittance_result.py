@@ -185,6 +185,3 @@ class AdmittanceDesign(Answer):
             than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
             return f"{text}, {than} the {self.as_it_is.objective:.4g} of the admittance as it is."
         return f"{text}; with the admittance as it is no gain would do."
-
-    def __repr__(self) -> str:
-        return f"<AdmittanceDesign: {self.headline}>"

@@ -118,11 +118,6 @@ class GainEvidence(Answer):
         near = refine(lambda u: problem.landscape(u).worst_ratio, found.coordinate, found.landscape.worst_ratio)
         return near[0] if near else None
 
-    @property
-    def best(self) -> Minimum | None:
-        """The best minimum; None where no gain is feasible."""
-        return self.minima[0] if self.minima else None
-
     @_part
     def nearest_gain(self) -> float | None:
         """Where no gain is feasible, the one that exceeds the limits least; None where none makes contact."""
@@ -190,29 +185,30 @@ class GainEvidence(Answer):
     @_part
     def place(self) -> str:
         """Where the optimum sits, as in Certificate."""
-        if self.settled is not None or self.best is None or not self.best.edge:
+        if self.settled is not None or not self.minima or not self.minima[0].edge:
             return "interior"
+        best = self.minima[0]
         active = next((o.name for o in self.constraints if o.active), None)
         if active is not None:
             return active
-        if self.problem.axis.is_end(self.best.coordinate):
+        if self.problem.axis.is_end(best.coordinate):
             return "bound"
-        reached = self.problem.landscape(np.array(self.best.bracket)).reached
+        reached = self.problem.landscape(np.array(best.bracket)).reached
         return "corner" if reached.all() else "edge of contact"
 
     @_part
     def certificate(self) -> Certificate | None:
         """Why the gain is believed to be the optimum; None unless optimal."""
-        if self.best is None:
+        if not self.minima:
             return None
-        axis = self.problem.axis
-        low, high = self.best.bracket
+        axis, best = self.problem.axis, self.minima[0]
+        low, high = best.bracket
         return Certificate(
             scanned=len(self.scanned.coordinate),
             resolution=self.scanned.resolution,
             local_minima=tuple((float(axis.gain(m.coordinate)), m.value) for m in self.minima),
             bracket=(float(axis.gain(low)), float(axis.gain(high))),
-            stationarity=_stationarity(self.problem, self.best) if self.place == "interior" else None,
+            stationarity=_stationarity(self.problem, best) if self.place == "interior" else None,
             at=self.place,
         )
 
@@ -228,7 +224,7 @@ class GainEvidence(Answer):
 
     def _is_smooth(self) -> bool:
         """Tell whether the objective of somebody else's encounters is smooth as far as differences reach."""
-        slope = None if self.best is None else _stationarity(self.problem, self.best)
+        slope = _stationarity(self.problem, self.minima[0]) if self.minima else None
         return slope is not None and slope < _SMOOTH
 
     @_part

@@ -128,11 +128,9 @@ def excursion_objective(
         >>> excursion_objective(position_scale=0.5, velocity_scale=0.3).name
         'excursion'
     """
-    terms = (
-        Term(quantity="displacement", scale=position_scale, weight=position_weight),
-        Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight),
-    )
-    return Objective(terms=terms, name="excursion")
+    price = Term(quantity="displacement", scale=position_scale, weight=position_weight)
+    speed = Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight)
+    return Objective(terms=(price, speed), name="excursion")
 
 
 def time_objective(
@@ -153,8 +151,6 @@ def time_objective(
         >>> time_objective(time_scale=1.0, velocity_scale=0.01).name
         'time'
     """
-    terms = (
-        Term(quantity="time", scale=time_scale, weight=time_weight),
-        Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight),
-    )
-    return Objective(terms=terms, name="time")
+    price = Term(quantity="time", scale=time_scale, weight=time_weight)
+    speed = Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight)
+    return Objective(terms=(price, speed), name="time")

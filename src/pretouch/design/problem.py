@@ -123,6 +123,14 @@ class Answer(Described, Value):
     problem: GainProblem
 
     @property
+    def headline(self) -> str:
+        """The answer in a sentence or two; of what is no whole answer, none."""
+        return ""
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.headline}>"
+
+    @property
     def bounds(self) -> tuple[float, float]:
         """The gains between which the answer was sought [N s]."""
         return self.problem.axis.ends

@@ -130,7 +130,7 @@ class GainDesign(GainEvidence):
     def __repr__(self) -> str:
         if self.scenario.shape:
             return f"<GainDesign: {(self.status == DesignStatus.OPTIMAL).sum()} of {self.status.size} optimal>"
-        return f"<GainDesign: {self.headline}>"
+        return super().__repr__()
 
 
 def _conflict(design: GainDesign) -> str:

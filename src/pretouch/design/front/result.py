@@ -210,6 +210,3 @@ class ParetoFront(Answer):
             }
         )
         return told
-
-    def __repr__(self) -> str:
-        return f"<ParetoFront: {self.headline}>"

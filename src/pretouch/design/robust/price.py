@@ -64,11 +64,9 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
-    uncertainty = problem.task.uncertainty
-    low, high = _range(uncertainty, name)
-    x = np.linspace(low, high, count)
+    values = _values(problem.task.uncertainty, name, count)
+    x = values[name]
     task = problem.task.replace(constraints=())
-    values = {name: x, **_companions(uncertainty, name, x)}
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon)
     result = several.contacts(gain)
     robust = np.where(result.reached, task.goal.value(result.end, several.speed, task.impact), np.nan)
@@ -82,31 +80,23 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
     else:
         each = [one(scenario=s, sensor=c) for s, c in map(several.at, range(count))]
         best, least = (np.array([getattr(d, n) for d in each], dtype=np.float64) for n in ("gain", "objective"))
+    ends = {"low": float(x[0]), "high": float(x[-1])}
     unit = input_units(task.sensor)[name]
-    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
+    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, **ends)
 
 
-def _companions(uncertainty: Uncertainty, name: str, x: FloatArray) -> dict[str, FloatArray]:
-    """Return the inputs that were estimated together with one, at their means where that one is known."""
-    for known in uncertainty.values():
-        if isinstance(known, CorrelatedNormal) and name in known.names:
-            i = known.names.index(name)
-            covariance, mean = np.asarray(known.covariance), np.asarray(known.mean)
-            slope = covariance[i] / covariance[i, i]
-            return {n: mean[k] + slope[k] * (x - mean[i]) for k, n in enumerate(known.names) if k != i}
-    return {}
-
-
-def _range(uncertainty: Uncertainty, name: str) -> tuple[float, float]:
+def _values(uncertainty: Uncertainty, name: str, count: int) -> dict[str, FloatArray]:
+    """Return values of an input over its range, and those of the inputs that were estimated together with it."""
     for key, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal):
-            if name in known.names:
-                i = known.names.index(name)
-                one = Normal(mean=known.mean[i], deviation=float(np.sqrt(known.covariance[i][i])))
-                return one.quantile(_TAIL), one.quantile(1 - _TAIL)
-        elif key == name:
-            low, high = known.support
-            if np.isfinite(low) and np.isfinite(high):
-                return low, high
-            return known.quantile(_TAIL), known.quantile(1 - _TAIL)
+        if isinstance(known, CorrelatedNormal) and name in known.names:
+            i, covariance, mean = known.names.index(name), np.asarray(known.covariance), np.asarray(known.mean)
+            one = Normal(mean=known.mean[i], deviation=float(np.sqrt(covariance[i, i])))
+            x = np.linspace(one.quantile(_TAIL), one.quantile(1 - _TAIL), count)
+            slope = covariance[i] / covariance[i, i]
+            return {**{n: mean[k] + slope[k] * (x - mean[i]) for k, n in enumerate(known.names)}, name: x}
+        if key == name and not isinstance(known, CorrelatedNormal):
+            ends = known.support
+            bounded = bool(np.isfinite(ends).all())
+            low, high = ends if bounded else (known.quantile(_TAIL), known.quantile(1 - _TAIL))
+            return {name: np.linspace(low, high, count)}
     raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")

@@ -34,18 +34,11 @@ _WITH_GRADIENTS: Final = frozenset(
 # contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number of an encounter.
-
-    Args:
-        value: the number, from a result.
-        rates: its derivative by each quantity that it is made of, from a state at contact.
-        has_gradients: whether all of these have gradients: False where one needs the whole motion, or where a class of
-            the user's computes the number.
-    """
+    """A number of an encounter, from a result; and its derivative by each quantity that it is made of, from a state."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
-    has_gradients: bool
+    has_gradients: bool  # of all of these: not where one needs the whole motion, or a class of the user's computes it
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
         """Differentiate the number by an input, which `along` follows: in SI, of the shape of the state."""

@@ -17,23 +17,14 @@ _FLAT: Final = 1e-12  # relative: a quantity that varies less along the front is
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFront:
-    """A front by coordinates, whichever way it was found.
+    """A front by coordinates, whichever way it was found."""
 
-    Args:
-        at: coordinates of its points, shape (n, size).
-        values: the quantities there, shape (n, k).
-        piece: the number of the piece that each point belongs to, from 0 on.
-        scanned: coordinates of everything that was tried side by side, shape (m, size).
-        scanned_values: the quantities there, infinite where not feasible.
-        missed: the largest amount by which the front misses what was tried, of its extent in every quantity at once.
-    """
-
-    at: FloatArray
-    values: FloatArray
-    piece: IntArray
-    scanned: FloatArray
-    scanned_values: FloatArray
-    missed: float
+    at: FloatArray  # coordinates of its points, shape (n, size)
+    values: FloatArray  # the quantities there, shape (n, k)
+    piece: IntArray  # the number of the piece that each point belongs to, from 0 on
+    scanned: FloatArray  # coordinates of everything that was tried side by side, shape (m, size)
+    scanned_values: FloatArray  # the quantities there, infinite where not feasible
+    missed: float  # the most by which the front misses what was tried, of its extent in every quantity at once
 
     @classmethod
     def of(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pretouch.motion.evaluator import Evaluator
-
 from .problem import GainProblem
 from .result import GainDesign
 from .search import GainAxis
 from .task import Task, placed
 
-__all__ = ["Evaluator", "design_gain"]
+__all__ = ["design_gain"]
 
 
 @placed

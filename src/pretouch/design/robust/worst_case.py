@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import product
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..task import Task
 from .problem import RobustProblem
 from .validation import WorstEncounter
 
-__all__ = ["WorstSearch", "box_of", "search_worst_case"]
+__all__ = ["box_of", "search_worst_case"]
 
 _MOST_INPUTS: Final = 8
 _INSIDE: Final = 64  # points inside the box to begin with
@@ -27,15 +27,6 @@ _SAME: Final = 1e-9  # of the objective: two worst encounters that are equally b
 _TOLERANCE: Final = 1e-7  # of the objective, for a worst encounter inside the box
 _ACTIVE: Final = 1e-7  # of the objective: an encounter that is as bad decides, too
 _STEP: Final = 1e-4  # of an input's range, where a difference stands for a gradient
-
-
-class WorstSearch(NamedTuple):
-    """What the search has found: the scan of its last round, its minima, and the worst encounter at the best."""
-
-    problem: RobustProblem
-    scanned: Scan
-    minima: list[Minimum]
-    worst: WorstEncounter | None
 
 
 def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
@@ -62,8 +53,8 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
 # those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
 # Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never
 # exceeds, and their difference is all that is not known.
-def search_worst_case(task: Task, axis: GainAxis) -> WorstSearch:
-    """Find the gain whose worst encounter is the mildest; return the last round of the search."""
+def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
+    """Find the gain whose worst encounter is the mildest; return the last round and the worst encounter at the best."""
     box = box_of(task.uncertainty)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
     points = _first_points(box)
@@ -71,7 +62,7 @@ def search_worst_case(task: Task, axis: GainAxis) -> WorstSearch:
         problem = RobustProblem.over(task, axis, dict(zip(box, points.T, strict=True)))
         scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
         if not minima:
-            return WorstSearch(problem, scanned, minima, None)
+            return problem, scanned, minima, None
         gain, decided = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
         found = [
             maximize_on_box(_function(problem, box, gain, which), low, high, tolerance=_TOLERANCE)
@@ -82,7 +73,7 @@ def search_worst_case(task: Task, axis: GainAxis) -> WorstSearch:
         if not worse:
             break
         points = np.concatenate([points, worse])
-    return WorstSearch(problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain))
+    return problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain)
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:

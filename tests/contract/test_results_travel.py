@@ -28,7 +28,7 @@ ROOMS = (
     "pretouch.simulation.mujoco",
     *("pretouch.verification", "pretouch.config", "pretouch.report", "pretouch.letter"),
 )
-BEHIND = {"columns", "solution", "trace_of", "ranking", "pricing", "figure"}
+BEHIND = {"columns", "solution", "trace_of", "figure"}
 """Attributes that lead to what results are computed from, and to what is no number."""
 
 

@@ -23,7 +23,8 @@ from pretouch.design import (
     time_objective,
 )
 from pretouch.design.criteria import magnitude, merit
-from pretouch.design.problem import Encounters
+from pretouch.design.problem import GainProblem
+from pretouch.design.search import GainAxis
 from pretouch.design.search.freedom import make_freedom
 from pretouch.design.search.trials import Trials
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
@@ -136,6 +137,12 @@ def test_a_multiplier_says_what_relaxing_its_limit_gains(letter_encounter: Scena
     assert multipliers[name] == pytest.approx((lower - higher) / 2e-3 / design.objective, rel=1e-4)  # type: ignore[attr-defined]
 
 
+def limited_in_time(encounter: Scenario) -> GainProblem:
+    limit = Constraint(name="time", limit=0.5)
+    task = Task(encounter, CURVES["inverse-power"], constraints=[limit], impact=IMPACT)
+    return GainProblem(task=task, axis=GainAxis.between(BOUNDS))
+
+
 @pytest.mark.parametrize("free", [{}, {"natural_frequency": (2.0, 12.0)}, FREE])
 @pytest.mark.parametrize("at", [(0.4, 0.3, 0.6), (0.0, 0.0, 1.0), (0.9995, 0.5, 0.001)])
 def test_derivatives_are_those_of_the_encounters(letter_encounter: Scenario, free: dict, at: tuple[float, ...]) -> None:
@@ -144,15 +151,7 @@ def test_derivatives_are_those_of_the_encounters(letter_encounter: Scenario, fre
     freedom = make_freedom(letter_encounter, BOUNDS, free.get("natural_frequency"), free.get("damping_ratio"))
     trials = Trials(
         freedom=freedom,
-        encounters=Encounters(
-            scenario=letter_encounter,
-            sensor=CURVES["inverse-power"],
-            constraints=(Constraint(name="time", limit=0.5),),
-            impact=IMPACT,
-            method="auto",
-            horizon=600.0,
-            evaluator=None,
-        ),
+        encounters=limited_in_time(letter_encounter),
         measures=(merit(F1, 0.3, IMPACT), magnitude("impact_force", IMPACT), magnitude("largest_speed", None)),
     )
     point = np.array(at[: freedom.size])
@@ -234,15 +233,7 @@ def test_exact_derivatives_are_those_of_differences(letter_encounter: Scenario, 
     """Two ways that share no code; differences of order 4 over 2e-4 of the range are good to 1e-12 / 2e-4."""
     trials = Trials(
         freedom=make_freedom(letter_encounter, BOUNDS, FREE["natural_frequency"], FREE["damping_ratio"]),
-        encounters=Encounters(
-            scenario=letter_encounter,
-            sensor=CURVES["inverse-power"],
-            constraints=(Constraint(name="time", limit=0.5),),
-            impact=IMPACT,
-            method="auto",
-            horizon=600.0,
-            evaluator=None,
-        ),
+        encounters=limited_in_time(letter_encounter),
         measures=(merit(F1, 0.3, IMPACT), magnitude("impact_force", IMPACT), magnitude("acceleration", None)),
     )
     point = np.array(at)

@@ -10,7 +10,7 @@ import pytest
 
 import pretouch as pt
 from pretouch.design.criteria import merit
-from pretouch.design.problem import Encounters
+from pretouch.design.problem import GainProblem
 from pretouch.design.search import GainAxis
 from pretouch.design.search.freedom import make_freedom
 from pretouch.design.search.local import _settled
@@ -89,15 +89,7 @@ def test_a_front_ends_at_the_bounds() -> None:
 def test_a_solver_that_stops_a_rounding_before_a_bound_is_put_on_it() -> None:
     trials = Trials(
         freedom=make_freedom(SCENARIO, WEAK, None, (0.3, 2.0)),
-        encounters=Encounters(
-            scenario=SCENARIO,
-            sensor=SENSOR,
-            constraints=(),
-            impact=None,
-            method="auto",
-            horizon=600.0,
-            evaluator=None,
-        ),
+        encounters=GainProblem(task=pt.Task(SCENARIO, SENSOR), axis=GainAxis.between(WEAK)),
         measures=(merit(OBJECTIVE, 0.3, None),),
     )
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pretouch.design import excursion_objective
-from pretouch.design.robust import Expected
+from pretouch.design import Task, excursion_objective
 from pretouch.design.robust.importance import rank_uncertain_inputs
 from pretouch.design.robust.problem import RobustProblem
 from pretouch.design.search import GainAxis
@@ -32,15 +31,9 @@ KNOWN: Uncertainty = {
 
 
 def ranked(known: Uncertainty, samples: int = 1 << 14) -> dict[str, object]:
-    problem = RobustProblem(
-        ensemble=MAKE({"obstacle.velocity": [-0.3]}),
-        objective=OBJECTIVE,
-        measure=Expected(),
-        limits=(),
-        impact=None,
-        axis=GainAxis(low=-10.0, high=-0.01),
-    )
-    return {one.name: one for one in rank_uncertain_inputs(problem, MAKE, known, -0.75, samples=samples, seed=3)}
+    task = Task(SCENARIO, POWER, OBJECTIVE, uncertainty=known, samples=samples, seed=3)
+    problem = RobustProblem.over(task, GainAxis(low=-10.0, high=-0.01), {"obstacle.velocity": [-0.3]})
+    return {one.name: one for one in rank_uncertain_inputs(problem, -0.75)}
 
 
 def test_indices_are_those_of_scipy() -> None:

@@ -13,7 +13,6 @@ import pytest
 import pretouch as pt
 from control_samples import controller
 from page_rows import line
-from pretouch.design.evidence import GainEvidence
 from pretouch.motion.evaluator import NoisyEvaluator
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -122,7 +121,7 @@ def test_the_optimum_on_the_loop_tends_to_the_ideal_one_with_the_period(sensor: 
 def smoothed(design: pt.GainDesign, half: float) -> float:
     """The minimum of a polynomial of degree 6 through 201 objectives: contact between two steps leaves ripples."""
     u = np.log(-design.gain) + np.linspace(-half, half, 201)
-    evaluate = design.evidence.problem.evaluator
+    evaluate = design.problem.task.evaluate
     result = evaluate(design.scenario, design.sensor, -np.exp(u))
     value = design.definition.value(result.end, abs(design.scenario.obstacle.velocity))
     fit = np.polynomial.Polynomial.fit(u, value, 6)
@@ -332,6 +331,5 @@ def test_the_evidence_of_a_smooth_loop_has_its_derivatives() -> None:
     quiet = replace(quiet, law=replace(quiet.law, conditioning=pt.control.Conditioning(floor=1e-9)))  # type: ignore[type-var]
     found = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet))
     ideal = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS))
-    assert isinstance(found.evidence, GainEvidence)
     assert found.certificate.at == "interior"
     assert found.gradient("obstacle.velocity") == pytest.approx(ideal.gradient("obstacle.velocity"), rel=0.1)

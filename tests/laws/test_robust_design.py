@@ -135,7 +135,7 @@ def test_limits_of_the_whole_motion_hold_at_the_gain(name: str) -> None:
         free = design(samples=64, validation=64)
         assert free.gain is not None
         assert (found.gain > free.gain + 0.01) == (name != "inactive")
-        _, ratios = found.evidence.problem.values(found.gain)
+        _, ratios = found.problem.values(found.gain)
         assert all(r.share(ratio) <= 1 for r, ratio in zip(found.limits, ratios, strict=True))
 
 
@@ -154,7 +154,7 @@ def test_a_chance_constraint_is_active_and_fresh_samples_hold_it() -> None:
     assert found.validation is not None
     (outcome,) = found.validation.limits
     # in the samples of the design: active, and held as often as it must be
-    _, ratios = found.evidence.problem.values(found.gain)
+    _, ratios = found.problem.values(found.gain)
     assert required.share(ratios[0]) == pytest.approx(1.0, abs=1e-8)
     assert np.mean(ratios[0] <= 1) >= p
     # two shares of `count` samples each differ by five of their standard errors once in a million
@@ -173,7 +173,7 @@ def test_asking_for_a_little_more_shows_what_is_wanted() -> None:
 def test_a_constraint_that_must_always_hold_holds_in_every_sample() -> None:
     found = design(constraints=[Constraint(name="relative_velocity", limit=0.1)])
     assert found.gain is not None
-    _, ratios = found.evidence.problem.values(found.gain)
+    _, ratios = found.problem.values(found.gain)
     assert ratios.max() <= 1
     assert ratios.max() == pytest.approx(1.0, abs=1e-8)
 
@@ -187,10 +187,10 @@ def test_what_no_gain_holds_is_infeasible(size: float) -> None:
     assert told["status"] == "infeasible"
     least = next(entry for entry in told["reachable"] if entry["name"] == "relative_velocity")
     # the slowest contact of all gains: no other gain of a grid keeps 90 % below less
-    _, ratios = found.evidence.problem.values(least["gain"])
+    _, ratios = found.problem.values(least["gain"])
     assert np.quantile(ratios[0], 0.9, method="inverted_cdf") * size == pytest.approx(least["magnitude"], rel=1e-9)
     for gain in -np.geomspace(0.01, 10, 30):
-        _, ratios = found.evidence.problem.values(gain)
+        _, ratios = found.problem.values(gain)
         assert np.quantile(ratios[0], 0.9, method="inverted_cdf") * size >= least["magnitude"] * (1 - 1e-9)
     if size < 1e-3:  # else the excursion has a say in what exceeds the limits least
         assert found.nearest_gain == least["gain"]
@@ -252,8 +252,8 @@ def test_the_same_seed_gives_the_same_design_and_another_another() -> None:
 
 def test_the_samples_of_the_validation_are_not_those_of_the_design() -> None:
     found = design(sampling="random")
-    drawn = found.evidence.problem.ensemble.values["obstacle.velocity"]
-    fresh = found.evidence.fresh.ensemble.values["obstacle.velocity"]
+    drawn = found.problem.ensemble.values["obstacle.velocity"]
+    fresh = found.fresh.ensemble.values["obstacle.velocity"]
     assert not np.isin(drawn, fresh).any()
 
 

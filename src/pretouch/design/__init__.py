@@ -1,5 +1,7 @@
 """Gain design: what is minimized, what must hold, the gain that is optimal, and the evidence."""
 
+from pretouch.motion.evaluator import Evaluator
+
 from .admittance import design_admittance
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
@@ -8,7 +10,7 @@ from .front.comparison import BoundComparison
 from .front.pareto import pareto_front
 from .front.physical_bound import PhysicalBound, find_physical_bound
 from .front.result import FrontPoint, FrontStatus, ParetoFront
-from .gain import Evaluator, design_gain
+from .gain import design_gain
 from .impact import ElasticImpact, HertzImpact, ImpactModel, SpringImpact
 from .objectives import OBSTACLE_SPEED, Objective, Term, excursion_objective, time_objective
 from .quantities import QUANTITY_UNITS, quantity_of

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,7 @@ from pretouch.motion import Scenario
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
-from .gain import design, gain_problem
+from .problem import GainProblem
 from .result import GainDesign
 from .search import HELD, GainAxis
 from .search.freedom import make_freedom
@@ -80,25 +79,21 @@ def design_admittance(task: Task) -> AdmittanceDesign:
             "use design_gain for the gain alone"
         )
     freedom = make_freedom(task.scenario, task.stable_bounds(), task.natural_frequency, task.damping_ratio)
-    problem = gain_problem(task, freedom.axis)
+    problem = GainProblem(task=task, axis=freedom.axis)
     trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 
     def gain_at(encounter: Scenario, axis: GainAxis = problem.axis) -> GainDesign:
-        return design(replace(problem, scenario=encounter, axis=axis))
+        return GainDesign.of(GainProblem(task=task.replace(scenario=encounter), axis=axis))
 
-    as_it_is = gain_at(task.scenario)
     search = _AdmittanceSearch(trials)
     found = search.minima()
     for _ in range(_ROUNDS if found else 0):
         chosen = gain_at(freedom.choice(found[0].at)[0])
-        gain = chosen.gain
-        if gain is None or chosen.objective is None or chosen.objective > found[0].objective * (1 - _BETTER):
+        if chosen.gain is None or chosen.objective > found[0].objective * (1 - _BETTER):
             break
-        found = search.also(np.append(freedom.coordinate(gain), found[0].at[1:]))
+        found = search.also(np.append(freedom.coordinate(chosen.gain), found[0].at[1:]))
     if not found:
-        reached = np.isfinite(search.rows).all(axis=1).any()
-        status = DesignStatus.INFEASIBLE if reached else DesignStatus.NO_CONTACT
-        return _design(search, as_it_is, None, None, status)
+        return search.answer(gain_at(task.scenario), None)
     best, _ = freedom.choice(found[0].at)
     chosen = gain_at(best)
     for share in _NARROW:
@@ -106,40 +101,7 @@ def design_admittance(task: Task) -> AdmittanceDesign:
             break
         ends = np.clip(found[0].at[0] + np.array([-share, share]), 0.0, 1.0)  # feasible where the scan has no gain
         chosen = gain_at(best, GainAxis.between(freedom.gain(ends[:, None]).tolist()))
-    return _design(search, as_it_is, chosen, found, chosen.status)
-
-
-def _design(
-    search: _AdmittanceSearch,
-    as_it_is: GainDesign,
-    chosen: GainDesign | None,
-    found: list[AdmittanceMinimum] | None,
-    status: DesignStatus,
-) -> AdmittanceDesign:
-    """Put the answer together with its evidence."""
-    trials, certificate = search.trials, None
-    if found:
-        residual, active, multipliers = kkt_residual(trials, found[0].at, _ONE)
-        certificate = AdmittanceCertificate(
-            grid=len(search.grid),
-            tests=len(search.tests),
-            local_minima=tuple(found),
-            residual=residual,
-            active=tuple(zip(active, (float(m) for m in multipliers), strict=True)),
-        )
-    good = chosen is not None and chosen.status is DesignStatus.OPTIMAL
-    return AdmittanceDesign(
-        status=status,
-        free=trials.freedom.names,
-        bounds=trials.freedom.axis.ends,
-        natural_frequency_bounds=trials.freedom.natural_frequency,
-        damping_ratio_bounds=trials.freedom.damping_ratio,
-        gain_design=chosen if good else None,
-        as_it_is=as_it_is,
-        certificate=certificate,
-        map=search.map(),
-        best_ratio=search.best_ratio(),
-    )
+    return search.answer(gain_at(task.scenario), chosen)
 
 
 class _AdmittanceSearch:
@@ -231,3 +193,30 @@ class _AdmittanceSearch:
         if not self.trials.constraints or not np.isfinite(worst).any():
             return None
         return float(worst.min()) if worst.min() > HELD else None
+
+    def answer(self, as_it_is: GainDesign, chosen: GainDesign | None) -> AdmittanceDesign:
+        """Put the answer together with its evidence: the gain with the admittance as it is, and with the chosen one."""
+        freedom, certificate = self.trials.freedom, None
+        status = DesignStatus.INFEASIBLE if np.isfinite(self.rows).all(axis=1).any() else DesignStatus.NO_CONTACT
+        if chosen is not None:
+            status = chosen.status
+            residual, active, multipliers = kkt_residual(self.trials, self.known[0].at, _ONE)
+            certificate = AdmittanceCertificate(
+                grid=len(self.grid),
+                tests=len(self.tests),
+                local_minima=tuple(self.known),
+                residual=residual,
+                active=tuple(zip(active, (float(m) for m in multipliers), strict=True)),
+            )
+        return AdmittanceDesign(
+            problem=self.trials.encounters,
+            status=status,
+            free=freedom.names,
+            natural_frequency_bounds=freedom.natural_frequency,
+            damping_ratio_bounds=freedom.damping_ratio,
+            gain_design=chosen if status is DesignStatus.OPTIMAL else None,
+            as_it_is=as_it_is,
+            certificate=certificate,
+            map=self.map(),
+            best_ratio=self.best_ratio(),
+        )

@@ -16,14 +16,7 @@ Row = tuple[Cell, ...]
 
 
 def admittance_page(design: AdmittanceDesign) -> Page:
-    """Describe a design of gain and admittance.
-
-    Args:
-        design: a design of any status.
-
-    Returns:
-        Its page: that of the gain at the chosen admittance, or at the one as it is, with the admittance before it.
-    """
+    """Describe a design of any status: the page of its gain, at the chosen admittance or as it is, after its own."""
     chosen = design.gain_design is not None
     page = gain_page(design.gain_design or design.as_it_is)
     head = ("", "natural frequency", "damping ratio", "gain D_p", "objective")

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.json_text import plain
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import Admittance, Scenario
-from pretouch.sensors import SensorModel
 
 from .certificate import DesignStatus
+from .problem import Answer
 from .result import GainDesign
 
 __all__ = ["AdmittanceCertificate", "AdmittanceDesign", "AdmittanceMap", "AdmittanceMinimum"]
@@ -85,15 +84,15 @@ class AdmittanceMap(Value):
         return f"<AdmittanceMap: {self.objective.size} admittances>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class AdmittanceDesign(Described, Value):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AdmittanceDesign(Answer):
     """What `design_admittance` returns.
 
     Args:
+        problem: the task, and the gains between which the optimum was sought.
         status: optimal, infeasible or no-contact.
         free: what was chosen: `gain` and `natural_frequency`, `damping_ratio` or both.
-        bounds: the gains between which the optimum was sought [N s].
-        natural_frequency_bounds: likewise [rad/s]; None where it is not free.
+        natural_frequency_bounds: between which it was sought [rad/s]; None where it is not free.
         damping_ratio_bounds: likewise; None where it is not free.
         gain_design: the design of the gain at the chosen admittance, with its evidence; None unless optimal.
         as_it_is: the design of the gain with the admittance of the scenario.
@@ -104,7 +103,6 @@ class AdmittanceDesign(Described, Value):
 
     status: DesignStatus
     free: tuple[str, ...]
-    bounds: tuple[float, float]
     natural_frequency_bounds: tuple[float, float] | None
     damping_ratio_bounds: tuple[float, float] | None
     gain_design: GainDesign | None
@@ -128,12 +126,7 @@ class AdmittanceDesign(Described, Value):
     @property
     def scenario(self) -> Scenario:
         """The encounter with the optimal admittance; that which was given unless optimal."""
-        return (self.gain_design or self.as_it_is).scenario
-
-    @property
-    def sensor(self) -> SensorModel:
-        """The sensor curve."""
-        return self.as_it_is.sensor
+        return self.problem.task.scenario if self.gain_design is None else self.gain_design.scenario
 
     @property
     def admittance(self) -> Admittance:
@@ -192,6 +185,3 @@ class AdmittanceDesign(Described, Value):
             than = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than"
             return f"{text}, {than} the {self.as_it_is.objective:.4g} of the admittance as it is."
         return f"{text}; with the admittance as it is no gain would do."
-
-    def __repr__(self) -> str:
-        return f"<AdmittanceDesign: {self.headline}>"

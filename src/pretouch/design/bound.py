@@ -20,28 +20,13 @@ _PROBES: Final = 257
 
 
 def touches_later(scenario: Scenario, sensor: SensorModel) -> BoolArray:
-    """Tell for which encounters a stronger mitigating gain is known to touch later (docs/fast-designs.md).
-
-    Args:
-        scenario: the encounters.
-        sensor: the sensor curve.
-
-    Returns:
-        Truth values of the scenario's shape.
-    """
+    """Tell for which encounters a stronger mitigating gain is known to touch later (docs/fast-designs.md)."""
     known = sensor.valid_range[0] <= 0 and falls(sensor, farthest(scenario, sensor))
     return np.asarray(premises_hold(scenario) & known)
 
 
 def premises_hold(scenario: Scenario) -> BoolArray:
-    """Tell for which encounters the premises of the same proof hold but that ln xi falls with the distance.
-
-    Args:
-        scenario: the encounters.
-
-    Returns:
-        Truth values of the scenario's shape.
-    """
+    """Tell for which encounters the premises of the same proof hold, but that ln xi falls with the distance."""
     m, d, k, x0, u0, _, v, a, _, _ = scenario.relative_columns()
     room = np.asarray(d) * d - 4.0 * np.asarray(m) * k
     sigma = 0.5 * (d - np.sqrt(np.maximum(room, 0.0)))
@@ -50,16 +35,8 @@ def premises_hold(scenario: Scenario) -> BoolArray:
 
 
 def least_objective(objective: Objective, state: ContactState, obstacle_speed: Any) -> FloatArray:
-    """Return the part of an objective that stronger gains can only enlarge where they touch later.
-
-    Args:
-        objective: the objective.
-        state: the state at contact for some gain.
-        obstacle_speed: |x_o'| at the start [m/s].
-
-    Returns:
-        A bound from below for every stronger gain, of the shape of the state.
-    """
+    """Bound an objective of every stronger gain from below where that touches later, given any state at contact."""
+    # It is the part that time can only enlarge; obstacle_speed is |x_o'| at the start [m/s].
     total = np.zeros(np.shape(state.time))
     if type(objective) is not Objective:
         return total

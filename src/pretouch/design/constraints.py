@@ -68,15 +68,7 @@ class Constraint:
         return QUANTITY_UNITS[self.quantity]
 
     def magnitude(self, state: ContactState, impact: ImpactModel | None = None) -> Any:
-        """Return |quantity| in SI, of the shape of the state.
-
-        Args:
-            state: the state at contact.
-            impact: the physical properties, where the quantity needs them.
-
-        Returns:
-            The magnitude.
-        """
+        """Return |quantity| in SI at a contact, of the shape of its state; some need the physical properties."""
         return np.abs(quantity_of(self.quantity, state, impact))
 
 

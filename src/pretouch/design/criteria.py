@@ -1,7 +1,4 @@
-"""What an encounter is appraised by: a number, made of quantities at contact, and how it follows them.
-
-Every derivative of an objective or a limit, by whatever input, is this chain rule with the derivatives of the contact.
-"""
+"""What an encounter is appraised by: a number, made of quantities at contact, and how it follows them."""
 
 from __future__ import annotations
 
@@ -33,31 +30,18 @@ _WITH_GRADIENTS: Final = frozenset(
 ) | {"impact_force", "gain"}
 
 
+# Every derivative of an objective or a limit, by whatever input, is this chain rule with the derivatives of the
+# contact.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """A number of an encounter.
-
-    Args:
-        value: the number, from a result.
-        rates: its derivative by each quantity that it is made of, from a state at contact.
-        has_gradients: whether all of these have gradients: False where one needs the whole motion, or where a class of
-            the user's computes the number.
-    """
+    """A number of an encounter, from a result; and its derivative by each quantity that it is made of, from a state."""
 
     value: Callable[[ContactResult], Any]
     rates: Callable[[ContactState], Rates]
-    has_gradients: bool
+    has_gradients: bool  # of all of these: not where one needs the whole motion, or a class of the user's computes it
 
     def slope(self, state: ContactState, of: Slope) -> FloatArray:
-        """Differentiate the number by an input.
-
-        Args:
-            state: the state at contact.
-            of: from a quantity to its derivative by the input, as `along` makes it.
-
-        Returns:
-            The derivative in SI, of the shape of the state.
-        """
+        """Differentiate the number by an input, which `along` follows: in SI, of the shape of the state."""
         total = np.zeros(np.shape(state.time))
         for quantity, rate in self.rates(state):
             total = total + rate * np.asarray(of(quantity))
@@ -65,16 +49,9 @@ class Criterion:
 
 
 def along(of: Callable[[str, str], Any], by: str, velocity: Any = 0.0) -> Slope:
-    """Follow one input.
-
-    Args:
-        of: the derivative of a quantity by an input, as `ContactGradients` has it.
-        by: the input.
-        velocity: that of the obstacle at the start [m/s], for what follows its speed.
-
-    Returns:
-        From a quantity to its derivative by the input, that of the gain and of the obstacle's speed among them.
-    """
+    """Follow one input: from a quantity to its derivative by it, the gain and the obstacle's speed among them."""
+    # `of` is the derivative of a quantity by an input, as `ContactGradients` has it; `velocity` is that of the obstacle
+    # at the start [m/s], for what follows its speed.
 
     def slope(quantity: str) -> Any:
         if quantity == "gain":

@@ -70,14 +70,7 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
 
 
 def ideal_in_words(ideal: IdealDesign) -> str:
-    """Say what the gain of the ideal design comes to where another was designed.
-
-    Args:
-        ideal: the ideal design.
-
-    Returns:
-        Text such as `-0.7463 N s, which here is 24 % worse`.
-    """
+    """Say what the ideal gain comes to where another was designed, as in `-0.7463 N s, which here is 24 % worse`."""
     text = f"{format_quantity(ideal.gain, 'N*s')}, which here "
     if not math.isfinite(ideal.objective):
         return text + "ends without contact"

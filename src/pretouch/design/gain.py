@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from .evidence import find_evidence, find_evidence_of_many
-from .problem import Evaluator, GainProblem
+from .problem import GainProblem
 from .result import GainDesign
 from .search import GainAxis
 from .task import Task, placed
 
-__all__ = ["Evaluator", "design", "design_gain", "gain_problem"]
+__all__ = ["design_gain"]
 
 
 @placed
@@ -43,26 +42,4 @@ def design_gain(task: Task) -> GainDesign:
         >>> round(design.gain, 4), round(design.objective, 5)
         (-0.7463, 0.10698)
     """
-    return design(gain_problem(task, GainAxis.between(task.stable_bounds())))
-
-
-def gain_problem(task: Task, axis: GainAxis) -> GainProblem:
-    """Pose the problem of a task for a search over gains."""
-    return GainProblem(
-        scenario=task.scenario,
-        sensor=task.sensor,
-        objective=task.goal,
-        constraints=task.limits,
-        impact=task.impact,
-        axis=axis,
-        method=task.method,
-        horizon=task.horizon,
-        evaluator=task.evaluate,
-    )
-
-
-def design(problem: GainProblem) -> GainDesign:
-    """Design the gain of a problem, or of each encounter of an array."""
-    if problem.scenario.shape == ():
-        return GainDesign.of(find_evidence(problem))
-    return GainDesign.of(find_evidence_of_many(problem))
+    return GainDesign.of(GainProblem(task=task, axis=GainAxis.between(task.stable_bounds())))

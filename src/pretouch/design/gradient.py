@@ -1,13 +1,7 @@
-"""How the optimum follows each input, exactly.
-
-Gradients of contacts go through the objective term by term. Along the coordinate u of the gain they are sampled at
-Chebyshev's nodes beside the optimum, which gives f_up and f_uu as first derivatives of what is exact: no difference is
-formed by any input.
-"""
+"""How the optimum follows each input, exactly."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,29 +13,19 @@ from .constraints import Constraint
 from .criteria import Criterion, along, ratio
 from .problem import GainProblem
 
-__all__ = ["Shift", "follow_optimum", "has_gradients"]
+__all__ = ["follow_optimum", "has_gradients"]
 
 _BASIS: Final = chebyshev_basis(9)
 _HALF: Final = 0.08  # of u, from the optimum to the outermost samples: its eighth power is below the rounding of those
 _BESIDE: Final = 0.5  # of that: no search is this far from its optimum
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shift:
-    """How optima follow one input, arrays of the shape of the designs.
-
-    Args:
-        gain: d D_p / d input, in N s per unit of the input.
-        objective: d f / d input at the optimum, per unit of the input.
-    """
-
-    gain: FloatArray
-    objective: FloatArray
-
-
+# Gradients of contacts go through the objective term by term. Along the coordinate u of the gain they are sampled at
+# Chebyshev's nodes beside the optimum, which gives f_up and f_uu as first derivatives of what is exact: no difference
+# is formed by any input.
 def has_gradients(problem: GainProblem, constraint: Constraint | None) -> bool:
     """Tell whether encounters, objective and the active constraint, if any, have gradients."""
-    limited = constraint is None or ratio(constraint, problem.impact).has_gradients
+    limited = constraint is None or ratio(constraint, problem.task.impact).has_gradients
     return problem.is_differentiable and problem.merit.has_gradients and limited
 
 
@@ -52,29 +36,19 @@ def follow_optimum(
     gain: FloatArray,
     names: tuple[str, ...],
     held: bool = False,
-) -> dict[str, Shift]:
-    """Differentiate optimal gains and their objectives by inputs.
-
-    Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
-    so du/dp = -G_p / G_u; on a bound the gain stays.
-
-    Args:
-        problem: what was designed, each field of the scenario a number or of shape (n, 1).
-        constraint: the active constraint, if the optima sit on one.
-        gain: the optimal gains [N s], shape (n,).
-        names: the inputs, as `ContactGradients` has them.
-        held: whether the optima sit on a bound, and stay there.
-
-    Returns:
-        By name, arrays of shape (n,); NaN where a sample does not end in contact.
-    """
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Differentiate optimal gains, shape (n,), and their objectives by inputs, as `ContactGradients` names them."""
+    # Inside, f_u = 0 holds along with every change, so du/dp = -f_up / f_uu; on an active constraint G = limit holds,
+    # so du/dp = -G_p / G_u; on a bound, where it is held, the gain stays. Each field of the scenario is a number or of
+    # shape (n, 1). By name d D_p / d input [N s per unit] and d f / d input at the optimum, shape (n,); NaN where a
+    # sample does not end in contact.
     axis = problem.axis
     center = axis.coordinate(gain)
     gains = axis.scale * np.sinh(center[:, None] + _HALF * _BASIS.nodes)
     stretch = np.hypot(gains, axis.scale)
     result = problem.run(gains)
-    merit, velocity = problem.merit, problem.scenario.obstacle.velocity
-    limited = None if constraint is None else ratio(constraint, problem.impact)
+    merit, velocity = problem.merit, problem.task.scenario.obstacle.velocity
+    limited = None if constraint is None else ratio(constraint, problem.task.impact)
 
     def by(name: str, criterion: Criterion) -> FloatArray:
         return criterion.slope(result.end, along(result.gradients.of, name, velocity))
@@ -93,7 +67,7 @@ def follow_optimum(
             shift = -_rise(by_input, place) / _rise(slope, place)
         total = _value(by_input, place) + _value(slope, place) * shift
         at = np.hypot(axis.scale * np.sinh(center + _HALF * place), axis.scale)
-        found[name] = Shift(gain=shift * at, objective=total)
+        found[name] = shift * at, total
     return found
 
 

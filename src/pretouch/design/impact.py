@@ -48,14 +48,8 @@ class ImpactModel(ABC):
         """Return the peak force [N] of an impact at the given relative velocity [m/s]."""
 
     def peak_force_slope(self, relative_velocity: ArrayLike) -> Any:
-        """Return the derivative of the peak force [N s/m]: by a difference of order 8, where a model has none.
-
-        Args:
-            relative_velocity: l' [m/s], not 0.
-
-        Returns:
-            The derivative, of the same shape; good to some 1e-13 of force over velocity.
-        """
+        """Return the derivative of the peak force [N s/m] at l' [m/s], which is not 0."""
+        # By a difference of order 8, where a model has none of its own: good to some 1e-13 of force over velocity.
         v = np.asarray(relative_velocity, dtype=np.float64)
         step = _STEP * v
         rise = sum(w * (self.peak_force(v + k * step) - self.peak_force(v - k * step)) for k, w in _STENCIL)

@@ -59,16 +59,7 @@ class Term:
         return np.abs(obstacle_speed)
 
     def value(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Any:
-        """Evaluate the term.
-
-        Args:
-            state: the state at contact.
-            obstacle_speed: |x_o'| at the start [m/s].
-            impact: the physical properties, where the quantity needs them.
-
-        Returns:
-            weight * (quantity / scale)^2.
-        """
+        """Return weight * (quantity / scale)^2 at a contact, with |x_o'| at the start [m/s]."""
         return self.weight * (quantity_of(self.quantity, state, impact) / self.scale_for(obstacle_speed)) ** 2
 
 
@@ -109,16 +100,7 @@ class Objective:
         return np.asarray(sum(self.parts(state, obstacle_speed, impact).values()), dtype=np.float64)
 
     def parts(self, state: ContactState, obstacle_speed: Any, impact: ImpactModel | None = None) -> Mapping[str, Any]:
-        """Evaluate each term alone.
-
-        Args:
-            state: the state at contact.
-            obstacle_speed: |x_o'| at the start [m/s].
-            impact: the physical properties, where a term needs them.
-
-        Returns:
-            weight * (quantity / scale)^2 by quantity, added up where several terms have the same.
-        """
+        """Return weight * (quantity / scale)^2 by quantity, added up where several terms have the same."""
         found: dict[str, Any] = {}
         for term in self.terms:
             part = term.value(state, obstacle_speed, impact)
@@ -146,11 +128,9 @@ def excursion_objective(
         >>> excursion_objective(position_scale=0.5, velocity_scale=0.3).name
         'excursion'
     """
-    terms = (
-        Term(quantity="displacement", scale=position_scale, weight=position_weight),
-        Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight),
-    )
-    return Objective(terms=terms, name="excursion")
+    price = Term(quantity="displacement", scale=position_scale, weight=position_weight)
+    speed = Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight)
+    return Objective(terms=(price, speed), name="excursion")
 
 
 def time_objective(
@@ -171,8 +151,6 @@ def time_objective(
         >>> time_objective(time_scale=1.0, velocity_scale=0.01).name
         'time'
     """
-    terms = (
-        Term(quantity="time", scale=time_scale, weight=time_weight),
-        Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight),
-    )
-    return Objective(terms=terms, name="time")
+    price = Term(quantity="time", scale=time_scale, weight=time_weight)
+    speed = Term(quantity="relative_velocity", scale=velocity_scale, weight=velocity_weight)
+    return Objective(terms=(price, speed), name="time")

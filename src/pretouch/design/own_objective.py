@@ -118,21 +118,7 @@ def appraise(
     obstacle_speed: Any,
     impact: ImpactModel | None,
 ) -> FloatArray:
-    """Evaluate an objective where there is contact.
-
-    Args:
-        objective: what is minimized.
-        state: the state at the end of each run.
-        reached: which runs end in contact.
-        obstacle_speed: |x_o'| at the start [m/s].
-        impact: the physical properties, where given.
-
-    Returns:
-        The objective, infinite where there is no contact.
-
-    Raises:
-        InvalidInputError: an objective of a user's own is negative or no number at a contact.
-    """
+    """Evaluate an objective, infinite without contact; refuse one of a user's own that is negative or no number."""
     value = objective.value(state, obstacle_speed, impact)
     if type(objective) is OwnObjective:
         wrong = np.asarray(reached) & ~(value >= 0)

@@ -59,17 +59,7 @@ _WHOSE_MOTION: Final = {
 
 
 def gain_page(design: GainDesign) -> Page:
-    """Describe a design of the gain.
-
-    Args:
-        design: a design of any status.
-
-    Returns:
-        Its page.
-
-    Raises:
-        ResultUnavailableError: the design is that of many encounters, each of which has a page of its own.
-    """
+    """Describe a design of any status; refuse that of many encounters, each of which has a page of its own."""
     if design.scenario.shape:
         raise ResultUnavailableError("page: found designs of many encounters; choose one with .at(index)")
     way_out = _NO_WAY_OUT.get(design.status)
@@ -215,14 +205,7 @@ def _valued_terms(design: GainDesign) -> Iterator[Row]:
 
 
 def objective_rows(objective: Objective) -> Iterator[Row]:
-    """Say what an objective is made of, as far as that is known.
-
-    Args:
-        objective: what was minimized.
-
-    Yields:
-        Quantity, typical value and weight of each term; one row for an objective of a user's own.
-    """
+    """Yield quantity, typical value and weight of each term; one row for an objective of a user's own."""
     if isinstance(objective, OwnObjective):
         yield f"{objective.name}: an objective of the user's own", "", ""
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,19 +10,15 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from pretouch._core.described import Described
 from pretouch._core.json_text import plain
 from pretouch._core.units import format_quantity
-from pretouch._core.values import Value
 from pretouch.motion.contact import ContactResult, ContactStatus
 from pretouch.motion.evaluator import NoisyEvaluator
-from pretouch.motion.scenario import Scenario
-from pretouch.sensors import SensorModel
 
-from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesign, Sensitivity, TradeOff
-from .evidence import ArrayEvidence, GainEvidence
-from .impact import ImpactModel
-from .objectives import Objective
+from .certificate import DesignStatus
+from .evidence import GainEvidence, settle
+from .problem import GainProblem
+from .sensitivity import gain_gradient
 
 __all__ = ["GainDesign"]
 
@@ -30,93 +27,31 @@ _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class GainDesign(Described, Value):
+class GainDesign(GainEvidence):
     """What `design_gain` returns: the gain at once, its evidence when it is first read.
 
     Args:
-        status: optimal, infeasible (a constraint cannot be met) or no-contact (no gain within the bounds ends in
-            contact); for an array of encounters an array of these words.
-        gain: the optimal gain D_p [N s]; None unless optimal, NaN in an array.
-        objective: the objective there; None unless optimal, NaN in an array.
-        bounds: the gains between which the optimum was sought [N s].
-        scenario: the encounter that was designed for, or an array of them.
-        sensor: the sensor curve.
-        definition: the objective's definition.
-        impact: the physical properties, where given.
-        evidence: what the parts below are computed from.
+        problem: the task, and the gains between which the optimum was sought.
+        settled: status, gain [N s] and objective, as far as these were settled without the whole scan.
     """
-
-    status: Any
-    gain: Any
-    objective: Any
-    bounds: tuple[float, float]
-    scenario: Scenario
-    sensor: SensorModel
-    definition: Objective
-    impact: ImpactModel | None
-    evidence: GainEvidence | ArrayEvidence
 
     page: ClassVar[str] = "pretouch.design.page:gain_page"
 
     @classmethod
-    def of(cls, evidence: GainEvidence | ArrayEvidence) -> GainDesign:
-        """Make the design that evidence speaks of."""
-        problem = evidence.problem
-        return cls(
-            status=evidence.status,
-            gain=evidence.gain,
-            objective=evidence.objective,
-            bounds=problem.axis.ends,
-            scenario=problem.scenario,
-            sensor=problem.sensor,
-            definition=problem.objective,
-            impact=problem.impact,
-            evidence=evidence,
-        )
+    def of(cls, problem: GainProblem) -> GainDesign:
+        """Design the gain of a problem, or of each encounter of an array."""
+        found = cls(problem=problem, settled=settle(problem))
+        _ = found.answer  # is searched for now, and not when it is read
+        return found
 
     def at(self, *index: int) -> GainDesign:
-        """Return the design of one encounter of an array, with its evidence.
-
-        Args:
-            index: one integer per axis.
-
-        Returns:
-            The design.
-        """
-        return GainDesign.of(self.evidence.at(index)) if isinstance(self.evidence, ArrayEvidence) else self
+        """Return the design of one encounter of an array, at one integer per axis, with its evidence."""
+        return GainDesign.of(self.problem.at(index)) if self.scenario.shape else self
 
     @property
     def method(self) -> str:
         """How the encounters were solved: "closed-form", "integration", "uniform-motion", or "loop" by a ClosedLoop."""
         return self.no_mitigation.method
-
-    @property
-    def on_evaluator(self) -> bool:
-        """Whether encounters were solved by what was given as `evaluate`, such as a ClosedLoop."""
-        return self.evidence.problem.evaluator is not None
-
-    @property
-    def ideal(self) -> IdealDesign | None:
-        """What the ideal design, that of continuous time, loses where this one was made; None where they are the same.
-
-        None, too, where either of the two has no gain.
-        """
-        return self.evidence.ideal
-
-    @property
-    def result(self) -> ContactResult | None:
-        """The encounter at the optimal gain; None unless optimal."""
-        return self.evidence.result
-
-    @property
-    def nearest(self) -> ContactResult | None:
-        """Where infeasible, the encounter at the gain that exceeds the constraints least; else None."""
-        return self.evidence.nearest
-
-    @property
-    def no_mitigation(self) -> ContactResult:
-        """The encounter with D_p = 0."""
-        return self.evidence.no_mitigation
 
     @property
     def objective_parts(self) -> dict[str, float]:
@@ -136,26 +71,6 @@ class GainDesign(Described, Value):
             return None
         return self.gain * self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0))
 
-    @property
-    def constraints(self) -> tuple[ConstraintOutcome, ...]:
-        """Each constraint with its margin."""
-        return self.evidence.constraints
-
-    @property
-    def trade_off(self) -> TradeOff:
-        """Objective and contact over the bounds."""
-        return self.evidence.trade_off
-
-    @property
-    def certificate(self) -> Certificate | None:
-        """Why the gain is believed to be the optimum; None unless optimal."""
-        return self.evidence.certificate
-
-    @property
-    def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """The derivative of the optimum with respect to each input."""
-        return self.evidence.sensitivities
-
     def gradient(self, by: str) -> Any:
         """Return how the optimal gain follows one input, exact where objective and limits are those of the contact.
 
@@ -167,12 +82,15 @@ class GainDesign(Described, Value):
             d D_p / d input, in N s per unit of the input: a float, or an array of the scenario's shape. NaN where there
             is no optimal gain, beside an edge of contact, and where the objective has a corner or a jump.
         """
-        return self.evidence.gradient(by)
+        if self.gain is None:
+            return math.nan
+        found = gain_gradient(self.problem, self.gain, by, lambda index: self.at(*index))
+        return found if self.scenario.shape else float(found)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a user should read before relying on the gain, in order of weight."""
-        return tuple(_warnings(self, self.evidence.scan_result))
+        return tuple(_warnings(self, self.scan_result))
 
     @property
     def headline(self) -> str:
@@ -212,7 +130,7 @@ class GainDesign(Described, Value):
     def __repr__(self) -> str:
         if self.scenario.shape:
             return f"<GainDesign: {(self.status == DesignStatus.OPTIMAL).sum()} of {self.status.size} optimal>"
-        return f"<GainDesign: {self.headline}>"
+        return super().__repr__()
 
 
 def _conflict(design: GainDesign) -> str:
@@ -263,7 +181,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
 
 def _is_luck(design: GainDesign) -> bool:
     """Tell whether the encounter at the optimum comes out otherwise with the noise of another run."""
-    evaluator = design.evidence.problem.evaluator
+    evaluator = design.problem.task.evaluate
     if design.result is None or not isinstance(evaluator, NoisyEvaluator):
         return False
     again = evaluator.after(1)(design.scenario, design.sensor, design.gain)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -28,28 +27,13 @@ _ACTIVE: Final = 1e-6  # of a limit, as in Certificate
 _INSIDE, _BOUND, _UNKNOWN = -1, -2, -3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Steps:
-    """Of u, between the nodes of the five-point differences; of an input, of its magnitude."""
-
-    gain: float
-    relative: float
-
-
-_SMOOTH = _Steps(gain=0.02, relative=1e-4)
+# steps of the five-point differences: of u between the nodes, and of an input, in parts of its magnitude
+_SMOOTH: Final = (0.02, 1e-4)
 # a loop that samples has ripples over gain and inputs, of (dF_p / dt) T^2 / 8 M in l' at contact: steps reach over them
-_RIPPLED = _Steps(gain=0.1, relative=1e-2)
+_RIPPLED: Final = (0.1, 1e-2)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Input:
-    """One input: its name, value and unit, its typical magnitude, and the problem with it changed."""
-
-    name: str
-    value: float
-    unit: str
-    typical: float
-    changed: Callable[[float], GainProblem]
+_Inputs: TypeAlias = dict[str, tuple[float, str, float]]
+"""Value, unit and typical magnitude of inputs by name."""
 
 
 def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sensitivity, ...]:
@@ -69,31 +53,30 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
     Returns:
         One entry per input whose change keeps the contact, largest effect first.
     """
-    constraint = next((c for c in problem.constraints if c.name == at and c.quantity != "gain"), None)
-    inputs = list(_inputs(problem))
+    constraint = next((c for c in problem.task.limits if c.name == at and c.quantity != "gain"), None)
+    inputs = _inputs(problem)
     if has_gradients(problem, constraint):
         held = at != "interior" and constraint is None
-        names = tuple(item.name for item in inputs)
-        shifts = follow_optimum(problem, constraint, gain=np.array([gain]), names=names, held=held)
-        exact = [(float(shifts[name].gain[0]), float(shifts[name].objective[0])) for name in names]
+        shifts = follow_optimum(problem, constraint, gain=np.array([gain]), names=tuple(inputs), held=held)
+        exact = [(float(shift[0]), float(total[0])) for shift, total in shifts.values()]
         if np.isfinite(exact).all():  # beside an edge of contact only one side is left
             return _ranked(inputs, exact)
-    steps, axis = _SMOOTH if problem.evaluator is None else _RIPPLED, problem.axis
-    first, second = _FIRST / steps.gain, _SECOND / steps.gain**2
-    gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + steps.gain * _NODES)
+    (step, relative), axis = _SMOOTH if problem.task.evaluate is None else _RIPPLED, problem.axis
+    first, second = _FIRST / step, _SECOND / step**2
+    gains = axis.scale * np.sinh(float(axis.coordinate(gain)) + step * _NODES)
 
     def sample(changed: GainProblem) -> FloatArray:
         """Sample the objective and the active constraint's magnitude at the nodes."""
         result = changed.run(gains)
-        value = changed.objective.value(result.end, abs(changed.scenario.obstacle.velocity), changed.impact)
-        limited = constraint.magnitude(result.end, changed.impact) if constraint else np.zeros(len(gains))
+        value = changed.task.goal.value(result.end, abs(changed.task.scenario.obstacle.velocity), changed.task.impact)
+        limited = constraint.magnitude(result.end, changed.task.impact) if constraint else np.zeros(len(gains))
         return np.where(result.reached, [value, limited], np.nan)
 
     middle = sample(problem)
     f, g = middle
     found = []
-    for item in inputs:
-        f_p, g_p = _derivative(sample, item, steps.relative * item.typical, middle)
+    for name, (value, _, typical) in inputs.items():
+        f_p, g_p = _derivative(lambda v, n=name: sample(_with(problem, n, v)), value, relative * typical, middle)  # type: ignore[misc]
         if at == "interior":
             shift = -(f_p @ first) / (f @ second)
         elif constraint is not None:
@@ -105,31 +88,29 @@ def gain_sensitivities(problem: GainProblem, gain: float, at: str) -> tuple[Sens
     return _ranked(inputs, found)
 
 
-def _ranked(inputs: list[_Input], found: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
+def _ranked(inputs: _Inputs, found: list[tuple[float, float]]) -> tuple[Sensitivity, ...]:
     """Return what is finite, largest effect first."""
     entries = [
         Sensitivity(
-            name=item.name,
-            value=item.value,
-            unit=item.unit,
+            name=name,
+            value=value,
+            unit=unit,
             gain_derivative=derivative,
             objective_derivative=total,
-            gain_change_per_percent=derivative * 0.01 * abs(item.value),
+            gain_change_per_percent=derivative * 0.01 * abs(value),
         )
-        for item, (derivative, total) in zip(inputs, found, strict=True)
+        for (name, (value, unit, _)), (derivative, total) in zip(inputs.items(), found, strict=True)
         if np.isfinite(derivative) and np.isfinite(total)
     ]
     return tuple(sorted(entries, key=lambda s: -abs(s.gain_change_per_percent)))
 
 
-def _derivative(
-    sample: Callable[[GainProblem], FloatArray], item: _Input, step: float, middle: FloatArray
-) -> FloatArray:
-    """Differentiate samples by an input: centrally, or to one side where the other makes no sense."""
+def _derivative(sample: Callable[[float], FloatArray], value: float, step: float, middle: FloatArray) -> FloatArray:
+    """Differentiate samples by the value of an input: centrally, or to one side where the other makes no sense."""
     sides = []
     for sign in (1, -1):
         try:
-            side = sample(item.changed(item.value + sign * step))
+            side = sample(value + sign * step)
         except InvalidInputError:  # such as an object farther away than the sensor's range
             continue
         if np.isfinite(side).all():
@@ -142,57 +123,46 @@ def _derivative(
     return np.full_like(middle, np.nan)
 
 
-def _inputs(problem: GainProblem) -> Iterator[_Input]:
-    """Yield every scalar input of the scenario and the sensor; what is 0 has a typical magnitude only in a motion."""
-    scenario, sensor = problem.scenario, problem.sensor
+def _inputs(problem: GainProblem) -> _Inputs:
+    """Return every scalar input of scenario and sensor; what is 0 has a typical magnitude only in a motion."""
+    scenario, sensor = problem.task.scenario, problem.task.sensor
     length = float(scenario.distance)
     speed = max(abs(float(scenario.relative_velocity)), abs(float(scenario.obstacle.velocity)), 1e-3)
     typical = {"m": length, "m/s": speed, "m/s^2": speed**2 / length}
+    found = {}
     for name, unit in SCENARIO_INPUTS.items():
         part, _, rest = name.partition(".")
         value = getattr(getattr(scenario, part), rest)
-        if part == "admittance" and (rest in {"natural_frequency", "damping_ratio"} or not value > 0):
-            continue
-        yield _Input(
-            name=name,
-            value=value,
-            unit=unit,
-            typical=typical.get(unit, value),
-            changed=lambda v, n=name: replace(problem, scenario=scenario_with(scenario, {n: v})),  # type: ignore[misc]
-        )
+        if part != "admittance" or (rest not in {"natural_frequency", "damping_ratio"} and value > 0):
+            found[name] = (value, unit, typical.get(unit, value))
     for name, unit in sensor_inputs(sensor).items():
-        rest = name.removeprefix("sensor.")
-        place = rest == "recess" and isinstance(sensor, Recessed)
-        value = getattr(sensor if place or not isinstance(sensor, Recessed) else sensor.sensor, rest)
+        place = name == "sensor.recess" and isinstance(sensor, Recessed)
+        curve = sensor if place or not isinstance(sensor, Recessed) else sensor.sensor
+        value = getattr(curve, name.removeprefix("sensor."))
         if place or (isinstance(value, float) and value != 0):
-            yield _Input(
-                name=name,
-                value=value,
-                unit=unit,
-                typical=length if place else abs(value),
-                changed=lambda v, n=rest: replace(problem, sensor=sensor_with(sensor, {n: v})),  # type: ignore[misc]
-            )
+            found[name] = (value, unit, length if place else abs(value))
+    return found
+
+
+def _with(problem: GainProblem, name: str, value: float) -> GainProblem:
+    """Return the problem with another value of an input."""
+    if name in SCENARIO_INPUTS:
+        return problem.changed(scenario=scenario_with(problem.task.scenario, {name: value}))
+    return problem.changed(sensor=sensor_with(problem.task.sensor, {name.removeprefix("sensor."): value}))
 
 
 def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tuple[int, ...]], Any]) -> FloatArray:
-    """Differentiate optimal gains by one input.
-
-    Args:
-        problem: what was designed, for one encounter or an array of them.
-        gain: the optimal gains [N s], of the scenario's shape; NaN where there is none.
-        name: the input, as in ContactGradients.inputs.
-        one: gives the evidence of the encounter at an index, for those without exact derivatives.
-
-    Returns:
-        d D_p / d input, in N s per unit of the input, of the scenario's shape; NaN where there is no gain, and where
-        the optimum lies so close to an edge of contact that it has no derivative.
-    """
+    """Differentiate optimal gains by one input, as `ContactGradients` names it: in N s per unit of the input."""
+    # `one` gives the design of the encounter at an index, for those without exact derivatives. NaN where there is no
+    # gain, and where the optimum lies so close to an edge of contact that it has no derivative.
     flat = np.asarray(gain, dtype=np.float64).reshape(-1)
     found = np.full(flat.shape, np.nan)
     where = np.flatnonzero(np.isfinite(flat))
     left = where
     if problem.is_differentiable:
-        _check(problem, name)
+        known = [n for n in input_names(problem.task.sensor) if n != "gain"]
+        if name not in known:
+            raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(known)}")
         parts = [_exact(problem, flat, where[i : i + _BLOCK], name, found) for i in range(0, len(where), _BLOCK)]
         left = np.concatenate(parts) if parts else where
     for i in left:
@@ -202,23 +172,16 @@ def gain_gradient(problem: GainProblem, gain: Any, name: str, one: Callable[[tup
     return found.reshape(np.shape(gain))
 
 
-def _check(problem: GainProblem, name: str) -> None:
-    """Refuse an input that no contact depends on."""
-    known = [n for n in input_names(problem.sensor) if n != "gain"]
-    if name not in known:
-        raise InvalidInputError(f"by: found {name!r}, expected one of {', '.join(known)}")
-
-
 def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, found: FloatArray) -> IntArray:
     """Fill what has exact derivatives; return what is left."""
     kinds = _kinds(problem.column(where), gain[where])
     left = [where[kinds == _UNKNOWN]]
     for kind in np.unique(kinds[kinds != _UNKNOWN]):
-        constraint = problem.constraints[kind] if kind >= 0 else None
+        constraint = problem.task.limits[kind] if kind >= 0 else None
         these = where[kinds == kind]
         if has_gradients(problem, constraint):
             several, held = problem.column(these), bool(kind == _BOUND)
-            found[these] = follow_optimum(several, constraint, gain=gain[these], names=(name,), held=held)[name].gain
+            found[these] = follow_optimum(several, constraint, gain=gain[these], names=(name,), held=held)[name][0]
         left.append(these[np.isnan(found[these])])
     return np.concatenate(left)
 
@@ -226,9 +189,9 @@ def _exact(problem: GainProblem, gain: FloatArray, where: IntArray, name: str, f
 def _kinds(problem: GainProblem, gain: FloatArray) -> Any:
     """Tell where each optimum sits: the number of the active constraint, or one of the three above."""
     kinds = np.where(problem.axis.is_end(problem.axis.coordinate(gain)), _BOUND, _INSIDE)
-    if problem.constraints:
+    if problem.task.limits:
         end = problem.run(gain[:, None]).end
-        for i, constraint in enumerate(problem.constraints):
-            ratio = np.reshape(constraint.magnitude(end, problem.impact) / constraint.limit, -1)
+        for i, constraint in enumerate(problem.task.limits):
+            ratio = np.reshape(constraint.magnitude(end, problem.task.impact) / constraint.limit, -1)
             kinds[np.abs(ratio - 1) < _ACTIVE] = _BOUND if constraint.quantity == "gain" else i
     return kinds

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
@@ -15,7 +15,7 @@ from pretouch.motion.evaluator import Evaluator
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 
-from .constraints import Constraint
+from .constraints import Constraint, each_once
 from .impact import ImpactModel
 from .objectives import Objective
 from .own_objective import AnyObjective, as_objective
@@ -53,7 +53,30 @@ class Source(Protocol):
         """Return the message of an error, with the reason that the file has for it."""
 
 
-@dataclass(frozen=True, slots=True)
+def _sparing(cls: type[R]) -> type[R]:
+    """Let a task store what it is given only, since a design takes a few microseconds; the rest is its class's."""
+    complete: Any = cls.__init__
+    known = {name for name in cls.__annotations__ if name != "_"}
+
+    @wraps(complete)
+    def __init__(self: Any, scenario: Any, sensor: Any, objective: Any = None, **asked: Any) -> None:  # noqa: N807
+        if not known >= asked.keys():
+            complete(self, scenario, sensor, objective, **asked)  # which refuses the name
+        kept = self.__dict__
+        kept["scenario"], kept["sensor"], kept["uncertainty"] = scenario, sensor, {}
+        kept.update(asked)
+        if objective is not None:
+            kept["objective"] = as_objective(objective)
+        if "constraints" in asked:
+            kept["constraints"] = tuple(asked["constraints"])
+            each_once(self.limits)
+
+    cls.__init__ = __init__  # type: ignore[assignment,method-assign]
+    return cls
+
+
+@_sparing
+@dataclass(frozen=True)
 class Task(Value):
     """One problem, which every verb takes: the encounter, the sensor, and what is asked for.
 
@@ -66,9 +89,10 @@ class Task(Value):
         sensor: the sensor curve, over the distance from the contact surface.
         objective: what is minimized: an Objective, or an object or a function of your own (docs/design.md).
         bounds: smallest and largest gain [N s] of a design; mitigating gains are negative.
-        constraints: limits that the encounter must keep, any sequence of them. Where inputs are uncertain, or runs have
-            noise, a Constraint must hold always, a `Required` one with its probability; elsewhere both always. For a
-            front, those of acceleration and speed are the limits of the robot, of which the physical bound speaks.
+        constraints: limits that the encounter must keep, each once, in any sequence. Where inputs are uncertain, or
+            runs have noise, a Constraint must hold always, a `Required` one with its probability; elsewhere both
+            always. For a front, those of acceleration and speed are the limits of the robot, of which the physical
+            bound speaks.
         impact: physical properties, for objectives, constraints and quantities that speak of forces.
         method: how encounters are solved in continuous time, as in `find_contact`.
         horizon: how long to wait for contact there [s].
@@ -146,12 +170,6 @@ class Task(Value):
     source: Source | None = None
     part: Any = None
 
-    def __post_init__(self) -> None:
-        if self.objective is not None:
-            object.__setattr__(self, "objective", as_objective(self.objective))
-        if type(self.constraints) is not tuple:
-            object.__setattr__(self, "constraints", tuple(self.constraints))
-
     @property
     def goal(self) -> Objective:
         """The objective, for a verb that needs one.
@@ -159,15 +177,14 @@ class Task(Value):
         Raises:
             InvalidInputError: there is none.
         """
-        if self.objective is None:
+        found: Objective | None = self.__dict__.get("objective")  # which was made one at the start
+        if found is None:
             raise InvalidInputError("objective: found None, expected an Objective, such as excursion_objective(...)")
-        return cast("Objective", self.objective)  # which was made one at the start
+        return found
 
     @property
     def limits(self) -> tuple[Constraint, ...]:
         """The constraints without their probabilities."""
-        if not self.constraints:  # a design takes a few microseconds
-            return ()
         return tuple([c if isinstance(c, Constraint) else c.constraint for c in self.constraints])
 
     @property
@@ -195,26 +212,12 @@ class Task(Value):
         return found
 
     def replace(self, **changes: Any) -> Task:
-        """Return the task with other values of some fields.
-
-        Args:
-            changes: the fields and their values.
-
-        Returns:
-            The changed copy.
-        """
-        return replace(self, **changes)
+        """Return the task with other values of some fields."""
+        return Task(**{**self.__dict__, **changes})
 
 
 def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
-    """Make a verb that names line and key of what it refuses, where its task comes from a file.
-
-    Args:
-        verb: the verb; its first argument is the task.
-
-    Returns:
-        The verb.
-    """
+    """Make a verb that names line and key of what it refuses, where its task comes from a file."""
 
     @wraps(verb)
     def told(task: Task, /, *args: P.args, **options: P.kwargs) -> R:

@@ -134,7 +134,7 @@ def _reached(result: ContactResult) -> bool:
 
 
 def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Motion | LoopMotion:
-    loop = design.evidence.problem.evaluator
+    loop = design.problem.task.evaluate
     if isinstance(loop, ClosedLoop):
         return loop_motion(loop, design.scenario, design.sensor, gain, horizon=horizon)
     known = method if method in {"closed-form", "integration", "uniform-motion"} else "auto"

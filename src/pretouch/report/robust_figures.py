@@ -134,7 +134,7 @@ def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
     """Return the objective of the encounter as it was given, infinite where there is no contact."""
     from pretouch.motion import find_contact  # noqa: PLC0415 - solved when it is drawn
 
-    ensemble = design.evidence.problem.ensemble
+    ensemble = design.problem.ensemble
     found = find_contact(design.scenario, design.sensor, gains, method=ensemble.method, horizon=ensemble.horizon)
     speed = abs(design.scenario.obstacle.velocity)
     return np.where(found.reached, design.definition.value(found.end, speed, design.impact), np.inf)

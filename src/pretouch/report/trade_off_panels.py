@@ -49,7 +49,7 @@ def trade_off(design: GainDesign) -> Figure:
 
 def _misses(design: GainDesign) -> Panel:
     """Return how near each gain comes where none ends in contact."""
-    scanned = design.evidence.scan_result
+    scanned = design.scan_result
     gain = _shown_gain(design, np.asarray(scanned.gain, float))
     nearest = np.asarray(scanned.closest_distance, float)
     scale = scale_for("m", float(nearest.max()))

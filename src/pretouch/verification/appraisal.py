@@ -15,7 +15,7 @@ from pretouch._core.values import Value
 from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.own_objective import OwnObjective, appraise
 from pretouch.design.robust import Required
-from pretouch.design.robust.design import limits_of
+from pretouch.design.robust.measures import limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario, find_contact
 from pretouch.motion.inputs import map_fields
 from pretouch.sensors import SensorModel
@@ -257,7 +257,7 @@ class LoopProblem:
 
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
         """Return what runs of the first encounters come to, on the loop and with the gain [N s] that they ran with."""
-        limits, touched = limits_of(self.draws.task), result.touched
+        limits, touched = limits_of(self.draws.task.constraints), result.touched
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         met = (
             Requirement(limit.constraint.name, ratio <= 1 + _ROUNDING, limit.probability)

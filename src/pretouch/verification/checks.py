@@ -14,7 +14,7 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
-from pretouch.design.robust.design import limits_of
+from pretouch.design.robust.measures import limits_of
 from pretouch.design.robust.validation import least_probability
 from pretouch.motion import ContactResult, Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -78,7 +78,7 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
     """Return how often each limit holds in the runs with a gain [N s], beside the nominal encounter as predicted."""
     found, impact = [], foreseen_impact(task)
-    for required, ratio in zip(limits_of(task), outcomes.ratios, strict=True):
+    for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         constraint = required.constraint
         count = int((ratio <= 1 + 1e-12).sum())
         reached = float(required.share(ratio)) * constraint.limit

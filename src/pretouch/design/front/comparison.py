@@ -60,17 +60,8 @@ class BoundComparison(Value):
 def compare_with_bound(
     trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult
 ) -> BoundComparison | None:
-    """Put encounters beside the best that any robot with the same largest acceleration could do.
-
-    Args:
-        trials: how encounters are solved.
-        scenario: the encounters.
-        gain: their gains [N s].
-        result: how they ended, all in contact.
-
-    Returns:
-        The comparison; None where the bound does not speak of such encounters.
-    """
+    """Put encounters in contact beside the best that any robot with the same largest acceleration could do."""
+    # None where the bound does not speak of such encounters.
     given = trials.freedom.scenario
     if not trials.encounters.is_differentiable or why_no_bound(given):
         return None
@@ -95,21 +86,16 @@ def compare_with_bound(
 
 
 def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: ContactResult) -> BoolArray:
-    """Tell which plants never move toward the obstacle, past where they rested.
-
-    Where the admittance is not under-damped, the gain mitigates and the obstacle does not brake, that is proved
-    (docs/fast-designs.md: l' < 0 all the way, so the force only ever pushes, and such an admittance does not swing).
-    Elsewhere motions are sampled.
-
-    Returns:
-        Of the shape of the gain.
-    """
+    """Tell which plants never move toward the obstacle, past where they rested; of the shape of the gain."""
+    # Where the admittance is not under-damped, the gain mitigates and the obstacle does not brake, that is proved
+    # (docs/fast-designs.md: l' < 0 all the way, so the force only ever pushes, and such an admittance does not swing).
+    # Elsewhere motions are sampled.
     a = scenario.admittance
     damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
     proved = damped & (np.asarray(gain) <= 0) & (trials.freedom.scenario.obstacle.acceleration <= 0)
     if np.all(proved):
         return np.ones(np.shape(gain), dtype=bool)
-    how = trials.encounters
+    how = trials.encounters.task
     motion = solve_motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
     forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
     return np.asarray(proved | forward)

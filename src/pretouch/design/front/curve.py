@@ -1,8 +1,4 @@
-"""The front where only the gain is free: the curve of all gains in the plane of quantities, and what of it is best.
-
-The curve is scanned until neighbors predict each other; where a quantity is least along it, where limits begin to hold
-and where another stretch of the curve becomes better, the ends of the front's pieces are found to rounding.
-"""
+"""The front where only the gain is free: the curve of all gains in the plane of quantities, and what of it is best."""
 
 from __future__ import annotations
 
@@ -21,19 +17,15 @@ __all__ = ["trace_front"]
 _EFFORT: Final = Effort(share=0.01)  # a quantity may pass through 0
 _HALVINGS: Final = 44  # until neighbors on two sides of an end are 1e-13 of the axis apart
 _FINEST: Final = 12
-_SPACING: Final = 0.01  # between neighbors of the front, of its extent
+_CURVE_SPACING: Final = 0.01  # between neighbors of the front, of its extent
 
 
+# The curve is scanned until neighbors predict each other; where a quantity is least along it, where limits begin to
+# hold and where another stretch of the curve becomes better, the ends of the front's pieces are found to rounding.
 def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
-    """Find the front of a curve over [0, 1].
-
-    Args:
-        evaluate: from coordinates, shape (n,), to quantities, shape (n, k), infinite where not feasible.
-
-    Returns:
-        The front, its coordinates of shape (n, 1), ascending in the first of two quantities, in the coordinate with
-        three; pieces are separated by coordinates that are worse. Empty where nothing is feasible.
-    """
+    """Find the front of a curve over [0, 1], which gives quantities, shape (n, k), of coordinates, (n,)."""
+    # Quantities are infinite where not feasible. Points of the front ascend in the first of two quantities, in the
+    # coordinate with three; pieces are separated by coordinates that are worse. Empty where nothing is feasible.
     samples = _Samples(evaluate)
     for k in range(samples.values.shape[1]):
         lowest = refine(lambda u, k=k: evaluate(u)[:, k], samples.at, samples.values[:, k])  # type: ignore[misc]
@@ -89,7 +81,7 @@ class _Samples:
             best = non_dominated(self.values)
             with np.errstate(invalid="ignore"):
                 gaps = (np.abs(np.diff(self.values, axis=0)) / extent_of(self.values[best])).max(axis=1)
-            if not self.halve(best[1:] & best[:-1] & (gaps > _SPACING)):
+            if not self.halve(best[1:] & best[:-1] & (gaps > _CURVE_SPACING)):
                 return
 
 
@@ -104,7 +96,7 @@ def _thinned(values: FloatArray, best: BoolArray) -> BoolArray:
     shares = values / extent_of(values[front])
     last = front[0]
     for i in front[1:]:
-        if i not in needed and np.abs(shares[i] - shares[last]).max() < _SPACING / 4:
+        if i not in needed and np.abs(shares[i] - shares[last]).max() < _CURVE_SPACING / 4:
             kept[i] = False
         else:
             last = i

@@ -17,23 +17,14 @@ _FLAT: Final = 1e-12  # relative: a quantity that varies less along the front is
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFront:
-    """A front by coordinates, whichever way it was found.
+    """A front by coordinates, whichever way it was found."""
 
-    Args:
-        at: coordinates of its points, shape (n, size).
-        values: the quantities there, shape (n, k).
-        piece: the number of the piece that each point belongs to, from 0 on.
-        scanned: coordinates of everything that was tried side by side, shape (m, size).
-        scanned_values: the quantities there, infinite where not feasible.
-        missed: the largest amount by which the front misses what was tried, of its extent in every quantity at once.
-    """
-
-    at: FloatArray
-    values: FloatArray
-    piece: IntArray
-    scanned: FloatArray
-    scanned_values: FloatArray
-    missed: float
+    at: FloatArray  # coordinates of its points, shape (n, size)
+    values: FloatArray  # the quantities there, shape (n, k)
+    piece: IntArray  # the number of the piece that each point belongs to, from 0 on
+    scanned: FloatArray  # coordinates of everything that was tried side by side, shape (m, size)
+    scanned_values: FloatArray  # the quantities there, infinite where not feasible
+    missed: float  # the most by which the front misses what was tried, of its extent in every quantity at once
 
     @classmethod
     def of(
@@ -57,14 +48,7 @@ def extent_of(values: FloatArray) -> FloatArray:
 
 
 def non_dominated(values: FloatArray) -> BoolArray:
-    """Tell which points no other point dominates; of points that are equal, the first one counts.
-
-    Args:
-        values: quantities to be minimized, shape (n, k) with k = 2 or 3; a point with an infinite one is left out.
-
-    Returns:
-        True where no other point is as low in every quantity, shape (n,).
-    """
+    """Tell which points, (n, 2) or (n, 3), no other dominates; of equal ones the first, of infinite ones none."""
     n, k = values.shape
     kept = np.zeros(n, dtype=bool)
     order = np.lexsort((np.arange(n), *values.T[::-1]))
@@ -91,15 +75,9 @@ def non_dominated(values: FloatArray) -> BoolArray:
 
 
 def shortfall(points: FloatArray, front: FloatArray) -> FloatArray:
-    """Return by how much a front misses points: the least shift of all its quantities with which it dominates each.
-
-    Args:
-        points: shape (m, k); infinite ones are missed by nothing.
-        front: shape (n, k).
-
-    Returns:
-        The shift, shape (m,); not positive where the front dominates the point (Zitzler et al. 2003, additive epsilon).
-    """
+    """Return by how much a front, shape (n, k), misses points, (m, k): the least shift with which it dominates each."""
+    # Not positive where it dominates the point (Zitzler et al. 2003, additive epsilon); infinite points are missed by
+    # nothing.
     missed = np.full(len(points), -np.inf)
     there = np.flatnonzero(np.isfinite(points).all(axis=1))
     for start in range(0, len(there), 1024):

@@ -1,10 +1,4 @@
-"""The knee of a front: where giving up a little of one quantity gains most of the others.
-
-In coordinates in which the front reaches from 0 to 1 in every quantity, the knee is the point that lies deepest below
-the plane through the front's ends, sum p = 1 (Das 1999, On characterizing the "knee" of the Pareto curve based on
-normal-boundary intersection; for three quantities we take the plane through the ends of the axes). As the least sum of
-all points, it is on the front whatever the front's shape.
-"""
+"""The knee of a front: where giving up a little of one quantity gains most of the others."""
 
 from __future__ import annotations
 
@@ -23,22 +17,15 @@ __all__ = ["find_knee"]
 _LEAST: Final = 1e-3  # depth below which a front counts as straight
 
 
+# In coordinates in which the front reaches from 0 to 1 in every quantity, the knee is the point that lies deepest below
+# the plane through the front's ends, sum p = 1 (Das 1999, On characterizing the "knee" of the Pareto curve based on
+# normal-boundary intersection; for three quantities we take the plane through the ends of the axes). As the least sum
+# of all points, it is on the front whatever the front's shape.
 def find_knee(
     trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
 ) -> tuple[FloatArray, float] | None:
-    """Find the knee.
-
-    Args:
-        trials: the encounters.
-        at: coordinates of the front, shape (n, size).
-        values: the quantities there, shape (n, k).
-        scanned: coordinates of all that was tried.
-        scanned_values: the quantities there.
-
-    Returns:
-        Coordinates and depth, of the extent of the front; None for a front that is straight, bulges outward, or does
-        not trade at all.
-    """
+    """Return coordinates and depth of the knee, of the extent of the front."""
+    # None for a front that is straight, bulges outward, or does not trade at all.
     low, extent = values.min(axis=0), np.ptp(values, axis=0)
     if len(values) < 3 or not (extent > 0).all():
         return None

@@ -42,14 +42,7 @@ _BOUND: Final = (
 
 
 def front_page(front: ParetoFront) -> Page:
-    """Describe a front.
-
-    Args:
-        front: a front of any status.
-
-    Returns:
-        Its page.
-    """
+    """Describe a front of any status."""
     method = "No encounter is left to be told of." if front.result is None else front.result.method
     return Page(
         kind="What preemptive impact mitigation can trade",

@@ -13,9 +13,9 @@ from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
 
 from ..criteria import magnitude
-from ..gain import design, gain_problem
-from ..problem import Encounters
+from ..problem import GainProblem
 from ..quantities import QUANTITY_UNITS
+from ..result import GainDesign
 from ..search.freedom import make_freedom
 from ..search.trials import Trials
 from ..task import Choice, Task, placed
@@ -68,22 +68,12 @@ def pareto_front(task: Task) -> ParetoFront:
         True
     """
     names = _quantities(task.quantities)
-    bounds = task.stable_bounds()
-    encounters = Encounters(
-        scenario=task.scenario,
-        sensor=task.sensor,
-        constraints=task.limits,
-        impact=task.impact,
-        method=task.method,
-        horizon=task.horizon,
-        evaluator=task.evaluate,
-    )
-    freedom = make_freedom(task.scenario, bounds, task.natural_frequency, task.damping_ratio)
-    choice = task.choice
+    freedom = make_freedom(task.scenario, task.stable_bounds(), task.natural_frequency, task.damping_ratio)
+    problem, choice = GainProblem(task=task, axis=freedom.axis), task.choice
     if choice is None and task.objective is not None:
-        choice = design(gain_problem(task, freedom.axis))
+        choice = GainDesign.of(problem)
     measures = tuple(magnitude(name, task.impact) for name in names)
-    trials = Trials(freedom=freedom, encounters=encounters, measures=measures)
+    trials = Trials(freedom=freedom, encounters=problem, measures=measures)
     found = find_front(trials) if freedom.size > 1 else trace_front(lambda u: trials.values(u[:, None]))
     return _assemble(trials, names, found, choice)
 
@@ -108,6 +98,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
     knee = find_knee(trials, found.at, found.values, found.scanned, found.scanned_values) if known else None
     gain, (frequency, ratio) = freedom.gain(found.at), freedom.admittance(found.at)
     return ParetoFront(
+        problem=trials.encounters,
         status=FrontStatus.FOUND if known else FrontStatus.INFEASIBLE if contact else FrontStatus.NO_CONTACT,
         quantities=names,
         free=freedom.names,
@@ -125,13 +116,8 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
         scanned=found.scanned_values[reached],
         tried=len(found.scanned) + len(found.at),
         missed=found.missed,
-        bounds=freedom.axis.ends,
         natural_frequency_bounds=freedom.natural_frequency,
         damping_ratio_bounds=freedom.damping_ratio,
-        constraints=trials.constraints,
-        scenario=freedom.scenario,
-        sensor=trials.encounters.sensor,
-        impact=trials.encounters.impact,
         result=result,
     )
 

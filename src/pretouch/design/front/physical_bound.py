@@ -1,20 +1,4 @@
-"""What no controller can beat: the least excursion with which a robot of limited acceleration softens a contact.
-
-An obstacle at distance l0 arrives at v + a t; the robot rests, may accelerate by at most A, and gives way (it does not
-first move toward the obstacle). Say that contact is made after an excursion d, with contact speed w.
-
-    1. The obstacle is at -d when its own speed is |v_T| = sqrt(v^2 - 2 a (l0 + d)), whatever the robot does.
-    2. From its last moment at rest, the robot gains s^2 / 2 = -int x'' dx <= A d, so its speed is s <= sqrt(2 A d).
-    3. w = |v_T| - s; and the robot was there in time, which takes at least sqrt(2 d / A).
-
-So w >= |v_T(d)| - sqrt(2 A d), which falls with d. Resting first and retreating by A from the right moment attains it:
-it is the best motion. With y = sqrt(2 d), the least excursion for a contact speed w solves
-
-    (A + a) y^2 + 2 w sqrt(A) y + w^2 - (v^2 - 2 a l0) = 0,
-
-which for a = 0 is d = (|v| - w)^2 / (2 A). Retreating by A from the start gives the least contact speed of all,
-w^2 = v^2 - 2 (A + a) l0, or zero. docs/trade-offs.md has the whole derivation, also with a largest speed.
-"""
+"""What no controller can beat: the least excursion with which a robot of limited acceleration softens a contact."""
 
 from __future__ import annotations
 
@@ -35,6 +19,20 @@ __all__ = ["PhysicalBound", "find_physical_bound"]
 _ROUNDING: Final = 1e-9  # relative, by which a time may be short
 
 
+# An obstacle at distance l0 arrives at v + a t; the robot rests, may accelerate by at most A, and gives way (it does
+# not first move toward the obstacle). Say that contact is made after an excursion d, with contact speed w.
+#
+#     1. The obstacle is at -d when its own speed is |v_T| = sqrt(v^2 - 2 a (l0 + d)), whatever the robot does.
+#     2. From its last moment at rest, the robot gains s^2 / 2 = -int x'' dx <= A d, so its speed is s <= sqrt(2 A d).
+#     3. w = |v_T| - s; and the robot was there in time, which takes at least sqrt(2 d / A).
+#
+# So w >= |v_T(d)| - sqrt(2 A d), which falls with d. Resting first and retreating by A from the right moment attains
+# it: it is the best motion. With y = sqrt(2 d), the least excursion for a contact speed w solves
+#
+#     (A + a) y^2 + 2 w sqrt(A) y + w^2 - (v^2 - 2 a l0) = 0,
+#
+# which for a = 0 is d = (|v| - w)^2 / (2 A). Retreating by A from the start gives the least contact speed of all,
+# w^2 = v^2 - 2 (A + a) l0, or zero. docs/trade-offs.md has the whole derivation, also with a largest speed.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhysicalBound(Value):
     """The least excursion and the least contact speed of any robot, whatever its controller.
@@ -114,25 +112,12 @@ class PhysicalBound(Value):
         return float_or_array(np.where(known, needed, np.nan))
 
     def time(self, contact_speed: ArrayLike) -> Any:
-        """Return the least time of contact at a contact speed: that of the least excursion.
-
-        Args:
-            contact_speed: w = |l'| at contact >= 0 [m/s].
-
-        Returns:
-            The time [s]; NaN where no robot of this limit comes to that speed.
-        """
+        """Return the least time of contact [s] at a contact speed [m/s], that of the least excursion; NaN as there."""
         return float_or_array(self._time(np.asarray(self.excursion(contact_speed))))
 
     def least_acceleration(self, contact_speed: ArrayLike) -> Any:
-        """Return the least acceleration with which any robot comes to a contact speed from the detection distance.
-
-        Args:
-            contact_speed: w = |l'| at contact >= 0 [m/s].
-
-        Returns:
-            (v^2 - w^2) / (2 l0) - a [m/s^2], or 0 where the obstacle arrives no faster; whatever the excursion.
-        """
+        """Return the least acceleration [m/s^2] with which any robot comes to a contact speed [m/s], or 0."""
+        # (v^2 - w^2) / (2 l0) - a, from the detection distance and whatever the excursion.
         w = np.asarray(nonnegative(contact_speed, "contact_speed", "m/s"))
         return float_or_array(np.maximum((self.velocity**2 - w**2) / (2 * self.distance) - self.acceleration, 0.0))
 

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import plain
 from pretouch._core.numbers import BoolArray, FloatArray
@@ -16,11 +15,9 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import in_short, unit_of
 from pretouch.motion.contact import ContactResult
-from pretouch.motion.scenario import Scenario
-from pretouch.sensors import SensorModel
 
 from ..constraints import Constraint
-from ..impact import ImpactModel
+from ..problem import Answer
 from .comparison import BoundComparison
 from .physical_bound import PhysicalBound
 
@@ -78,11 +75,12 @@ class FrontPoint(Value):
         return f"<FrontPoint {self.name}: D_p = {self.gain:.4g} N s>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ParetoFront(Described, Value):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ParetoFront(Answer):
     """What `pareto_front` returns: choices of which none is better than another in every quantity.
 
     Args:
+        problem: the task, and the gains between which the front was sought.
         status: found, infeasible (no choice meets the constraints) or no-contact.
         quantities: what is traded, two or three names of QUANTITY_UNITS; their magnitudes are minimized.
         free: what was chosen: `gain`, `natural_frequency`, `damping_ratio`.
@@ -102,13 +100,8 @@ class ParetoFront(Described, Value):
         tried: how many encounters were tried on the way.
         missed: the largest amount by which the front misses an encounter that was tried, of its extent, in all
             quantities at once: what lies between its points.
-        bounds: the gains between which the front was sought [N s].
-        natural_frequency_bounds: likewise [rad/s]; None where it is not free.
+        natural_frequency_bounds: between which it was sought [rad/s]; None where it is not free.
         damping_ratio_bounds: likewise; None where it is not free.
-        constraints: the limits.
-        scenario: the encounter.
-        sensor: the sensor curve.
-        impact: the physical properties, where given.
         result: the encounters of the points; None where there are none.
     """
 
@@ -129,16 +122,16 @@ class ParetoFront(Described, Value):
     scanned: FloatArray
     tried: int
     missed: float
-    bounds: tuple[float, float]
     natural_frequency_bounds: tuple[float, float] | None
     damping_ratio_bounds: tuple[float, float] | None
-    constraints: tuple[Constraint, ...]
-    scenario: Scenario
-    sensor: SensorModel
-    impact: ImpactModel | None
     result: ContactResult | None
 
     page: ClassVar[str] = "pretouch.design.front.page:front_page"
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The limits."""
+        return self.problem.task.limits
 
     @property
     def marked(self) -> tuple[FrontPoint, ...]:
@@ -151,30 +144,13 @@ class ParetoFront(Described, Value):
         return tuple(map(unit_of, self.quantities))
 
     def of(self, quantity: str) -> FloatArray:
-        """Return the magnitudes of one quantity along the front, shape (n,).
-
-        Args:
-            quantity: one of `quantities`.
-
-        Returns:
-            The magnitudes in SI.
-
-        Raises:
-            InvalidInputError: the front does not trade this quantity.
-        """
+        """Return the magnitudes of one of its quantities along the front in SI, shape (n,)."""
         if quantity not in self.quantities:
             raise InvalidInputError(f"quantity: found {quantity!r}, expected one of {', '.join(self.quantities)}")
         return np.asarray(self.values[:, self.quantities.index(quantity)])
 
     def meets(self, **limits: float) -> BoolArray:
-        """Tell which points keep further limits, such as `displacement=0.05`.
-
-        Args:
-            limits: the largest magnitude of quantities of the front, in SI.
-
-        Returns:
-            Shape (n,).
-        """
+        """Tell which points, shape (n,), keep further limits in SI of its quantities, such as `displacement=0.05`."""
         kept = np.ones(len(self.gain), dtype=bool)
         for name, limit in limits.items():
             kept &= self.of(name) <= limit
@@ -234,6 +210,3 @@ class ParetoFront(Described, Value):
             }
         )
         return told
-
-    def __repr__(self) -> str:
-        return f"<ParetoFront: {self.headline}>"

@@ -1,9 +1,4 @@
-"""The front where more than the gain is free: found everywhere on a grid, then followed exactly.
-
-A grid over all that is free says where the front runs. From points spread along it, each search goes toward less of
-every quantity at once, as far as encounters reach; gaps are filled by searches that begin between neighbors. At last
-the front is put to the test by encounters that had no part in finding it; those that it misses are searched from, too.
-"""
+"""The front where more than the gain is free: found everywhere on a grid, then followed exactly."""
 
 from __future__ import annotations
 
@@ -29,15 +24,12 @@ _MISSED: Final = 2e-3  # of the extent: a test encounter that the front misses b
 _PULL: Final = 1e-3  # of the other quantities, where one alone is minimized: of equally good encounters the better
 
 
+# A grid over all that is free says where the front runs. From points spread along it, each search goes toward less of
+# every quantity at once, as far as encounters reach; gaps are filled by searches that begin between neighbors. At last
+# the front is put to the test by encounters that had no part in finding it; those that it misses are searched from,
+# too.
 def find_front(trials: Trials) -> FoundFront:
-    """Find the front of everything that is free.
-
-    Args:
-        trials: the encounters.
-
-    Returns:
-        The front, in pieces between which no encounter was found; empty where nothing is feasible on the grid.
-    """
+    """Find the front of all that is free, in pieces between which nothing was found; empty if nothing is feasible."""
     grid = trials.freedom.lattice(_GAINS)
     grid_values = trials.values(grid)
     best = np.flatnonzero(non_dominated(grid_values))

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch.motion.evaluator import Evaluator, with_noise_after
-from pretouch.uncertainty import Interval, Uncertainty, make_ensemble, sample_inputs
+from pretouch.motion.evaluator import with_noise_after
+from pretouch.uncertainty import Interval, sample_inputs
 from pretouch.uncertainty.sampling import check_draw
 
 from ..certificate import DesignStatus
-from ..constraints import each_once
-from ..gain import design, gain_problem
+from ..problem import GainProblem
+from ..result import GainDesign
 from ..search import EXACT, SAMPLED, GainAxis, search_axis
 from ..task import Task, placed
-from .evidence import RobustEvidence
-from .importance import rank_uncertain_inputs
-from .measures import Expected, Measure, Required, WorstCase, checked_measure
-from .price import price_of_robustness
+from .measures import Expected, Measure, Required, WorstCase, checked_measure, limits_of
 from .problem import RobustProblem
 from .result import RobustDesign
-from .validation import validate
-from .worst_case import WorstEncounter, search_worst_case
+from .validation import WorstEncounter, validate
+from .worst_case import search_worst_case
 
 __all__ = ["design_robust_gain"]
 
@@ -75,91 +71,66 @@ def design_robust_gain(task: Task) -> RobustDesign:
         >>> round(design.gain, 3)
         -0.778
     """
-    axis, objective, evaluate, seed = GainAxis.between(task.stable_bounds()), task.goal, task.evaluate, task.seed or 0
-    uncertainty, samples, validation = task.uncertainty, task.samples, task.validation
-    chosen = checked_measure(Expected() if task.measure is None else task.measure)
-    limits = limits_of(task)
-    _check(uncertainty, chosen, limits, task.confidence, evaluate)
-    if samples is None:
-        samples = _SAMPLES if evaluate is None else _SAMPLES_OF_OTHERS
-    if validation is None:
-        validation = _SAMPLES if evaluate is None else 4 * samples
-    make = partial(
-        make_ensemble, task.scenario, task.sensor, method=task.method, horizon=task.horizon, evaluate=evaluate
-    )
-    pose = partial(RobustProblem, objective=objective, measure=chosen, limits=limits, impact=task.impact, axis=axis)
-    unseen = _draw(uncertainty, validation, seed + _FRESH, "random", evaluate)
+    axis, task = GainAxis.between(task.stable_bounds()), _settled(task)
+    samples, validation, seed, evaluate = task.samples or 0, task.validation or 0, task.seed or 0, task.evaluate
+    nominal = GainDesign.of(GainProblem(task=task.replace(evaluate=None), axis=axis)).gain
+    unseen = _draw(task, validation, seed + _FRESH, "random")
     later = None if evaluate is None else with_noise_after(evaluate, samples)
-    fresh = pose(ensemble=make(unseen, count=validation, evaluate=later))
+    fresh = RobustProblem.over(task, axis, unseen, count=validation, evaluate=later)
     worst: WorstEncounter | None = None
-    if isinstance(chosen, WorstCase):
-        problem, searched, minima, worst = search_worst_case(uncertainty, make, pose)
+    if isinstance(task.measure, WorstCase):
+        problem, searched, minima, worst = search_worst_case(task, axis)
     else:
-        drawn = _draw(uncertainty, samples, seed, task.sampling, evaluate)
-        problem = pose(ensemble=make(drawn, count=samples))
+        problem = RobustProblem.over(task, axis, _draw(task, samples, seed, task.sampling), count=samples)
         effort = EXACT if evaluate is None else SAMPLED
         searched, minima = search_axis(problem.landscape, problem.lowest_needed(), axis.span[1], effort)
-    ideal = gain_problem(task.replace(evaluate=None), axis)
-    nominal = design(ideal)
-    gain = float(problem.axis.gain(minima[0].coordinate)) if minima else None
-    checked = None if gain is None else validate(fresh, gain, nominal.gain, confidence=task.confidence)
+    local_minima = tuple((float(axis.gain(m.coordinate)), m.value) for m in minima)
     contact = searched.landscape.reached.any()
     return RobustDesign(
+        problem=problem,
         status=DesignStatus.OPTIMAL if minima else DesignStatus.INFEASIBLE if contact else DesignStatus.NO_CONTACT,
-        gain=gain,
-        value=minima[0].value if minima else None,
-        measure=chosen,
-        nominal_gain=nominal.gain,
-        validation=checked,
+        local_minima=local_minima,
+        nominal_gain=nominal,
+        validation=validate(fresh, local_minima[0][0], nominal) if minima else None,
         worst=worst,
-        local_minima=tuple((float(problem.axis.gain(m.coordinate)), m.value) for m in minima),
-        scanned=len(searched.coordinate),
-        strongest=float(problem.axis.gain(searched.coordinate[0])),
-        samples=len(problem.ensemble),
-        seed=seed,
-        bounds=axis.ends,
-        scenario=task.scenario,
-        sensor=task.sensor,
-        uncertainty=uncertainty,
-        definition=objective,
-        limits=limits,
-        impact=task.impact,
-        ranking=partial(rank_uncertain_inputs, problem, make, uncertainty, samples=samples, seed=seed),
-        pricing=partial(price_of_robustness, ideal, uncertainty),
-        evidence=RobustEvidence(problem=problem, fresh=fresh, scanned=searched),
+        fresh=fresh,
+        scan=searched,
     )
 
 
-def limits_of(task: Task) -> tuple[Required, ...]:
-    """Return the constraints of a task, each with its probability: a plain one must hold in every encounter."""
-    return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in task.constraints)
+def _settled(task: Task) -> Task:
+    """Return the task with what it leaves open decided; refuse what makes no sense as a robust design problem."""
+    measure = checked_measure(Expected() if task.measure is None else task.measure)
+    limits = limits_of(task.constraints)
+    _check(task, measure, limits)
+    most = _SAMPLES if task.evaluate is None else _SAMPLES_OF_OTHERS
+    samples = most if task.samples is None else task.samples
+    fresh = _SAMPLES if task.evaluate is None else 4 * samples
+    return task.replace(
+        measure=measure,
+        constraints=limits,
+        samples=samples,
+        validation=fresh if task.validation is None else task.validation,
+        seed=task.seed or 0,
+    )
 
 
-def _draw(
-    uncertainty: Uncertainty, count: int, seed: int, sampling: str, evaluate: Evaluator | None
-) -> dict[str, FloatArray]:
+def _draw(task: Task, count: int, seed: int, sampling: str) -> dict[str, FloatArray]:
     """Draw samples of the inputs; none where only the noise of an evaluator differs."""
-    if uncertainty or evaluate is None:
-        return sample_inputs(uncertainty, count, seed=seed, sampling=sampling)
+    if task.uncertainty:
+        return sample_inputs(task.uncertainty, count, seed=seed, sampling=sampling)
     check_draw(count, seed=seed, sampling=sampling)
     return {}
 
 
-def _check(
-    uncertainty: Uncertainty,
-    measure: Measure,
-    limits: tuple[Required, ...],
-    confidence: float,
-    evaluate: Evaluator | None,
-) -> None:
-    """Refuse what makes no sense as a robust design problem."""
+def _check(task: Task, measure: Measure, limits: tuple[Required, ...]) -> None:
+    confidence = task.confidence
     if not 0 < confidence < 1:
         raise InvalidInputError(f"confidence: found {confidence:g}, expected a number between 0 and 1, such as 0.95")
-    each_once(limit.constraint for limit in limits)
-    if not uncertainty and evaluate is None:
+    if not task.uncertainty and task.evaluate is None:
         raise InvalidInputError(NOTHING_UNCERTAIN)
     if isinstance(measure, WorstCase):
-        if evaluate is not None:
+        if task.evaluate is not None:
             raise InvalidInputError(
                 "measure: found WorstCase beside evaluate, expected Expected, Quantile or ConditionalValueAtRisk: the "
                 "search for the worst encounter needs the gradients of L(1), which others do not give"
@@ -171,7 +142,7 @@ def _check(
                     "case, which knows none; give the Constraint itself"
                 )
         return
-    for name, known in uncertainty.items():
+    for name, known in task.uncertainty.items():
         if type(known) is Interval:
             raise InvalidInputError(
                 f"uncertainty {name}: found an interval, which says nothing about what is likely, for the measure "

@@ -1,29 +1,17 @@
-"""Which uncertain input matters most: Sobol indices of the objective, and the same to first order from gradients.
-
-With two independent sets of samples A and B, and C like A but with one input from B (I. M. Sobol, Math. Comput. Simul.
-55 (2001) 271), the share of the variance that an input has alone, and the share that would be left if all others were
-known, are
-
-    S = mean(f_B (f_C - f_A)) / Var f   (A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259),
-    T = mean((f_A - f_C)^2) / (2 Var f)   (M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35).
-
-Inputs that were estimated together count as one: what is measured better is the calibration. To first order the
-objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of them all. Where encounters are
-solved with noise, that is one more input: B meets other noise than A.
-"""
+"""Which uncertain input matters most: Sobol indices of the objective, and the same to first order from gradients."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
-from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
+from pretouch.uncertainty import CorrelatedNormal, Uncertainty, sample_inputs
 
 from .problem import RobustProblem
 
@@ -33,6 +21,16 @@ _PARTS: Final = 16  # of the samples, from which the spread of the estimates is 
 _FEWEST: Final = 4 * _PARTS
 
 
+# With two independent sets of samples A and B, and C like A but with one input from B (I. M. Sobol, Math. Comput.
+# Simul. 55 (2001) 271), the share of the variance that an input has alone, and the share that would be left if all
+# others were known, are
+#
+#     S = mean(f_B (f_C - f_A)) / Var f   (A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259),
+#     T = mean((f_A - f_C)^2) / (2 Var f)   (M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35).
+#
+# Inputs that were estimated together count as one: what is measured better is the calibration. To first order the
+# objective is linear in the inputs, and the share is (df/dx)^2 Var x over the sum of them all. Where encounters are
+# solved with noise, that is one more input: B meets other noise than A.
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputImportance(Value):
     """How much of the variance of the objective one input is the cause of.
@@ -56,45 +54,28 @@ class InputImportance(Value):
     by_gradient: float | None
 
 
-def rank_uncertain_inputs(
-    problem: RobustProblem,
-    make: Callable[..., Ensemble],
-    uncertainty: Uncertainty,
-    gain: float,
-    *,
-    samples: int,
-    seed: int,
-) -> tuple[InputImportance, ...]:
-    """Rank uncertain inputs by what they contribute to the variance of the objective at a gain.
-
-    Args:
-        problem: the problem, of which objective and impact are used.
-        make: makes encounters of values of the inputs.
-        uncertainty: what is known of the inputs.
-        gain: D_p [N s].
-        samples: in each of the two sets; more where these are too few to tell shares at all.
-        seed: of the samples.
-
-    Returns:
-        One entry per input, the largest total share first; shares are NaN where some encounter has no contact.
-    """
+def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImportance, ...]:
+    """Rank uncertain inputs by their share of the variance of the objective at a gain [N s], the largest first."""
+    # Each of the two sets has as many samples as the task asks for; more where these are too few to tell shares at all.
+    # Shares are NaN where some encounter has no contact.
+    task, uncertainty = problem.task, problem.task.uncertainty
     if not uncertainty:
         return ()
-    samples = max(samples, _FEWEST)
-    own = problem.ensemble.evaluator
+    samples = max(task.samples or 0, _FEWEST)
+    own = task.evaluate
     other = None if own is None else with_noise_after(own, samples)
-    both = _two_sets(uncertainty, samples, seed)
+    both = _two_sets(uncertainty, samples, task.seed or 0)
     mine, theirs = ({name: values[:, k] for name, values in both.items()} for k in (0, 1))
 
     def values(inputs: Mapping[str, FloatArray], noise: Evaluator | None = own) -> FloatArray:
-        ensemble = make(inputs, evaluate=noise)
+        ensemble = RobustProblem.over(task, problem.axis, inputs, evaluate=noise).ensemble
         result = ensemble.contacts(gain)
-        found = problem.objective.value(result.end, ensemble.speed, problem.impact)
+        found = task.goal.value(result.end, ensemble.speed, task.impact)
         return np.where(result.reached, found, np.nan)
 
     f_a, f_b = values(mine), values(theirs, other)
     pieces = np.array_split(np.arange(samples), min(_PARTS, samples))
-    linear = _linear_shares(problem, make, uncertainty, gain)
+    linear = _linear_shares(problem, gain)
     found = []
     members = {n: k.names if isinstance(k, CorrelatedNormal) else (n,) for n, k in uncertainty.items()}
     if isinstance(own, NoisyEvaluator):
@@ -133,33 +114,26 @@ def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, f
     return float(((f_b - middle) * (f_c - f_a)).mean() / variance), float(((f_a - f_c) ** 2).mean() / (2 * variance))
 
 
-def _linear_shares(
-    problem: RobustProblem,
-    make: Callable[[Mapping[str, Any]], Ensemble],
-    uncertainty: Uncertainty,
-    gain: float,
-) -> dict[str, float] | None:
+def _linear_shares(problem: RobustProblem, gain: float) -> dict[str, float] | None:
     """Return the share of each input to first order, about the means."""
-    if problem.ensemble.evaluator is not None or not problem.criterion(-1).has_gradients:
+    task, uncertainty = problem.task, problem.task.uncertainty
+    if task.evaluate is not None or not problem.criterion(-1).has_gradients:
         return None
     center: dict[str, float] = {}
+    spread: dict[str, tuple[tuple[str, ...], FloatArray]] = {}
     for name, known in uncertainty.items():
-        center |= (
-            dict(zip(known.names, known.mean, strict=True))
-            if isinstance(known, CorrelatedNormal)
-            else {name: known.mean}
-        )
-    inner = replace(problem, ensemble=make({name: np.array([value]) for name, value in center.items()}))
+        if isinstance(known, CorrelatedNormal):
+            center |= dict(zip(known.names, known.mean, strict=True))
+            spread[name] = known.names, np.asarray(known.covariance)
+        else:
+            center[name], spread[name] = known.mean, ((name,), np.array([[known.variance]]))
+    inner = RobustProblem.over(task, problem.axis, {name: np.array([value]) for name, value in center.items()})
     result = inner.ensemble.contacts(gain)
     if not result.reached.all():
         return None
-    slopes = {name: float(inner.slope(result, name)[0]) for name in center}
     variances = {}
-    for name, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal):
-            own = np.array([slopes[member] for member in known.names])
-            variances[name] = float(own @ np.asarray(known.covariance) @ own)
-        else:
-            variances[name] = slopes[name] ** 2 * known.variance
+    for name, (members, covariance) in spread.items():
+        slopes = np.array([float(inner.slope(result, member)[0]) for member in members])
+        variances[name] = float(slopes @ covariance @ slopes)
     total = sum(variances.values())
     return {name: v / total if total > 0 else 0.0 for name, v in variances.items()}

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -15,7 +16,16 @@ from pretouch._core.numbers import FloatArray, finite, float_or_array
 
 from ..constraints import Constraint
 
-__all__ = ["ConditionalValueAtRisk", "Expected", "Measure", "Quantile", "Required", "WorstCase", "checked_measure"]
+__all__ = [
+    "ConditionalValueAtRisk",
+    "Expected",
+    "Measure",
+    "Quantile",
+    "Required",
+    "WorstCase",
+    "checked_measure",
+    "limits_of",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,17 +62,7 @@ class Measure(ABC):
 
 
 def checked_measure(measure: Any) -> Measure:
-    """Refuse a measure that would be told as another one.
-
-    Args:
-        measure: the measure.
-
-    Returns:
-        The same.
-
-    Raises:
-        InvalidInputError: it is no Measure, or computes its own number under the label or the interval of another.
-    """
+    """Refuse what is no Measure, and one that computes its own number under the label or the interval of another."""
     if not isinstance(measure, Measure):
         raise InvalidInputError(
             f"measure: found {measure!r}, expected Expected, Quantile, ConditionalValueAtRisk, WorstCase or a Measure"
@@ -94,10 +94,7 @@ class Expected(Measure):
         3.0
     """
 
-    @property
-    def label(self) -> str:
-        """What it is called in reports."""
-        return "expected value"
+    label: ClassVar[str] = "expected value"
 
     def of(self, values: Any) -> Any:
         """Return the mean."""
@@ -130,7 +127,15 @@ def _probability(value: Any) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quantile(Measure):
+class _AtProbability(Measure):
+    probability: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "probability", _probability(self.probability))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantile(_AtProbability):
     """The objective that is not exceeded with a probability.
 
     Args:
@@ -140,11 +145,6 @@ class Quantile(Measure):
         >>> Quantile(probability=0.6).of([1.0, 2.0, 3.0, 4.0, 5.0])
         3.0
     """
-
-    probability: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "probability", _probability(self.probability))
 
     @property
     def label(self) -> str:
@@ -170,7 +170,7 @@ class Quantile(Measure):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConditionalValueAtRisk(Measure):
+class ConditionalValueAtRisk(_AtProbability):
     """The mean of the worst cases: of what lies beyond a quantile (Rockafellar and Uryasev, J. Risk 2 (2000) 21).
 
     Args:
@@ -180,11 +180,6 @@ class ConditionalValueAtRisk(Measure):
         >>> ConditionalValueAtRisk(probability=0.6).of([1.0, 2.0, 3.0, 4.0, 5.0])
         4.5
     """
-
-    probability: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "probability", _probability(self.probability))
 
     @property
     def label(self) -> str:
@@ -216,10 +211,7 @@ class WorstCase(Measure):
         6.0
     """
 
-    @property
-    def label(self) -> str:
-        """What it is called in reports."""
-        return "worst case"
+    label: ClassVar[str] = "worst case"
 
     def of(self, values: Any) -> Any:
         """Return the largest value."""
@@ -259,6 +251,11 @@ class Required:
     def share(self, ratios: Any) -> Any:
         """Return the ratio |quantity| / limit that is not exceeded with the probability, along the last axis."""
         return float_or_array(np.max(ratios, axis=-1)) if self.probability == 1 else _quantile(ratios, self.probability)
+
+
+def limits_of(constraints: Iterable[Constraint | Required]) -> tuple[Required, ...]:
+    """Return constraints, each with its probability: a plain one must hold in every encounter."""
+    return tuple(c if isinstance(c, Required) else Required(constraint=c) for c in constraints)
 
 
 def _quantile(values: Any, probability: float) -> Any:

@@ -43,14 +43,7 @@ _NO_WAY_OUT: Final = {
 
 
 def robust_page(design: RobustDesign) -> Page:
-    """Describe a robust design.
-
-    Args:
-        design: a design of any status.
-
-    Returns:
-        Its page.
-    """
+    """Describe a robust design of any status."""
     way_out, v = _NO_WAY_OUT.get(design.status), design.validation
     premise = Paragraph(
         text="The gain is optimal for a sample average with common samples. The inputs are distributed as stated: "

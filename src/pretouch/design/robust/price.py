@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from pretouch.motion.inputs import SCENARIO_INPUTS, input_units
 from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
 from pretouch.uncertainty.sampling import names_of
 
-from ..gain import design
 from ..problem import GainProblem
+from ..result import GainDesign
 
 __all__ = ["Price", "price_of_robustness"]
 
@@ -55,70 +56,47 @@ class Price(Value):
         return f"<Price: {self.name} from {self.low:g} to {self.high:g} {self.unit}, loss up to {most:.3g}>"
 
 
-def price_of_robustness(
-    problem: GainProblem, uncertainty: Uncertainty, name: str, count: int, gain: float | None
-) -> Price:
-    """Hold one gain against the best gain for each value of an input, the others at their given values.
-
-    Inputs that were estimated together with it follow at their likeliest values. The gains made
-    for each value keep no constraints, so that the loss is never negative, and part of it what constraints cost.
-
-    Args:
-        problem: that of the ideal design, of which the constraints are not kept.
-        uncertainty: what is known of the inputs.
-        name: the input.
-        count: at how many values, from its 1 % to its 99 % quantile.
-        gain: the robust gain [N s].
-
-    Returns:
-        The curve.
-
-    Raises:
-        ResultUnavailableError: there is no robust gain.
-        InvalidInputError: the input is not uncertain, or the number of values makes no sense.
-    """
+def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float | None) -> Price:
+    """Hold one gain [N s] against the best gain for each of many values of an input, the others as they are given."""
+    # Inputs that were estimated together with it follow at their likeliest values. The gains made for each value keep
+    # no constraints, so that the loss is never negative, and part of it what constraints cost.
     if type(count) is not int or count < 2:
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
-    low, high = _range(uncertainty, name)
-    x = np.linspace(low, high, count)
-    free = replace(problem, constraints=())
-    values = {name: x, **_companions(uncertainty, name, x)}
-    several = make_ensemble(problem.scenario, problem.sensor, values, method=free.method, horizon=free.horizon)
+    values = _values(problem.task.uncertainty, name, count)
+    x = values[name]
+    task = problem.task.replace(constraints=())
+    several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon)
     result = several.contacts(gain)
-    robust = np.where(result.reached, problem.objective.value(result.end, several.speed, problem.impact), np.nan)
+    robust = np.where(result.reached, task.goal.value(result.end, several.speed, task.impact), np.nan)
+
+    def one(**changes: Any) -> GainDesign:
+        return GainDesign.of(GainProblem(task=task.replace(**changes), axis=problem.axis))
+
     if all(member in SCENARIO_INPUTS for member in several.values):
-        found = design(replace(free, scenario=several.scenario))
+        found = one(scenario=several.scenario)
         best, least = np.asarray(found.gain), np.asarray(found.objective)
     else:
-        each = [design(replace(free, scenario=s, sensor=c)) for s, c in map(several.at, range(count))]
+        each = [one(scenario=s, sensor=c) for s, c in map(several.at, range(count))]
         best, least = (np.array([getattr(d, n) for d in each], dtype=np.float64) for n in ("gain", "objective"))
-    unit = input_units(problem.sensor)[name]
-    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
+    ends = {"low": float(x[0]), "high": float(x[-1])}
+    unit = input_units(task.sensor)[name]
+    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, **ends)
 
 
-def _companions(uncertainty: Uncertainty, name: str, x: FloatArray) -> dict[str, FloatArray]:
-    """Return the inputs that were estimated together with one, at their means where that one is known."""
-    for known in uncertainty.values():
-        if isinstance(known, CorrelatedNormal) and name in known.names:
-            i = known.names.index(name)
-            covariance, mean = np.asarray(known.covariance), np.asarray(known.mean)
-            slope = covariance[i] / covariance[i, i]
-            return {n: mean[k] + slope[k] * (x - mean[i]) for k, n in enumerate(known.names) if k != i}
-    return {}
-
-
-def _range(uncertainty: Uncertainty, name: str) -> tuple[float, float]:
+def _values(uncertainty: Uncertainty, name: str, count: int) -> dict[str, FloatArray]:
+    """Return values of an input over its range, and those of the inputs that were estimated together with it."""
     for key, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal):
-            if name in known.names:
-                i = known.names.index(name)
-                one = Normal(mean=known.mean[i], deviation=float(np.sqrt(known.covariance[i][i])))
-                return one.quantile(_TAIL), one.quantile(1 - _TAIL)
-        elif key == name:
-            low, high = known.support
-            if np.isfinite(low) and np.isfinite(high):
-                return low, high
-            return known.quantile(_TAIL), known.quantile(1 - _TAIL)
+        if isinstance(known, CorrelatedNormal) and name in known.names:
+            i, covariance, mean = known.names.index(name), np.asarray(known.covariance), np.asarray(known.mean)
+            one = Normal(mean=known.mean[i], deviation=float(np.sqrt(covariance[i, i])))
+            x = np.linspace(one.quantile(_TAIL), one.quantile(1 - _TAIL), count)
+            slope = covariance[i] / covariance[i, i]
+            return {**{n: mean[k] + slope[k] * (x - mean[i]) for k, n in enumerate(known.names)}, name: x}
+        if key == name and not isinstance(known, CorrelatedNormal):
+            ends = known.support
+            bounded = bool(np.isfinite(ends).all())
+            low, high = ends if bounded else (known.quantile(_TAIL), known.quantile(1 - _TAIL))
+            return {name: np.linspace(low, high, count)}
     raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")

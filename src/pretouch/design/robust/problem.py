@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch._core.values import Value
 from pretouch.motion import ContactResult
-from pretouch.uncertainty import Ensemble
+from pretouch.uncertainty import Ensemble, make_ensemble
 
 from ..bound import least_objective, premises_hold, touches_later
 from ..criteria import Criterion, along, merit, ratio
-from ..impact import ImpactModel
-from ..objectives import Objective
 from ..own_objective import appraise
+from ..problem import GainProblem
 from ..search import GainAxis, Landscape
-from .measures import Measure, Required
+from ..task import Task
+from .measures import Expected, Measure, Required, limits_of
 
 __all__ = ["RobustProblem"]
 
@@ -30,24 +29,30 @@ _STRIDE: Final = 0.5  # of u between gains that look for the end of the axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobustProblem(Value):
-    """One robust design problem.
+class RobustProblem(GainProblem):
+    """A task whose gains are appraised over many encounters.
 
     Args:
         ensemble: the encounters.
-        objective: what is minimized.
-        measure: what is made of the objectives of all encounters.
-        limits: the constraints, each with the probability with which it must hold.
-        impact: physical properties, where given.
-        axis: the coordinate of the gain, with its bounds.
     """
 
     ensemble: Ensemble
-    objective: Objective
-    measure: Measure
-    limits: tuple[Required, ...]
-    impact: ImpactModel | None
-    axis: GainAxis
+
+    @classmethod
+    def over(cls, task: Task, axis: GainAxis, values: Mapping[str, Any], **options: Any) -> RobustProblem:
+        """Pose a task over encounters with these values of uncertain inputs; options are those of make_ensemble."""
+        how = {"method": task.method, "horizon": task.horizon, "evaluate": task.evaluate, **options}
+        return cls(task=task, axis=axis, ensemble=make_ensemble(task.scenario, task.sensor, values, **how))
+
+    @property
+    def measure(self) -> Measure:
+        """What is made of the objectives of all encounters."""
+        return Expected() if self.task.measure is None else self.task.measure
+
+    @property
+    def limits(self) -> tuple[Required, ...]:
+        """The constraints, each with the probability with which it must hold."""
+        return limits_of(self.task.constraints)
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
         """Appraise gains by their coordinates, shape (m,)."""
@@ -59,34 +64,18 @@ class RobustProblem(Value):
         )
 
     def values(self, gain: float) -> tuple[FloatArray, FloatArray]:
-        """Return the objective, shape (n,), and |quantity| / limit of each constraint, shape (k, n), at one gain.
-
-        Args:
-            gain: D_p [N s].
-
-        Returns:
-            Both; infinite where there is no contact.
-        """
+        """Return objectives, shape (n,), and |quantity| / limit, shape (k, n), at a gain; infinite without contact."""
         objective, ratios, _ = self._raw(np.array([gain]))
         return objective[0], ratios[:, 0]
 
     def criterion(self, which: int) -> Criterion:
         """Return the objective (-1), or |quantity| / limit of a constraint."""
         if which < 0:
-            return merit(self.objective, self.ensemble.speed, self.impact)
-        return ratio(self.limits[which].constraint, self.impact)
+            return merit(self.task.goal, self.ensemble.speed, self.task.impact)
+        return ratio(self.limits[which].constraint, self.task.impact)
 
     def slope(self, result: ContactResult, name: str, which: int = -1) -> FloatArray:
-        """Differentiate the objective, or |quantity| / limit of a constraint, by an input.
-
-        Args:
-            result: the contacts of the encounters.
-            name: the input.
-            which: the number of the constraint; -1 for the objective.
-
-        Returns:
-            The derivative in SI, shape (n,).
-        """
+        """Differentiate the objective (-1), or |quantity| / limit of a constraint, by an input: in SI, shape (n,)."""
         of = along(partial(self.ensemble.slope, result), name, self.ensemble.scenario.obstacle.velocity)
         return self.criterion(which).slope(result.end, of)
 
@@ -138,10 +127,10 @@ class RobustProblem(Value):
         """Return objective and its least part, shape (m, n), and the ratios, shape (k, m, n)."""
         result = self.ensemble.contacts(gains[:, None])
         reached, state, speed = result.reached, result.end, self.ensemble.speed
-        objective = appraise(self.objective, state, reached, speed, self.impact)
+        objective = appraise(self.task.goal, state, reached, speed, self.task.impact)
         ratios = [
-            np.where(reached, limit.constraint.magnitude(state, self.impact) / limit.constraint.limit, np.inf)
+            np.where(reached, limit.constraint.magnitude(state, self.task.impact) / limit.constraint.limit, np.inf)
             for limit in self.limits
         ]
-        least = least_objective(self.objective, state, speed)
+        least = least_objective(self.task.goal, state, speed)
         return objective, np.reshape(ratios, (len(ratios), *objective.shape)), least

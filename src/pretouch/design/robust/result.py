@@ -3,107 +3,117 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.json_text import plain
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
-from pretouch._core.values import Value
-from pretouch.motion import Scenario
-from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 from pretouch.uncertainty.describing import share_in_words
 from pretouch.uncertainty.sampling import names_of
 
 from ..certificate import DesignStatus
-from ..impact import ImpactModel
-from ..objectives import Objective
-from .evidence import RobustEvidence, RobustOutcomes, RobustTradeOff
-from .importance import InputImportance
+from ..problem import Answer
+from ..search import Scan
+from .evidence import RobustOutcomes, RobustTradeOff
+from .importance import InputImportance, rank_uncertain_inputs
 from .measures import Measure, Required
-from .price import Price
-from .validation import LossOfNominal, Validation
-from .worst_case import WorstEncounter
+from .price import Price, price_of_robustness
+from .problem import RobustProblem
+from .validation import LossOfNominal, Validation, WorstEncounter
 
 __all__ = ["RobustDesign"]
 
+_BEYOND: Final = 17  # gains between the end of the scan and the strongest that is wanted
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class RobustDesign(Described, Value):
+class RobustDesign(Answer):
     """What `design_robust_gain` returns.
 
     Args:
         status: optimal, infeasible (a constraint cannot be met) or no-contact.
-        gain: D_p [N s]; None unless optimal.
-        value: the measure of the objective that was minimized; None unless optimal.
-        measure: its definition.
+        local_minima: the local minima of the measure, as (gain, value), best first.
         nominal_gain: the gain that is optimal where every input has its given value, always in continuous time: the
             ideal design [N s]; None where there is none.
         validation: what fresh samples say; None unless optimal.
         worst: the worst encounter, for a worst case; else None.
-        local_minima: the local minima of the measure, as (gain, value), best first.
-        scanned: how many gains were appraised to find them.
-        strongest: the gain beyond which none is needed: none stronger can be the optimum [N s].
-        samples: how many encounters the measure was taken over.
-        seed: of the samples.
-        bounds: the gains between which the optimum was sought [N s].
-        scenario: the encounter as given.
-        sensor: the sensor as given.
-        uncertainty: what is known of the inputs.
-        definition: the objective.
-        limits: the constraints.
-        impact: the physical properties, where given.
-        ranking: what `importance` calls.
-        pricing: what `price` calls.
-        evidence: what the parts below are computed from.
+        problem: the problem on the samples of the design.
+        fresh: the problem on samples that the design has not seen.
+        scan: the gains that were scanned, and what they lead to.
     """
 
+    problem: RobustProblem
     status: DesignStatus
-    gain: float | None
-    value: float | None
-    measure: Measure
+    local_minima: tuple[tuple[float, float], ...]
     nominal_gain: float | None
     validation: Validation | None
     worst: WorstEncounter | None
-    local_minima: tuple[tuple[float, float], ...]
-    scanned: int
-    strongest: float
-    samples: int
-    seed: int
-    bounds: tuple[float, float]
-    scenario: Scenario
-    sensor: SensorModel
-    uncertainty: Uncertainty
-    definition: Objective
-    limits: tuple[Required, ...]
-    impact: ImpactModel | None
-    ranking: Callable[[float], tuple[InputImportance, ...]] = field(repr=False, compare=False)
-    pricing: Callable[..., Price] = field(repr=False, compare=False)
-    evidence: RobustEvidence = field(repr=False)
+    fresh: RobustProblem
+    scan: Scan
 
     page: ClassVar[str] = "pretouch.design.robust.page:robust_page"
+
+    @property
+    def gain(self) -> float | None:
+        """D_p [N s]; None unless optimal."""
+        return self.local_minima[0][0] if self.local_minima else None
+
+    @property
+    def value(self) -> float | None:
+        """The measure of the objective that was minimized; None unless optimal."""
+        return self.local_minima[0][1] if self.local_minima else None
+
+    @property
+    def measure(self) -> Measure:
+        """What was made of the objectives of all encounters."""
+        return self.problem.measure
+
+    @property
+    def limits(self) -> tuple[Required, ...]:
+        """The constraints, each with the probability with which it must hold."""
+        return self.problem.limits
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """What is known of the inputs."""
+        return self.problem.task.uncertainty
+
+    @property
+    def samples(self) -> int:
+        """How many encounters the measure was taken over."""
+        return len(self.problem.ensemble)
+
+    @property
+    def seed(self) -> int:
+        """The seed of the samples."""
+        return self.problem.task.seed or 0
+
+    @property
+    def scanned(self) -> int:
+        """How many gains were appraised to find the minima."""
+        return len(self.scan.coordinate)
+
+    @property
+    def strongest(self) -> float:
+        """The gain beyond which none is needed: none stronger can be the optimum [N s]."""
+        return float(self.problem.axis.gain(self.scan.coordinate[0]))
 
     @property
     def loss_of_nominal(self) -> LossOfNominal | None:
         """What the nominal gain, that of the ideal design, loses on fresh samples; None where it is not known."""
         return None if self.validation is None else self.validation.loss
 
-    @property
-    def on_evaluator(self) -> bool:
-        """Whether encounters were solved by what was given as `evaluate`, such as a ClosedLoop."""
-        return self.evidence.problem.ensemble.evaluator is not None
-
     @cached_property
     def method(self) -> str:
         """How the encounters were solved, as in ContactResult."""
-        ensemble = self.evidence.problem.ensemble
+        ensemble = self.problem.ensemble
         if self.on_evaluator:
             return ensemble.contacts(0.0 if self.gain is None else self.gain).method
         constant = self.sensor.constant_log_slope is not None
@@ -112,12 +122,36 @@ class RobustDesign(Described, Value):
     @cached_property
     def trade_off(self) -> RobustTradeOff:
         """The measure over the gain, on the samples of the design, as far as the robust and the nominal gain."""
-        return self.evidence.trade_off(*(g for g in (self.gain, self.nominal_gain) if g is not None))
+        axis, u, found = self.problem.axis, self.scan.coordinate, self.scan.landscape
+        value, feasible = found.objective, found.feasible
+        gains = [axis.gain(u[0]), *(g for g in (self.gain, self.nominal_gain) if g is not None)]
+        end = float(axis.coordinate(np.clip(np.array(gains), *axis.ends)).min())
+        if end < u[0]:
+            beyond = np.linspace(end, float(u[0]), _BEYOND)[:-1]
+            more = self.problem.landscape(beyond)
+            u = np.concatenate([beyond, u])
+            value = np.concatenate([more.objective, value])
+            feasible = np.concatenate([more.feasible, feasible])
+        return RobustTradeOff(gain=axis.gain(u), value=value, feasible=feasible)
 
     @property
     def nearest_gain(self) -> float | None:
-        """Where infeasible, the gain that exceeds the limits least [N s]; else None."""
-        return self.evidence.nearest_gain() if self.status is DesignStatus.INFEASIBLE else None
+        """Where infeasible, the gain that exceeds the limits least, in proportion [N s]; else None."""
+        worst = self.scan.landscape.worst_ratio
+        best = int(np.argmin(worst))
+        known = self.status is DesignStatus.INFEASIBLE and np.isfinite(worst[best])
+        return float(self.problem.axis.gain(self.scan.coordinate[best])) if known else None
+
+    @property
+    def reachable(self) -> tuple[tuple[Required, float, float], ...]:
+        """Each limit, the least |quantity| that a gain keeps as often as it must, taken alone, and that gain [N s]."""
+        found = []
+        for limit, ratios in zip(self.limits, self.scan.landscape.ratios, strict=True):
+            best = int(np.argmin(ratios))
+            if np.isfinite(ratios[best]):
+                gain = float(self.problem.axis.gain(self.scan.coordinate[best]))
+                found.append((limit, float(ratios[best]) * limit.constraint.limit, gain))
+        return tuple(found)
 
     def outcomes(self, gain: float | None = None) -> RobustOutcomes:
         """Tell what a gain leads to in each of the fresh encounters.
@@ -134,7 +168,15 @@ class RobustDesign(Described, Value):
         chosen = self.gain if gain is None else float(finite(gain, "gain", "N*s"))
         if chosen is None:
             raise ResultUnavailableError("outcomes: there is no robust gain; see the status, or give a gain")
-        return self.evidence.outcomes(chosen)
+        result, speed = self.fresh.ensemble.contacts(chosen), self.fresh.ensemble.speed
+        return RobustOutcomes(
+            gain=chosen,
+            objective=np.where(result.reached, self.definition.value(result.end, speed, self.impact), np.inf),
+            reached=result.reached,
+            state=result.end,
+            inputs={name: np.asarray(v) for name, v in self.fresh.ensemble.values.items()},
+            impact=self.impact,
+        )
 
     def price(self, name: str, *, count: int = 101, gain: float | None = None) -> Price:
         """Tell what knowing one input exactly would have gained, as a curve over that input.
@@ -155,7 +197,7 @@ class RobustDesign(Described, Value):
                 "price: it is known in continuous time only, and this gain was designed with evaluate; call "
                 "design_gain with the same evaluate at the values that matter"
             )
-        return self.pricing(name, count, self.gain if gain is None else gain)
+        return price_of_robustness(self.problem, name, count, self.gain if gain is None else gain)
 
     @cached_property
     def importance(self) -> tuple[InputImportance, ...]:
@@ -164,7 +206,7 @@ class RobustDesign(Described, Value):
         Sobol indices from as many samples as the design was made with, and the same to first order from gradients, the
         largest first; empty where there is no robust gain.
         """
-        return () if self.gain is None else self.ranking(self.gain)
+        return () if self.gain is None else rank_uncertain_inputs(self.problem, self.gain)
 
     @cached_property
     def compared(self) -> dict[str, RobustOutcomes]:
@@ -228,7 +270,7 @@ class RobustDesign(Described, Value):
         more = ("importance", "local_minima", "scanned", "bounds", "samples", "seed", "uncertainty", "warnings")
         others = {
             "objective_name": self.definition.name,
-            "reachable": self.evidence.reachable(),
+            "reachable": [{"name": r.constraint.name, "magnitude": m, "gain": g} for r, m, g in self.reachable],
             "strongest_gain_needed": self.strongest,
         }
         told: dict[str, Any] = plain({**{name: getattr(self, name) for name in (*names, *more)}, **others})
@@ -243,13 +285,13 @@ class RobustDesign(Described, Value):
 def _conflict(design: RobustDesign) -> str:
     """Name the limits that no gain holds as often as it must, or say that they exclude each other."""
     said = []
-    for found in design.evidence.reachable():
-        c, p = found.required.constraint, found.required.probability
-        if found.magnitude > c.limit:
+    for required, magnitude, gain in design.reachable:
+        c, p = required.constraint, required.probability
+        if magnitude > c.limit:
             said.append(
                 f"{c.name} cannot be held at {format_quantity(c.limit, c.unit)} "
                 f"{'in every sample' if p == 1 else f'in {100 * p:g} %'}: the least that is, is "
-                f"{format_quantity(found.magnitude, c.unit)}, at D_p = {format_quantity(found.gain, 'N*s')}"
+                f"{format_quantity(magnitude, c.unit)}, at D_p = {format_quantity(gain, 'N*s')}"
             )
     return "; ".join(said) or "each constraint can be held as often as it must, but no gain holds all of them"
 

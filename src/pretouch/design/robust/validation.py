@@ -13,7 +13,7 @@ from pretouch._core.values import Value
 from .measures import Required
 from .problem import RobustProblem
 
-__all__ = ["LimitOutcome", "LossOfNominal", "Validation", "least_probability", "validate"]
+__all__ = ["LimitOutcome", "LossOfNominal", "Validation", "WorstEncounter", "least_probability", "validate"]
 
 _ROUNDING: Final = 1e-12  # of a limit
 
@@ -103,18 +103,32 @@ class Validation(Value):
         return {**known, "loss_of_nominal": self.loss, "constraints": self.limits}
 
 
-def validate(problem: RobustProblem, gain: float, nominal: float | None, *, confidence: float) -> Validation:
-    """Appraise a gain on samples that its design has not seen.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstEncounter(Value):
+    """The worst encounter of all that are possible, and why none is worse.
 
     Args:
-        problem: the problem, with fresh and independent encounters.
-        gain: D_p [N s].
-        nominal: another gain to be appraised beside it [N s]; None for none.
-        confidence: of the intervals.
-
-    Returns:
-        The measure with its interval, and every constraint.
+        inputs: its inputs by name, in SI.
+        value: the objective there.
+        bound: what no possible encounter exceeds, as far as the search of all boxes certifies it.
+        lower: what no gain can get below, since these encounters alone ask for it.
+        boxes: how many boxes of inputs were told apart to find that out.
+        monotone: inputs in which the objective only grows or only falls over all of the box, with the sign.
+        encounters: the encounters that decide, as rows of inputs in the order of `inputs`.
     """
+
+    inputs: dict[str, float]
+    value: float
+    bound: float
+    lower: float
+    boxes: int
+    monotone: dict[str, int]
+    encounters: tuple[tuple[float, ...], ...]
+
+
+def validate(problem: RobustProblem, gain: float, nominal: float | None) -> Validation:
+    """Appraise a gain [N s], and a nominal one beside it, on fresh encounters that its design has not seen."""
+    confidence = problem.task.confidence
     objective, ratios = problem.values(gain)
     value, low, high = problem.measure.estimate(objective, confidence)
     beside, loss = None, None
@@ -143,20 +157,7 @@ def validate(problem: RobustProblem, gain: float, nominal: float | None, *, conf
 
 
 def least_probability(held: int, count: int, confidence: float) -> float:
-    """Return the one-sided lower bound of a probability after so many successes (Clopper and Pearson, 1934).
-
-    Args:
-        held: successes.
-        count: trials.
-        confidence: of the bound.
-
-    Returns:
-        The bound.
-
-    Examples:
-        >>> round(least_probability(300, 300, 0.95), 4)
-        0.9901
-    """
+    """Return the one-sided lower bound of a probability after so many successes (Clopper and Pearson, 1934)."""
     from scipy.special import betaincinv  # noqa: PLC0415 - SciPy, only when something is validated
 
     return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

@@ -1,32 +1,24 @@
-"""The gain whose worst encounter is the mildest: a few encounters decide, and none of the others is worse.
-
-Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
-found the worst encounter of the whole box is searched for and certified (`search.box_maximum`). If it is worse than
-those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
-Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never exceeds,
-and their difference is all that is not known.
-"""
+"""The gain whose worst encounter is the mildest: a few encounters decide, and none of the others is worse."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 from itertools import product
-from typing import Any, Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.values import Value
-from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
-from pretouch.uncertainty.distributions import Interval
+from pretouch.uncertainty import CorrelatedNormal, Interval, Uncertainty, sample_inputs
 
-from ..search import Minimum, Scan, search_axis
+from ..search import GainAxis, Minimum, Scan, search_axis
 from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
+from ..task import Task
 from .problem import RobustProblem
+from .validation import WorstEncounter
 
-__all__ = ["WorstEncounter", "WorstSearch", "box_of", "search_worst_case"]
+__all__ = ["box_of", "search_worst_case"]
 
 _MOST_INPUTS: Final = 8
 _INSIDE: Final = 64  # points inside the box to begin with
@@ -37,50 +29,8 @@ _ACTIVE: Final = 1e-7  # of the objective: an encounter that is as bad decides, 
 _STEP: Final = 1e-4  # of an input's range, where a difference stands for a gradient
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorstEncounter(Value):
-    """The worst encounter of all that are possible, and why none is worse.
-
-    Args:
-        inputs: its inputs by name, in SI.
-        value: the objective there.
-        bound: what no possible encounter exceeds, as far as the search of all boxes certifies it.
-        lower: what no gain can get below, since these encounters alone ask for it.
-        boxes: how many boxes of inputs were told apart to find that out.
-        monotone: inputs in which the objective only grows or only falls over all of the box, with the sign.
-        encounters: the encounters that decide, as rows of inputs in the order of `inputs`.
-    """
-
-    inputs: dict[str, float]
-    value: float
-    bound: float
-    lower: float
-    boxes: int
-    monotone: dict[str, int]
-    encounters: tuple[tuple[float, ...], ...]
-
-
-class WorstSearch(NamedTuple):
-    """What the search has found: the scan of its last round, its minima, and the worst encounter at the best."""
-
-    problem: RobustProblem
-    scanned: Scan
-    minima: list[Minimum]
-    worst: WorstEncounter | None
-
-
 def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
-    """Return the smallest and the largest value of each input.
-
-    Args:
-        uncertainty: what is known of the inputs.
-
-    Returns:
-        Both by name.
-
-    Raises:
-        InvalidInputError: an input has no bounds, or there are too many.
-    """
+    """Return the smallest and the largest value of each input by name; refuse one without bounds, and too many."""
     if len(uncertainty) > _MOST_INPUTS:
         raise InvalidInputError(
             f"uncertainty: found {len(uncertainty)} inputs for a worst case, expected at most {_MOST_INPUTS}: "
@@ -98,30 +48,24 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
     return found
 
 
-def search_worst_case(
-    uncertainty: Uncertainty, make: Callable[[Mapping[str, Any]], Ensemble], pose: Callable[..., RobustProblem]
-) -> WorstSearch:
-    """Find the gain whose worst encounter is the mildest.
-
-    Args:
-        uncertainty: what is known of the inputs.
-        make: makes encounters of values of the inputs.
-        pose: makes the problem of encounters.
-
-    Returns:
-        The last round of the search.
-    """
-    box = box_of(uncertainty)
+# Over all corners of the box of inputs, its middle and points inside, the largest objective is minimized. At the gain
+# found the worst encounter of the whole box is searched for and certified (`search.box_maximum`). If it is worse than
+# those that were taken into account it joins them, and the gain is sought anew (Blankenship and Falk, J. Optim. Theory
+# Appl. 19 (1976) 261). So the last minimum is what no gain gets below, the certified maximum what the gain never
+# exceeds, and their difference is all that is not known.
+def search_worst_case(task: Task, axis: GainAxis) -> tuple[RobustProblem, Scan, list[Minimum], WorstEncounter | None]:
+    """Find the gain whose worst encounter is the mildest; return the last round and the worst encounter at the best."""
+    box = box_of(task.uncertainty)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
     points = _first_points(box)
     for _ in range(_ROUNDS):
-        problem = pose(ensemble=make(dict(zip(box, points.T, strict=True))))
+        problem = RobustProblem.over(task, axis, dict(zip(box, points.T, strict=True)))
         scanned, minima = search_axis(problem.landscape, problem.lowest_needed(), problem.axis.span[1])
         if not minima:
-            return WorstSearch(problem, scanned, minima, None)
+            return problem, scanned, minima, None
         gain, decided = float(problem.axis.gain(minima[0].coordinate)), minima[0].value
         found = [
-            maximize_on_box(_function(problem, make, box, gain, which), low, high, tolerance=_TOLERANCE)
+            maximize_on_box(_function(problem, box, gain, which), low, high, tolerance=_TOLERANCE)
             for which in range(-1, len(problem.limits))
         ]
         allowed = (decided, *(1.0 for _ in problem.limits))
@@ -129,7 +73,7 @@ def search_worst_case(
         if not worse:
             break
         points = np.concatenate([points, worse])
-    return WorstSearch(problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain))
+    return problem, scanned, minima, _worst(found[0], decided, tuple(box), problem, gain)
 
 
 def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
@@ -140,19 +84,13 @@ def _first_points(box: Mapping[str, tuple[float, float]]) -> FloatArray:
     return np.concatenate([corners, middle, np.stack([inside[name] for name in box], axis=1)])
 
 
-def _function(
-    problem: RobustProblem,
-    make: Callable[[Mapping[str, Any]], Ensemble],
-    box: Mapping[str, tuple[float, float]],
-    gain: float,
-    which: int,
-) -> Function:
+def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], gain: float, which: int) -> Function:
     """Return the objective (-1) or the ratio of a constraint as a function of the inputs, with its gradient."""
     names = tuple(box)
     low, high = (np.array(ends) for ends in zip(*box.values(), strict=True))
 
     def at(points: FloatArray) -> RobustProblem:
-        return replace(problem, ensemble=make(dict(zip(names, points.T, strict=True))))
+        return RobustProblem.over(problem.task, problem.axis, dict(zip(names, points.T, strict=True)))
 
     def value(points: FloatArray) -> FloatArray:
         objective, ratios = at(points).values(gain)

@@ -17,14 +17,7 @@ __all__ = ["importance_section", "price_section"]
 
 
 def importance_section(importance: tuple[InputImportance, ...]) -> Chapter | None:
-    """Say what share of the variance each input has.
-
-    Args:
-        importance: of each input.
-
-    Returns:
-        The section; None where it is known of fewer than two inputs: one alone has all of it.
-    """
+    """Say what share of the variance each input has; nothing of fewer than two inputs: one alone has all of it."""
     found = [one for one in importance if math.isfinite(one.total)]
     if len(found) < 2:
         return None
@@ -45,14 +38,7 @@ def importance_section(importance: tuple[InputImportance, ...]) -> Chapter | Non
 
 
 def price_section(design: RobustDesign) -> Chapter | None:
-    """Say what knowing one input exactly would have gained.
-
-    Args:
-        design: a design of any status.
-
-    Returns:
-        The section; None where no price is known.
-    """
+    """Say what knowing one input exactly would have gained, where a price is known."""
     if not design.prices:
         return None
     caption = (

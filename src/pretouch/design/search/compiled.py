@@ -54,15 +54,15 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
         where a problem asks for what this search does not know: constraints, quantities of the whole motion, another
         evaluator; or there is no encounter.
     """
-    found, size = known_terms(problem), math.prod(problem.scenario.shape)
+    found, size = known_terms(problem), math.prod(problem.task.scenario.shape)
     if found is None:
         return None
-    linear = checked_method(problem.scenario, problem.sensor, problem.method) == "closed-form"
-    horizon, terms = positive(problem.horizon, "horizon", "s"), np.array(found)
+    linear = checked_method(problem.task.scenario, problem.task.sensor, problem.task.method) == "closed-form"
+    horizon, terms = positive(problem.task.horizon, "horizon", "s"), np.array(found)
     if size == 0:
         return None
-    axis, inputs = problem.axis, _inputs(problem.scenario, size)
-    slope, *curve, _held = _curve(problem.sensor, farthest(problem.scenario, problem.sensor), linear)
+    axis, inputs = problem.axis, _inputs(problem.task.scenario, size)
+    slope, *curve, _held = _curve(problem.task.sensor, farthest(problem.task.scenario, problem.task.sensor), linear)
     ends = (axis.scale, math.asinh(axis.low / axis.scale), math.asinh(axis.high / axis.scale), axis.low, axis.high)
     wanted = (slope, *curve, horizon, address(terms), len(terms), *ends)
     out = np.empty((3, size))
@@ -81,19 +81,19 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
 
 def known_terms(problem: GainProblem) -> list[tuple[float, float, float, float]] | None:
     """Return a row per term, as pretouch_find_gains takes it; None where the search does not know the problem."""
-    if problem.evaluator is not None or problem.constraints or problem.sensor.valid_range[0] > 0:
+    if problem.task.evaluate is not None or problem.task.constraints or problem.task.sensor.valid_range[0] > 0:
         return None
-    if problem.method == "uniform-motion" or type(problem.objective) is not Objective:
+    if problem.task.method == "uniform-motion" or type(problem.task.goal) is not Objective:
         return None
     rows: list[tuple[float, float, float, float]] = []
-    for term in problem.objective.terms:
+    for term in problem.task.goal.terms:
         factor, exponent, quantity, scale = 1.0, 2.0, term.quantity, term.scale
-        if quantity == "impact_force" and isinstance(problem.impact, ElasticImpact):
-            factor, quantity = problem.impact.peak_force(1.0), "relative_velocity"
-            exponent = 2 * problem.impact.speed_exponent
+        if quantity == "impact_force" and isinstance(problem.task.impact, ElasticImpact):
+            factor, quantity = problem.task.impact.peak_force(1.0), "relative_velocity"
+            exponent = 2 * problem.task.impact.speed_exponent
         row, follows = _ROWS.get(quantity), isinstance(scale, str)
         # a scale that follows a rest is none
-        if row is None or (follows and not np.all(np.asarray(problem.scenario.obstacle.velocity) != 0)):
+        if row is None or (follows and not np.all(np.asarray(problem.task.scenario.obstacle.velocity) != 0)):
             return None
         rows.append((row, term.weight * (factor if isinstance(scale, str) else factor / scale) ** 2, exponent, follows))
     return rows

@@ -10,7 +10,7 @@ interpolated beside it. An optimum is flat, so this one number tells of an error
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -41,7 +41,7 @@ _interpolate: Final = kernel("interpolate", POINTER, INTEGER, DOUBLE, DOUBLE, PO
 def find_family(problem: GainProblem) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Find gains [N s] and objectives of a family of encounters, and which are certain, shape (n,)."""
     # none where they differ in more than one quantity, are few, or no matter for the compiled search
-    varied = list(_varied(problem.scenario))
+    varied = list(_varied(problem.task.scenario))
     if len(varied) != 1 or np.size(varied[0][1]) < _LEAST or known_terms(problem) is None:
         return None
     family = _family(problem, *varied[0])
@@ -79,8 +79,10 @@ def _evaluate(place: FloatArray, low: float, high: float, coefficients: FloatArr
 
 def _is_met(problem: GainProblem, gain: FloatArray, value: FloatArray) -> BoolArray:
     """Tell for which encounters their gain leads to the objective, by solving each."""
-    result = problem.run(gain.reshape(problem.scenario.shape))
-    found = problem.objective.value(result.end, abs(problem.scenario.obstacle.velocity), problem.impact).reshape(-1)
+    result = problem.run(gain.reshape(problem.task.scenario.shape))
+    found = problem.task.goal.value(
+        result.end, abs(problem.task.scenario.obstacle.velocity), problem.task.impact
+    ).reshape(-1)
     met = np.abs(found - value) <= _VALUE * found
     reached = result.reached
     return np.asarray(met if reached.all() else met & reached.reshape(-1))
@@ -98,7 +100,7 @@ class _Family:
     def at(self, place: FloatArray) -> GainProblem:
         """Return the problem of the encounters at some places."""
         value = self.sign * np.exp(place) if self.sign else place
-        return replace(self.problem, scenario=scenario_with(self.problem.scenario, {self.name: value}))
+        return self.problem.changed(scenario=scenario_with(self.problem.task.scenario, {self.name: value}))
 
     def interpolate(self, low: float, high: float, members: FloatArray) -> FloatArray | None:
         """Return the coefficients of gain and objective on an interval, shape (2, nodes), or None if they do not do."""

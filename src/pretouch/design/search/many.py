@@ -31,7 +31,7 @@ Found: TypeAlias = tuple[DesignStatus, float | None, float | None]
 
 def design_many(problem: GainProblem, search_one: Callable[[GainProblem], Found]) -> tuple[Any, Any, Any]:
     """Return status, gain [N s] and objective of every encounter, NaN unless optimal; some need the whole search."""
-    shape = problem.scenario.shape
+    shape = problem.task.scenario.shape
     free = problem.within_gain_limit()
     found = find_family(free)
     if found is not None and found[2].all():

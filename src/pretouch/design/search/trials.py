@@ -12,7 +12,7 @@ from pretouch.motion import ContactResult
 
 from ..constraints import Constraint
 from ..criteria import Criterion, along, ratio
-from ..problem import Encounters
+from ..problem import GainProblem
 from .freedom import Freedom
 from .scan import HELD
 
@@ -27,18 +27,18 @@ class Trials:
     """Everything that a search asks of encounters; coordinates have the shape (n, size)."""
 
     freedom: Freedom  # what is free
-    encounters: Encounters  # how they are solved, and what they must keep
+    encounters: GainProblem  # how they are solved, and what they must keep
     measures: tuple[Criterion, ...]  # what is minimized
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
         """The limits."""
-        return self.encounters.constraints
+        return self.encounters.task.limits
 
     @property
     def criteria(self) -> tuple[Criterion, ...]:
         """The measures, then |quantity| / limit of every constraint."""
-        return (*self.measures, *(ratio(c, self.encounters.impact) for c in self.constraints))
+        return (*self.measures, *(ratio(c, self.encounters.task.impact) for c in self.constraints))
 
     def run(self, at: FloatArray) -> ContactResult:
         """Solve the encounters at coordinates, shape (n, size)."""

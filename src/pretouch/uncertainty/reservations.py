@@ -260,13 +260,7 @@ def _speed_without_force(scenario: Scenario, sensor: SensorModel, gain: float, n
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return the recess that puts contact where a curve starts, in whole micrometers and never less.
-
-    Args:
-        nearest: where the curve starts, from the sensor's zero [m].
-
-    Returns:
-        Text such as `7.5 mm`.
+    """Return the recess that puts contact where a curve starts [m from the sensor's zero], in whole um, never less.
 
     Examples:
         >>> recess_in_words(0.0075), recess_in_words(0.0123441)

@@ -23,7 +23,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
-from pretouch.uncertainty import CorrelatedNormal, Ensemble, Uncertainty, sample_inputs
+from pretouch.uncertainty import Ensemble, Uncertainty, sample_inputs
 
 from .problem import RobustProblem
 
@@ -96,7 +96,7 @@ def rank_uncertain_inputs(
     pieces = np.array_split(np.arange(samples), min(_PARTS, samples))
     linear = _linear_shares(problem, make, uncertainty, gain)
     found = []
-    members = {n: k.names if isinstance(k, CorrelatedNormal) else (n,) for n, k in uncertainty.items()}
+    members = {n: k.inputs(n) for n, k in uncertainty.items()}
     if isinstance(own, NoisyEvaluator):
         members["noise"] = ()
     for name, varied in members.items():
@@ -144,22 +144,15 @@ def _linear_shares(
         return None
     center: dict[str, float] = {}
     for name, known in uncertainty.items():
-        center |= (
-            dict(zip(known.names, known.mean, strict=True))
-            if isinstance(known, CorrelatedNormal)
-            else {name: known.mean}
-        )
+        center |= zip(known.inputs(name), known.means(), strict=True)
     inner = replace(problem, ensemble=make({name: np.array([value]) for name, value in center.items()}))
     result = inner.ensemble.contacts(gain)
     if not result.reached.all():
         return None
     slopes = {name: float(inner.slope(result, name)[0]) for name in center}
-    variances = {}
-    for name, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal):
-            own = np.array([slopes[member] for member in known.names])
-            variances[name] = float(own @ np.asarray(known.covariance) @ own)
-        else:
-            variances[name] = slopes[name] ** 2 * known.variance
+    variances = {
+        name: known.variance_along(np.array([slopes[member] for member in known.inputs(name)]))
+        for name, known in uncertainty.items()
+    }
     total = sum(variances.values())
     return {name: v / total if total > 0 else 0.0 for name, v in variances.items()}

@@ -10,7 +10,7 @@ from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.inputs import SCENARIO_INPUTS, input_units
-from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
+from pretouch.uncertainty import JointDistribution, Uncertainty, make_ensemble
 from pretouch.uncertainty.sampling import names_of
 
 from ..gain import design
@@ -81,10 +81,14 @@ def price_of_robustness(
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
-    low, high = _range(uncertainty, name)
+    known, members = _known(uncertainty, name)
+    own = known.alone(members.index(name))
+    low, high = own.support
+    if not (np.isfinite(low) and np.isfinite(high)):
+        low, high = own.quantile(_TAIL), own.quantile(1 - _TAIL)
     x = np.linspace(low, high, count)
     free = replace(problem, constraints=())
-    values = {name: x, **_companions(uncertainty, name, x)}
+    values = dict(zip(members, known.others(members.index(name), x), strict=True)) | {name: x}
     several = make_ensemble(problem.scenario, problem.sensor, values, method=free.method, horizon=free.horizon)
     result = several.contacts(gain)
     robust = np.where(result.reached, problem.objective.value(result.end, several.speed, problem.impact), np.nan)
@@ -98,27 +102,9 @@ def price_of_robustness(
     return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
 
 
-def _companions(uncertainty: Uncertainty, name: str, x: FloatArray) -> dict[str, FloatArray]:
-    """Return the inputs that were estimated together with one, at their means where that one is known."""
-    for known in uncertainty.values():
-        if isinstance(known, CorrelatedNormal) and name in known.names:
-            i = known.names.index(name)
-            covariance, mean = np.asarray(known.covariance), np.asarray(known.mean)
-            slope = covariance[i] / covariance[i, i]
-            return {n: mean[k] + slope[k] * (x - mean[i]) for k, n in enumerate(known.names) if k != i}
-    return {}
-
-
-def _range(uncertainty: Uncertainty, name: str) -> tuple[float, float]:
+def _known(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:
+    """Return what is known of an input, and the inputs that it is known together with, itself among them."""
     for key, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal):
-            if name in known.names:
-                i = known.names.index(name)
-                one = Normal(mean=known.mean[i], deviation=float(np.sqrt(known.covariance[i][i])))
-                return one.quantile(_TAIL), one.quantile(1 - _TAIL)
-        elif key == name:
-            low, high = known.support
-            if np.isfinite(low) and np.isfinite(high):
-                return low, high
-            return known.quantile(_TAIL), known.quantile(1 - _TAIL)
+        if name in known.inputs(key):
+            return known, known.inputs(key)
     raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")

@@ -22,7 +22,7 @@ from pretouch._core.extras import require
 from pretouch._core.numbers import FloatArray, nonnegative, positive
 from pretouch._core.values import Value
 from pretouch.control import Sample
-from pretouch.control.steps import as_step
+from pretouch.control.laws import as_step
 from pretouch.motion import ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, nonnegative, positive
-from pretouch.control.steps import as_step
+from pretouch.control.laws import as_step
 from pretouch.motion.parallel import for_stretches
 
 from .asked import Loop

@@ -9,7 +9,7 @@ from typing import Any
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import nonnegative, positive
 from pretouch.control import Controller
-from pretouch.control.butterworth import design_low_pass
+from pretouch.control.parts import design_low_pass
 
 from .chain import SensorChain
 

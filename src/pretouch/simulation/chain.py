@@ -77,9 +77,6 @@ class SensorChain:
 
     def __post_init__(self) -> None:
         check_declared(self)
-        self._check_together()
-
-    def _check_together(self) -> None:
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
                 f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
@@ -115,11 +112,7 @@ class SensorChain:
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the chain as the loop takes it: the fields of pretouch_chain in native/core/pretouch.h.
-
-        Returns:
-            Numbers; truth values are 0 or 1.
-        """
+        """Return the fields of pretouch_chain in native/core/pretouch.h; truth values are 0 or 1."""
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),

@@ -49,14 +49,7 @@ class Crossover:
 
 
 def first_crossover(loop: LinearLoop) -> Crossover | None:
-    """Find the smallest damping with which the loop is no longer stable.
-
-    Args:
-        loop: the loop.
-
-    Returns:
-        The crossover; None where no damping makes the loop unstable.
-    """
+    """Find the smallest damping with which the loop is no longer stable; None where none makes it unstable."""
     fastest = float(np.abs(loop.modes).max())
     for mode in loop.modes[loop.modes.real > _UNDAMPED * fastest]:
         return Crossover(angle=_folded(mode), damping=0.0, growth=float(mode.real))
@@ -74,17 +67,14 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, beside: float) -> float:
-    """Return the largest modulus of the closed loop's eigenvalues.
+    """Return the largest modulus of the closed loop's eigenvalues at a damping d [N s/m].
 
     Args:
         loop: the loop.
         damping: d [N s/m].
         free: whether the position is a free integrator, that no force reads: its eigenvalue of 1 is left out.
-        beside: angle of the crossover near which d is.
-
-    Returns:
-        The spectral radius. Where forces act beyond 300 periods after their readings the matrix is too large: then
-        the modulus of the one eigenvalue beside the crossover, NaN without one.
+        beside: angle of the crossover near which d is. Where forces act beyond 300 periods after their readings the
+            matrix is too large: then the modulus of the one eigenvalue beside it is returned, NaN without one.
     """
     if loop.remembered > _DENSE:
         return math.nan if math.isnan(beside) else _moved(loop, beside, damping)

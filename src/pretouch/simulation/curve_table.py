@@ -19,11 +19,7 @@ _ERROR: Final = 1e-12  # of ln xi, in the middle between two rows
 
 @kept_by_curve(1024)  # as many samples of a sensor as a robust design on a loop or a verdict has
 def curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate ln xi at equal distances until cubics between them meet it to 1e-12, or at 65,537 of them.
-
-    Args:
-        sensor: the curve.
-        high: up to where it is needed [m].
+    """Tabulate ln xi up to a distance [m], at equal steps, until cubics between them meet it to 1e-12, or at 65,537.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].

@@ -47,13 +47,9 @@ class LinearLoop:
     modes: ComplexArray
 
     def response(self, angle: ComplexArray | FloatArray) -> ComplexArray:
-        """Return P(z), from the damping's force to what it reads.
+        """Return P(exp(i omega T)) [m/(N s)], from the damping's force to what it reads, at angles omega T, shape (k,).
 
-        Args:
-            angle: omega T, real in (0, pi] on the unit circle, complex beside it, shape (k,).
-
-        Returns:
-            P(exp(i omega T)) [m/(N s)], complex, shape (k,): the loop has the eigenvalue z where 1 + d P(z) = 0.
+        They are real in (0, pi] on the unit circle, complex beside it. Where 1 + d P(z) = 0, z is an eigenvalue.
         """
         z = np.exp(1j * np.asarray(angle))
         delays = np.exp(-1j * np.asarray(angle)[:, None] * (self.lag + np.arange(len(self.feedthrough))))
@@ -67,14 +63,9 @@ class LinearLoop:
         return np.asarray(difference * out / self.timing.holding, dtype=np.complex128)
 
     def closed(self, damping: float) -> FloatArray:
-        """Return what one period makes of the closed loop's state, for its eigenvalues.
+        """Return the matrix by which a period changes the closed loop's state at the damping d [N s/m].
 
-        Args:
-            damping: d = D_p g [N s/m].
-
-        Returns:
-            The matrix; its state is that of the plant, the forces that still act, the last filtered reading and the
-            states of the filter.
+        The state is that of the plant, the forces that still act, the last filtered reading and the filter's states.
         """
         n, later = len(self.reading), np.zeros((self.lag, len(self.reading) + 1))
         effects = np.vstack([later, np.column_stack([self.pushes, self.feedthrough])])
@@ -101,17 +92,7 @@ class LinearLoop:
 
 
 def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
-    """Discretize a plant exactly: x' = A x + B F, read as C x.
-
-    Args:
-        system: A, shape (n, n).
-        push: B, shape (n,).
-        output: C, shape (n,).
-        timing: when the loop samples and acts.
-
-    Returns:
-        The loop, open at the damping.
-    """
+    """Discretize a plant exactly, open at the damping: x' = A x + B F, read as C x, for B and C of shape (n,)."""
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
     block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push

@@ -29,7 +29,7 @@ from pretouch.sensors import SensorModel
 from .contact import ContactModel, SpringDamper
 from .law import SampledLaw
 from .plant import PlantModel
-from .running import FOLLOW, HORIZON
+from .size import FOLLOW, HORIZON
 
 __all__ = ["WitnessResult", "WitnessTrace", "witness_encounter"]
 

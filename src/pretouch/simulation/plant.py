@@ -16,7 +16,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import Admittance
 
-__all__ = ["COEFFICIENTS", "IdealPlant", "ImpedancePlant", "PlantModel", "PositionPlant", "linear_plant"]
+__all__ = ["COEFFICIENTS", "IdealPlant", "ImpedancePlant", "PlantModel", "PositionPlant", "linear_plant", "plant_step"]
 
 COEFFICIENTS: Final = (
     "mass",
@@ -40,6 +40,8 @@ _IN_WORDS: Final = (
     ("Coulomb friction", "N"),
     ("speed of the friction", "m/s"),
 )
+
+_FINE: Final = 0.2  # of the shortest time scale of a plant: what Runge-Kutta's method takes at once
 
 Row = tuple[str, Cell]
 
@@ -212,3 +214,14 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
         a[3, 4] = 1 / mass
         a[4, :4], a[4, 4], b[4] = rate * command, -rate, rate * ahead / m_a
     return a, b, c
+
+
+def plant_step(plant: PlantModel, period: float) -> float:
+    """Return what is integrated of a plant at once [s], a whole part of the period of its controller."""
+    mass, stiffness, _, own, _, servo, coulomb, friction_speed = plant.coefficients()
+    if mass == 0:
+        return period
+    # the slope of the friction at rest is the fastest of all, and needs no more than stability
+    friction = coulomb / friction_speed / mass / 8
+    fastest = max(math.sqrt(stiffness / mass), own / mass, servo, friction)
+    return period / max(math.ceil(period * fastest / _FINE), 1)

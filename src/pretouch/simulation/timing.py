@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import nonnegative, positive
 from pretouch.control import Controller
 from pretouch.control.parts import design_low_pass
 
@@ -36,18 +36,14 @@ class LoopTiming:
         0.01
     """
 
-    rate: float
-    delay: float = 0.0
-    hold: float | None = None
-    exposure: float = 0.0
+    rate: float = quantity("Hz", sign="positive")
+    delay: float = quantity("s", 0.0, sign="nonnegative")
+    hold: float | None = quantity("s", None, sign="positive")
+    exposure: float = quantity("s", 0.0, sign="nonnegative")
     sections: Any = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rate", _single(positive(self.rate, "rate", "Hz"), "rate"))
-        object.__setattr__(self, "delay", _single(nonnegative(self.delay, "delay", "s"), "delay"))
-        object.__setattr__(self, "exposure", _single(nonnegative(self.exposure, "exposure", "s"), "exposure"))
-        if self.hold is not None:
-            object.__setattr__(self, "hold", _single(positive(self.hold, "hold", "s"), "hold"))
+        check_declared(self)
         object.__setattr__(self, "sections", _sections(self.sections))
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
@@ -112,12 +108,6 @@ def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
         exposure=chain.exposure,
         sections=[(s.b0, s.b1, s.b2, 1.0, s.a1, s.a2) for s in designed],
     )
-
-
-def _single(value: Any, name: str) -> float:
-    if not isinstance(value, float):
-        raise InvalidInputError(f"{name}: found an array, expected one number")
-    return value
 
 
 def _sections(given: Any) -> tuple[tuple[float, ...], ...]:

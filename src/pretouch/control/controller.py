@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from struct import Struct
 from typing import Any, Final, NamedTuple
 
+from pretouch._core.blocks import Cell, Measured
 from pretouch._core.declared import ONE_ROBOT, check_declared, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.structures import Structure, copy_of, location
+from pretouch._core.units import format_quantity
 
-from .laws import PROTOTYPE, CompiledStep, Law, as_step, start_drive, start_sensing
+from .laws import PROTOTYPE, CompiledStep, Law, VirtualDamper, as_step, start_drive, start_sensing
 from .parts import NO_LIMIT, Conditioning, Limits, VirtualAdmittance, discretize, stopping_distance
 from .structures import (
     ControllerNumbers,
@@ -25,9 +27,12 @@ from .structures import (
     RawOutput,
     RawSample,
     Sample,
+    output_in_words,
 )
 
 __all__ = ["Controller", "Parts", "Run"]
+
+Row = tuple[str, Cell]
 
 _pack_sample: Final = Struct("6di").pack_into
 _unpack_output: Final = Struct("5di").unpack_from
@@ -134,6 +139,46 @@ class Controller:
     def with_gain(self, gain: float) -> Controller:
         """Return the same controller with another gain D_p [N s]."""
         return replace(self, law=self.law.with_gain(gain))
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the controller: its parameters, those of its law that it tells itself."""
+        yield "law", type(self.law).__name__
+        yield "period", Measured(self.period, "s")
+        if isinstance(self.law, VirtualDamper):
+            yield from self.law.rows()
+        yield from self._conditioning_rows()
+        a = self.admittance
+        yield "virtual mass M_a", Measured(a.mass, "kg")
+        yield "virtual damping D_a", Measured(a.damping, "N*s/m")
+        yield "virtual stiffness K_a", Measured(a.stiffness, "N/m")
+        limits = (
+            ("largest virtual force", self.limits.force, "N"),
+            ("largest speed", self.limits.speed, "m/s"),
+            ("largest acceleration", self.limits.acceleration, "m/s^2"),
+            ("largest excursion", self.limits.excursion, "m"),
+        )
+        if all(value is None for _, value, _ in limits):
+            yield "limits", "none"
+        yield from ((f"limit: {label}", Measured(value, unit)) for label, value, unit in limits if value is not None)
+        yield "share of the contact force in the admittance", Measured(self.contact_gain)
+        yield "reports a contact from", Measured(self.contact_threshold, "N")
+
+    def _conditioning_rows(self) -> Iterator[Row]:
+        """Yield what is done to a reading before its logarithm is differenced."""
+        c, used = self.conditioning, self.conditioning.numbers(self.period)
+        yield "expects a reading every", Measured(used.sensor_period, "s")
+        yield "offset taken off", output_in_words(c.offset)
+        yield "floor", f"{output_in_words(c.floor)}, below which nothing is seen"
+        if c.saturation is not None:
+            yield "saturated from", output_in_words(c.saturation)
+        yield "running median", f"over {c.median_window} readings" if c.median_window > 1 else "none"
+        if c.low_pass_order and c.cutoff is not None:
+            yield "low-pass", f"Butterworth of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}"
+        else:
+            yield "low-pass", "none"
+        yield "sensor lost after", Measured(used.timeout, "s")
+        if c.largest_rate is not None:
+            yield "largest |d ln \u03be/dt| that is believed", Measured(c.largest_rate, "1/s")
 
     def _motion_limits(self) -> MotionLimits:
         limits = self.limits

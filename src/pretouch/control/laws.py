@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from ctypes import byref
 from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
+from pretouch._core.blocks import Cell, Measured
 from pretouch._core.declared import ONE_ROBOT, check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import DOUBLE, POINTER, entry, kernel
@@ -183,6 +184,13 @@ class VirtualDamper:
         """Return the parameters as plain numbers, for the loop's period [s]."""
         ramp_step = min(period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
         return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
+
+    def rows(self) -> Iterator[tuple[str, Cell]]:
+        """Yield what a page says of the law beside its gain."""
+        if self.approach_only:
+            yield "damps", f"approaches alone, with a release of {self.release:.4g} in ln \u03be"
+        if self.ramp_time:
+            yield "ramp of the gain", Measured(self.ramp_time, "s")
 
     def with_gain(self, gain: float) -> VirtualDamper:
         """Return the same law with another gain [N s]."""

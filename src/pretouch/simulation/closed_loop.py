@@ -17,7 +17,7 @@ from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
-from .chain import SensorChain
+from .chain import SensorChain, timing_of
 from .contact import ContactModel
 from .law import TunableLaw
 from .native_loop import RESULT_COLUMNS, Loop, run_loop
@@ -25,7 +25,6 @@ from .plant import IdealPlant, PlantModel
 from .result import SimulationResult, result_of
 from .size import FOLLOW, HORIZON, check_loop, runs_of, whole
 from .stability import GainLimit, gain_limit, passed_distances
-from .timing import timing_of
 
 __all__ = ["ClosedLoop"]
 

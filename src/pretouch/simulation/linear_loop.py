@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray
 
-from .timing import LoopTiming
+from .chain import LoopTiming
 
 __all__ = ["ComplexArray", "LinearLoop", "linear_loop"]
 

@@ -27,10 +27,10 @@ from pretouch.control.structures import RawOutput, RawSample
 from pretouch.motion import Scenario
 from pretouch.motion.parallel import for_stretches
 from pretouch.sensors import SensorModel
+from pretouch.sensors.kept import kept_by_curve
 
 from .chain import SensorChain
 from .contact import ContactModel
-from .curve_table import curve_table
 from .law import SampledLaw
 from .plant import COEFFICIENTS, PlantModel, plant_step
 
@@ -79,6 +79,9 @@ _JITTERS: Final = 16  # deviations by which a start is shifted at most; none of 
 _BEYOND: Final = 4.0  # times the farthest start: from there on a curve without an end is taken to be flat
 _LEAST_STRETCH: Final = 16
 _MOST_STRETCH: Final = 512
+_FEWEST: Final = 257  # rows of a table
+_MOST: Final = 1 << 16
+_ERROR: Final = 1e-12  # of ln xi, in the middle between two rows
 _NO_CONTACT: Final = (0.0, 0.0, 1.0, False, 0.0)
 
 _run: Final = kernel("run_encounters", POINTER, POINTER, INTEGER, POINTER, POINTER, INTEGER)
@@ -245,8 +248,29 @@ def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, f
         sensor = loop.sensors[index]
         low, high = sensor.valid_range
         farthest = float(distance.max() if len(loop.sensors) == 1 else distance[sensor_of == index].max())
-        curves.append((*curve_table(sensor, _BEYOND * farthest + low), high))
+        curves.append((*_curve_table(sensor, _BEYOND * farthest + low), high))
     return curves
+
+
+@kept_by_curve(1024)  # as many samples of a sensor as a robust design on a loop or a verdict has
+def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
+    """Tabulate ln xi up to a distance [m], at equal steps, until cubics between them meet it to 1e-12, or at 65,537.
+
+    Returns:
+        Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
+    """
+    low, end = sensor.valid_range[0], min(high, sensor.valid_range[1])
+    count = _FEWEST
+    while True:
+        distance = np.linspace(low, end, count)
+        spacing = (end - low) / (count - 1)
+        table = np.stack([sensor.log_output(distance), np.asarray(sensor.log_slope(distance)) * spacing], axis=1)
+        middle = np.asarray(sensor.log_output(distance[:-1] + spacing / 2))
+        between = (table[:-1, 0] + table[1:, 0]) / 2 + (table[:-1, 1] - table[1:, 1]) / 8
+        if count > _MOST or np.all(np.abs(between - middle) <= _ERROR * (1 + np.abs(middle))):
+            table.setflags(write=False)
+            return table, low, spacing
+        count = 2 * count - 1
 
 
 class _Called:

@@ -16,10 +16,10 @@ from pretouch._core.values import Value
 from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
 
+from .chain import LoopTiming
 from .crossover import first_crossover, spectral_radius
 from .linear_loop import linear_loop
 from .plant import IdealPlant, PlantModel, linear_plant
-from .timing import LoopTiming
 from .zeros import zero_between
 
 __all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate", "passed_distances"]

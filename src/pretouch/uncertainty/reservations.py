@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -23,15 +23,6 @@ __all__ = ["Reservations", "recess_in_words", "reservations_of"]
 _DECISIVE: Final = 0.05  # of the impulse of the virtual force: what may be given where no data support the curve
 _ROUNDING: Final = 1e-9  # of the impulse, likewise
 _NO_DISTANCE: Final = 1e-9  # [m], far below any calibration, far above the rounding of l_min - recess
-
-
-class _Answer(Protocol):
-    """An encounter and the sensor it is met with; `gain`, where it has one, is D_p [N s]."""
-
-    @property
-    def scenario(self) -> Scenario: ...
-    @property
-    def sensor(self) -> SensorModel: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,7 +172,7 @@ class Reservations(Value):
         return {"headline": f"{self.headline} {own}" if own else self.headline, **told}
 
 
-def reservations_of(report: CalibrationReport, answer: _Answer) -> Reservations:
+def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
     """Tell what a calibration leaves open of an answer.
 
     Args:
@@ -190,23 +181,6 @@ def reservations_of(report: CalibrationReport, answer: _Answer) -> Reservations:
 
     Returns:
         The reservations.
-
-    Examples:
-        >>> from pretouch.calibration import Calibration, rank_models
-        >>> from pretouch.motion import Admittance
-        >>> distances = [0.002 * i for i in range(1, 16)]
-        >>> readings = Calibration(distances=distances, outputs=[2 * np.exp(-60 * d) for d in distances], unit="V")
-        >>> report = rank_models(readings, models=("exponential-1",), offset="zero")
-        >>> class Answer:
-        ...     scenario = Scenario(
-        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...         obstacle=Obstacle(position=0.03, velocity=-0.3),
-        ...     )
-        ...     sensor = replace(report.best.sensor, minimum_distance=0.0)
-        ...     gain = -0.8
-        >>> found = reservations_of(report, Answer())
-        >>> found.supported, round(found.share_nearer, 3), found.speed < found.speed_without_force
-        ((0.002, 0.03), 0.067, True)
     """
     sensor, scenario = answer.sensor, answer.scenario
     recess = getattr(sensor, "recess", 0.0)

@@ -16,7 +16,16 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import Admittance
 
-__all__ = ["COEFFICIENTS", "IdealPlant", "ImpedancePlant", "PlantModel", "PositionPlant", "linear_plant", "plant_step"]
+__all__ = [
+    "COEFFICIENTS",
+    "IdealPlant",
+    "ImpedancePlant",
+    "PlantModel",
+    "PositionPlant",
+    "checked_numbers",
+    "linear_plant",
+    "plant_step",
+]
 
 COEFFICIENTS: Final = (
     "mass",
@@ -180,6 +189,15 @@ class PositionPlant(PlantModel):
         yield "damping ratio", Measured(self.damping_ratio)
 
 
+def checked_numbers(model: object, found: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
+    """Return the numbers of a plant or a contact; refuse such as are none, of a class of a user's own."""
+    if len(found) != len(names) or not all(map(math.isfinite, found)):
+        raise InvalidInputError(
+            f"{type(model).__name__}: found {found}, expected {len(names)} finite numbers: {', '.join(names)}"
+        )
+    return found
+
+
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Make the linear system from virtual force to position, L(1) and the plant behind it, without Coulomb friction.
 
@@ -197,7 +215,7 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
     m_a, d_a, k_a = (finite(v, "admittance") for v in (admittance.mass, admittance.damping, admittance.stiffness))
     if not all(isinstance(v, float) for v in (m_a, d_a, k_a)):
         raise InvalidInputError("admittance: found an array, expected one admittance")
-    mass, k, d_v, d_x, ahead, rate = plant.coefficients()[:6]
+    mass, k, d_v, d_x, ahead, rate, *_ = checked_numbers(plant, plant.coefficients(), COEFFICIENTS)
     size = 2 if mass == 0 else 4 if rate == 0 else 5
     a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
     a[0, 1] = 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any, Final
 
@@ -13,7 +12,7 @@ from pretouch._core.numbers import nonnegative, positive
 from pretouch._core.units import format_quantity
 
 from .native_loop import CONTACT_COLUMNS, CONTACT_NUMBERS, RESULT_COLUMNS, TOUCHES, Loop, contact_step
-from .plant import COEFFICIENTS, plant_step
+from .plant import COEFFICIENTS, checked_numbers, plant_step
 
 __all__ = ["FOLLOW", "HORIZON", "MOST_RUNS", "check_loop", "refuse_too_many_runs", "runs_of", "whole"]
 
@@ -32,9 +31,9 @@ _MOST_BUFFERED: Final = 1_000_000  # readings that wait to be delivered
 
 def check_loop(loop: Loop) -> Loop:
     """Return a loop with its numbers checked; refuse what makes no sense, and runs that may be endless."""
-    _check_numbers(loop.plant, loop.plant.coefficients(), COEFFICIENTS)
+    checked_numbers(loop.plant, loop.plant.coefficients(), COEFFICIENTS)
     if loop.contact is not None:
-        _check_numbers(loop.contact, loop.contact.numbers(), CONTACT_NUMBERS)
+        checked_numbers(loop.contact, loop.contact.numbers(), CONTACT_NUMBERS)
         if loop.plant.coefficients()[0] == 0:
             raise InvalidInputError(
                 "contact: an ideal plant has no mass, so no force follows from its contact; choose an ImpedancePlant "
@@ -48,13 +47,6 @@ def check_loop(loop: Loop) -> Loop:
     )
     _refuse_endless_runs(checked)
     return checked
-
-
-def _check_numbers(model: Any, found: tuple[float, ...], names: tuple[str, ...]) -> None:
-    if len(found) != len(names) or not all(map(math.isfinite, found)):
-        raise InvalidInputError(
-            f"{type(model).__name__}: found {found}, expected {len(names)} finite numbers: {', '.join(names)}"
-        )
 
 
 def refuse_too_many_runs(count: int) -> None:

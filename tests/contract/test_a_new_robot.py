@@ -103,7 +103,7 @@ def test_encounters_are_run_with_them() -> None:
         for plant, contact in (OWN, OURS)
     )
     for name in ("time", "relative_velocity", "peak_force", "impulse", "rebound_velocity"):
-        # numbers may differ in their last bit, 1e-16, which a loop of some hundred steps and a contact let grow a little
+        # numbers may differ in their last bit, 1e-16, which some hundred steps and a contact let grow a little
         np.testing.assert_allclose(getattr(theirs, name), getattr(ours, name), rtol=1e-9)
     assert len(theirs.trace((1, 3)).contacts) == theirs.contacts[1, 3]
     assert pickle.loads(pickle.dumps(LOOP)) == LOOP  # noqa: S301

@@ -57,11 +57,6 @@ class Conditioning:
             periods; 0: at once.
         largest_rate: largest |d ln xi/dt| that can be [1/s], the steepest |g| times the fastest approach; a reading
             that would need more is not used. None: no check.
-
-    Examples:
-        >>> letter = Conditioning(floor=1e-3, median_window=10, low_pass_order=5, cutoff=500.0)
-        >>> letter.numbers(1e-4).timeout
-        0.001
     """
 
     floor: float = quantity(OUTPUT, sign="positive", example="30.0")

@@ -27,28 +27,18 @@ __all__ = [
     "plant_step",
 ]
 
-COEFFICIENTS: Final = (
-    "mass",
-    "stiffness",
-    "reference_damping",
-    "own_damping",
-    "feedforward_mass",
-    "servo_rate",
-    "coulomb_friction",
-    "friction_speed",
-)
+_WORDS: Final = {
+    "mass": ("mass", "kg"),
+    "stiffness": ("stiffness", "N/m"),
+    "reference_damping": ("damping on the reference's velocity", "N*s/m"),
+    "own_damping": ("damping on its own velocity", "N*s/m"),
+    "feedforward_mass": ("feedforward mass", "kg"),
+    "servo_rate": ("rate of the servo", "1/s"),
+    "coulomb_friction": ("Coulomb friction", "N"),
+    "friction_speed": ("speed of the friction", "m/s"),
+}
+COEFFICIENTS: Final = tuple(_WORDS)
 """What a plant is to the loop in C++; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
-
-_IN_WORDS: Final = (
-    ("mass", "kg"),
-    ("stiffness", "N/m"),
-    ("damping on the reference's velocity", "N*s/m"),
-    ("damping on its own velocity", "N*s/m"),
-    ("feedforward mass", "kg"),
-    ("rate of the servo", "1/s"),
-    ("Coulomb friction", "N"),
-    ("speed of the friction", "m/s"),
-)
 
 _FINE: Final = 0.2  # of the shortest time scale of a plant: what Runge-Kutta's method takes at once
 
@@ -74,7 +64,7 @@ class PlantModel(ABC):
     def rows(self) -> Iterator[Row]:
         """Yield what a page says of the robot: names and numbers; a class that says nothing of its own its numbers."""
         yield "robot", type(self).__name__
-        for (label, unit), value in zip(_IN_WORDS, self.coefficients(), strict=True):
+        for (label, unit), value in zip(_WORDS.values(), self.coefficients(), strict=True):
             yield label, Measured(value, unit)
 
 
@@ -109,10 +99,6 @@ class ImpedancePlant(PlantModel):
         coulomb_friction: friction that only changes its sign with the motion [N].
         friction_speed: speed at which three quarters of it act [m/s]: it grows as tanh(x' / friction_speed).
         feedforward: whether the controller adds m x_v''.
-
-    Examples:
-        >>> ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0).mass
-        2.0
     """
 
     kind: ClassVar[str] = "impedance"
@@ -161,10 +147,6 @@ class PositionPlant(PlantModel):
         mass: the physical reflected mass at the contact point m > 0 [kg].
         bandwidth: w / (2 pi) > 0 of the position loop [Hz].
         damping_ratio: zeta > 0.
-
-    Examples:
-        >>> PositionPlant(mass=2.0, bandwidth=20.0).damping_ratio
-        1.0
     """
 
     kind: ClassVar[str] = "position"
@@ -200,10 +182,6 @@ def checked_numbers(model: object, found: tuple[float, ...], names: tuple[str, .
 
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Make the linear system from virtual force to position, L(1) and the plant behind it, without Coulomb friction.
-
-    Args:
-        admittance: one virtual admittance.
-        plant: the plant.
 
     Returns:
         A, B and C of s' = A s + B F_p, x = C s, with s of the virtual position and velocity, then position, velocity

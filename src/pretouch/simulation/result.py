@@ -128,7 +128,7 @@ class SimulationResult(Value):
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
-        """Run one encounter again, with the same noise, and record its course.
+        """Run one encounter of an array again, with the same noise, and record its course.
 
         Args:
             index: which one of an array.

@@ -89,8 +89,7 @@ class GainLimit(Value):
             margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
 
         Returns:
-            The magnitude > 0 [N s]; infinite where no gain makes the loop unstable, so that nothing needs a limit; 0
-            where any does.
+            The magnitude [N s]; infinite where no gain makes the loop unstable, 0 where any does.
 
         Raises:
             InvalidInputError: the margin does not exceed 1.
@@ -100,18 +99,7 @@ class GainLimit(Value):
         return -self.strongest / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
-        """Make the bounds of `design_gain` that keep a margin to instability.
-
-        Args:
-            margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
-            weakest: the other bound [N s] < 0.
-
-        Returns:
-            The strongest and the weakest gain [N s].
-
-        Raises:
-            InvalidInputError: nothing is left between the two.
-        """
+        """Return bounds of a gain [N s] that keep the margin of `allowed`; none left is refused."""
         strongest = -self.allowed(margin)
         if not strongest < finite(weakest, "weakest", "N*s") < 0:
             raise InvalidInputError(

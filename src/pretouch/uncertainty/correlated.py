@@ -31,15 +31,6 @@ class CorrelatedNormal(JointDistribution):
         names: the inputs, such as `sensor.exponent`.
         mean: their estimates, in SI.
         covariance: their covariance, in the order of the names; rows of numbers.
-
-    Examples:
-        >>> both = CorrelatedNormal(
-        ...     names=("sensor.exponent", "sensor.distance_offset"),
-        ...     mean=(3.32, 0.0419),
-        ...     covariance=((1e-2, 2e-4), (2e-4, 5e-6)),
-        ... )
-        >>> both.root.shape
-        (2, 2)
     """
 
     names: tuple[str, ...]

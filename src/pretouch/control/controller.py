@@ -17,7 +17,7 @@ from pretouch._core.structures import Structure, copy_of, location
 from pretouch._core.units import format_quantity
 
 from .laws import PROTOTYPE, CompiledStep, Law, VirtualDamper, as_step, start_drive, start_sensing
-from .parts import NO_LIMIT, Conditioning, Limits, VirtualAdmittance, discretize, stopping_distance
+from .parts import NO_LIMIT, Conditioning, Limits, VirtualAdmittance, discretize, output_in_words, stopping_distance
 from .structures import (
     ControllerNumbers,
     ControllerState,
@@ -27,7 +27,6 @@ from .structures import (
     RawOutput,
     RawSample,
     Sample,
-    output_in_words,
 )
 
 __all__ = ["Controller", "Parts", "Run"]

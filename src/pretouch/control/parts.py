@@ -19,6 +19,7 @@ __all__ = [
     "VirtualAdmittance",
     "design_low_pass",
     "discretize",
+    "output_in_words",
     "stopping_distance",
 ]
 
@@ -268,3 +269,8 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
     whole = math.floor(speed / step)
     rest = speed - whole * step
     return float(n.period * (step / 2 * whole * whole + rest * (whole + 0.5)))
+
+
+def output_in_words(value: float) -> str:
+    """Say what a sensor output is, in its unknown unit."""
+    return f"{value:.6g} [unit of \u03be]"

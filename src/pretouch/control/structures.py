@@ -34,7 +34,6 @@ __all__ = [
     "SensingNumbers",
     "SensingState",
     "Status",
-    "output_in_words",
 ]
 
 _MEDIAN, _SECTIONS = 16, 4
@@ -257,8 +256,3 @@ class ControllerState(Structure):
     """The state of a step with the letter's law."""
 
     _fields_ = (("sensing", SensingState), ("drive", DriveState), ("law", DamperState))
-
-
-def output_in_words(value: float) -> str:
-    """Say what a sensor output is, in its unknown unit."""
-    return f"{value:.6g} [unit of \u03be]"

@@ -16,8 +16,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 from pretouch.calibration import SensorFit
 from pretouch.control import Controller
-from pretouch.control.parts import design_low_pass
-from pretouch.control.structures import output_in_words
+from pretouch.control.parts import design_low_pass, output_in_words
 
 __all__ = ["LoopTiming", "SensorChain", "chain_of_fit", "timing_of"]
 

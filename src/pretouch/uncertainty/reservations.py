@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch._core.numbers import finite_or_none
+from pretouch._core.json_text import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
@@ -130,7 +130,8 @@ class Reservations(Value):
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI; the offset is in the unit of the outputs."""
         window, offset = self.report.window, self.report.offset
-        names = ("value", "standard_error", "low", "high")
+        own = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "left")
+        told = ("value", "standard_error", "low", "high", "kind")
         return {
             "headline": self.headline,
             "name": self.report.calibration.name,
@@ -139,18 +140,9 @@ class Reservations(Value):
             "model": self._model,
             "window": [window.l_min, window.l_max],
             "window_reasons": [window.start_reason, window.end_reason],
-            "recess": self.recess,
-            "supported": list(self.supported),
-            "is_contact_supported": self.is_contact_supported,
-            "share_nearer": self.share_nearer,
-            "share_beyond": self.share_beyond,
-            "left": self.left,
-            "speed": self.speed,
-            "speed_without_force": self.speed_without_force,
+            **{name: plain(getattr(self, name)) for name in (*own, "speed", "speed_without_force")},
             "output_unit": self.report.calibration.unit,
-            "offset": None
-            if offset is None
-            else {**{name: finite_or_none(getattr(offset, name)) for name in names}, "kind": offset.kind},
+            "offset": None if offset is None else {name: plain(getattr(offset, name)) for name in told},
         }
 
     def __str__(self) -> str:

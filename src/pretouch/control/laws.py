@@ -136,9 +136,10 @@ def drive(
 
 def raw_sample(sample: Any) -> RawSample:
     """Return a sample as C takes it."""
-    s = sample
-    reference = s.reference_position, s.reference_velocity, s.reference_acceleration
-    return RawSample(s.reading, s.age, s.contact_force, *reference, bool(s.fresh))
+    s, fresh = sample, bool(sample.fresh)
+    return RawSample(
+        s.reading, s.age, s.contact_force, s.reference_position, s.reference_velocity, s.reference_acceleration, fresh
+    )
 
 
 def output_of(raw: RawOutput) -> Output:

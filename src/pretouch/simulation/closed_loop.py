@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import FloatArray, IntArray, finite
 from pretouch._core.values import Value
 from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, Scenario
@@ -19,7 +19,7 @@ from pretouch.sensors import SensorModel
 
 from .chain import SensorChain, timing_of
 from .contact import ContactModel
-from .law import TunableLaw
+from .law import SampledLaw, TunableLaw
 from .native_loop import RESULT_COLUMNS, Loop, run_loop
 from .plant import IdealPlant, PlantModel
 from .result import SimulationResult, result_of
@@ -196,16 +196,16 @@ class ClosedLoop:
         apart = (1,) * (len(shape) - len(several))  # between the axis of the runs and those of the scenario
         noise = np.arange(math.prod((*first, *several))).reshape((*first, *apart, *several))
         shape = (*first, *shape)
-        every, law_of = np.unique(gains, return_inverse=True)
-        law_of = law_of.reshape(gains.shape)
+        every = np.zeros(shape, dtype=np.int64)
+        laws, law_of = self._laws(gains) if gain is not None else ((self.law,), 0)
         return check_loop(
             Loop(
                 scenario=scenario,
                 sensors=sensors,
-                sensor_of=np.broadcast_to(np.arange(len(sensors)) if each else 0, shape),
-                laws=(self.law,) if gain is None else tuple(self.law.with_gain(float(g)) for g in every),
-                law_of=np.broadcast_to(law_of, shape),
-                noise_of=self.first_run + np.broadcast_to(noise, shape),
+                sensor_of=every + (np.arange(len(sensors)) if each else 0),
+                laws=laws,
+                law_of=every + law_of,
+                noise_of=every + noise + self.first_run,
                 chain=self.chain,
                 plant=self.plant,
                 contact=self.contact,
@@ -215,6 +215,11 @@ class ClosedLoop:
                 shape=shape,
             )
         )
+
+    def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
+        """Return a law for every gain that there is, and which of them each has."""
+        every, law_of = np.unique(gains, return_inverse=True)
+        return tuple(self.law.with_gain(float(g)) for g in every), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
         """Refuse an encounter that speaks of another admittance than the law has, as far as the law tells its own."""

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pretouch._core.blocks import Cell, Measured
+from pretouch._core.blocks import Measured
 from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 
-__all__ = ["ContactModel", "HuntCrossley", "SpringDamper"]
+from .plant import Row
 
-Row = tuple[str, Cell]
+__all__ = ["ContactModel", "HuntCrossley", "SpringDamper"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -237,7 +237,10 @@ def _scenes(loop: Loop) -> FloatArray:
         *(s.plant.position, s.plant.velocity, s.obstacle.position, s.obstacle.velocity, s.obstacle.acceleration),
         *(s.reference.position, s.reference.velocity, s.reference.acceleration),
     )
-    return np.stack([np.broadcast_to(c, loop.shape).ravel() for c in columns], axis=-1).astype(np.float64)
+    scenes = np.empty((*loop.shape, len(columns)))
+    for i, column in enumerate(columns):
+        scenes[..., i] = column
+    return scenes.reshape(-1, len(columns))
 
 
 def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, float]]:

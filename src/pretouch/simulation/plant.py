@@ -22,6 +22,7 @@ __all__ = [
     "ImpedancePlant",
     "PlantModel",
     "PositionPlant",
+    "Row",
     "checked_numbers",
     "linear_plant",
     "plant_step",

@@ -193,14 +193,10 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, beside: float) -> float:
-    """Return the largest modulus of the closed loop's eigenvalues at a damping d [N s/m].
+    """Return the largest modulus of the eigenvalues at a damping d [N s/m], without that of a position that is free.
 
-    Args:
-        loop: the loop.
-        damping: d [N s/m].
-        free: whether the position is a free integrator, that no force reads: its eigenvalue of 1 is left out.
-        beside: angle of the crossover near which d is. Where forces act beyond 300 periods after their readings the
-            matrix is too large: then the modulus of the one eigenvalue beside it is returned, NaN without one.
+    Where forces act beyond 300 periods after their readings the matrix is too large: then it is the modulus of the one
+    eigenvalue beside the crossover at the angle that is given, NaN without one.
     """
     if loop.remembered > _DENSE:
         return math.nan if math.isnan(beside) else _moved(loop, beside, damping)
@@ -306,19 +302,8 @@ def _holds_any(angle: FloatArray, poles: list[float]) -> BoolArray:
 def zero_between(
     function: Callable[[float], float], one: tuple[float, float], other: tuple[float, float], tolerance: float
 ) -> float:
-    """Find a zero between two places: by the inverse parabola through three, or halving where that may mislead.
-
-    The function may jump. SciPy's brentq does the same, and takes 0.1 s to load.
-
-    Args:
-        function: the function.
-        one: a place, and what the function is there.
-        other: another with a value of the other sign, or 0.
-        tolerance: how far from a change of the sign the place may be.
-
-    Returns:
-        The place.
-    """
+    """Find a zero to a tolerance between two places, given with their values of unlike signs; the function may jump."""
+    # by the inverse parabola through three, or halving where that may mislead; SciPy's brentq takes 0.1 s to load:
     # T. R. Chandrupatla, Advances in Engineering Software 28 (1997) 145
     (b, at_b), (a, at_a), part = one, other, 0.5
     while True:

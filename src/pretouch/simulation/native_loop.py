@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from ctypes import byref
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -282,11 +281,8 @@ class _Called:
     def __init__(self, step: Any, parameters: list[Any], states: list[Any]) -> None:
         self._law, self._parameters, self._states, self._state = step, parameters, states, None
         self.raised: BaseException | None = None
-        self._function = _Step(self._step)
-
-    @cached_property
-    def address(self) -> int:
-        return ctypes.cast(self._function, POINTER).value or 0
+        self._function = _Step(self._step)  # lives as long as what calls it
+        self.address = ctypes.cast(self._function, POINTER).value or 0
 
     def _step(self, parameters: int, state: int, sample: Any, out: Any) -> None:
         # nothing may leave a function that is called from C: it would be printed, and vanish

@@ -68,17 +68,10 @@ def simulate(
         ...     law=VirtualDamper(gain=-0.7),
         ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
         ... )
-        >>> run = simulate(scenario, sensor, law)
-        >>> round(run.relative_velocity, 3)  # -0.0815 in continuous time
+        >>> round(simulate(scenario, sensor, law).relative_velocity, 3)  # -0.0815 in continuous time
         -0.082
     """
-    loop = ClosedLoop(
-        law=cast("TunableLaw", law),  # whose own gain is taken
-        chain=chain or SensorChain(rate=1 / law.period),
-        plant=plant or IdealPlant(),
-        contact=contact,
-        seed=seed,
-        horizon=horizon,
-        follow=follow,
-    )
+    chain, plant = chain or SensorChain(rate=1 / law.period), plant or IdealPlant()
+    own = cast("TunableLaw", law)  # its gain is what it has
+    loop = ClosedLoop(law=own, chain=chain, plant=plant, contact=contact, seed=seed, horizon=horizon, follow=follow)
     return result_of(loop.encounters(scenario, (sensor,), None, runs))

@@ -50,7 +50,7 @@ class PlantModel(ABC):
     """How the robot's contact surface follows the virtual object, and how a contact force moves it.
 
     Each is m x'' = f - friction(x') - F_contact with f following
-    k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate.
+    k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A new one gives its coefficients.
     """
 
     __slots__ = ()
@@ -60,7 +60,7 @@ class PlantModel(ABC):
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """Return the numbers named by COEFFICIENTS, in SI."""
+        """Return m, k, d_v, d_x, m_f, the rate of the servo (0: no lag), Coulomb friction and its speed, in SI."""
 
     def rows(self) -> Iterator[Row]:
         """Yield what a page says of the robot: names and numbers; a class that says nothing of its own its numbers."""

@@ -12,7 +12,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch import control, uncertainty
-from pretouch.control.blocks import observe, start_sensing
+from pretouch.control.laws import observe, start_sensing
 from pretouch.design import find_physical_bound
 from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
 from pretouch.sweep import Axis, Progress

@@ -156,7 +156,7 @@ typedef struct {
     double value, ready, taken;
 } pretouch_reading;
 
-/* Filled by RESULT_COLUMNS, CONTACT_COLUMNS, TRACE_COLUMNS and COURSE_COLUMNS of simulation/layout.py. */
+/* Filled by RESULT_COLUMNS, CONTACT_COLUMNS, TRACE_COLUMNS and COURSE_COLUMNS of simulation/native_loop.py. */
 typedef struct {
     double status, time, position, velocity, displacement, relative_velocity, closest_distance, largest_excursion;
     double largest_travel, largest_speed, largest_virtual_force, peak_force, impulse, rebound_velocity, contacts;

@@ -16,7 +16,7 @@ import pytest
 from native_code import NATIVE, fields_of, offsets
 from pretouch._core import native
 from pretouch.motion import native_lanes
-from pretouch.simulation import layout, native_loop
+from pretouch.simulation import native_loop
 
 ROOT = Path(__file__).parents[2]
 
@@ -138,10 +138,10 @@ STRUCTURES = {
     "curves": native_lanes._CurvesOfCore,
 }
 ROWS = {
-    "end": layout.RESULT_COLUMNS,
-    "touch": layout.CONTACT_COLUMNS,
-    "instant": layout.TRACE_COLUMNS,
-    "moment": layout.COURSE_COLUMNS,
+    "end": native_loop.RESULT_COLUMNS,
+    "touch": native_loop.CONTACT_COLUMNS,
+    "instant": native_loop.TRACE_COLUMNS,
+    "moment": native_loop.COURSE_COLUMNS,
 }
 
 

@@ -23,7 +23,7 @@ from pretouch._core.units import format_quantity
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.report import plots, report_html, write_report
 from pretouch.simulation import PARTS, ClosedLoop, ContactModel, PlantModel
-from pretouch.simulation.describing import chain_rows, contact_rows, controller_rows, loop_rows
+from pretouch.simulation.describing import contact_rows, law_rows, loop_rows
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SCENARIO = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-0.3))
@@ -247,13 +247,13 @@ def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
     assert shown(contact_rows(CONTACT))["dissipation a"] == "1 s/m"
     assert shown(contact_rows(pt.simulation.SpringDamper(stiffness=1e4, obstacle_mass=1.5)))["obstacle"] == "of 1.5 kg"
     assert list(contact_rows(None)) == [("contact", "no contact force: a run ends at the touch")]
-    rows = shown(controller_rows(law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0, limits=Limits(speed=0.5))))
+    rows = shown(law_rows(law(1e-4, median_window=10, low_pass_order=5, cutoff=500.0, limits=Limits(speed=0.5))))
     assert rows["running median"] == "over 10 readings"
     assert rows["low-pass"] == "Butterworth of order 5 at 500 Hz"
     assert rows["limit: largest speed"] == "0.5 m/s"
     assert rows["virtual mass M_a"] == "1 kg"
     gradual = VirtualDamper(gain=-0.5, approach_only=True, release=0.02, ramp_time=0.1)
-    rows = shown(controller_rows(dataclasses.replace(law(saturation=4.0, largest_rate=50.0), law=gradual)))
+    rows = shown(law_rows(dataclasses.replace(law(saturation=4.0, largest_rate=50.0), law=gradual)))
     assert rows["ramp of the gain"] == "100 ms"
     assert "0.02" in rows["damps"]
     assert rows["saturated from"].startswith("4 ")
@@ -263,7 +263,7 @@ def test_rows_of_a_loop_name_what_it_is_made_of_with_units() -> None:
 @pytest.mark.parametrize("name", PARTS)
 def test_rows_of_a_sensor_part_hold_every_number_of_its_chain(name: str) -> None:
     chain = PARTS[name].chain
-    rows = shown(chain_rows(chain))
+    rows = shown(chain.rows())
     assert rows["readings"].startswith(f"{chain.rate:.4g} Hz")
     assert ("noise of the distance" in rows) == chain.reports_distance
     assert ("clips" in rows) == np.isfinite(chain.highest)
@@ -283,7 +283,7 @@ def test_rows_of_a_chain_name_what_can_go_wrong_in_it() -> None:
         misfit=0.02,
         misfit_length=0.005,
     )
-    rows = shown(chain_rows(chain))
+    rows = shown(chain.rows())
     assert rows["readings that are missing"] == "10 %"
     assert rows["jitter of an exposure"] == "1 ms"
     assert rows["drift"] == "0.5 [unit of \u03be per s]"
@@ -310,7 +310,7 @@ class OwnContact(ContactModel):
 
 
 def test_rows_of_what_a_user_wrote_name_its_class_and_its_numbers() -> None:
-    assert shown(controller_rows(BareLaw(-0.7, 2e-3))) == {"law": "BareLaw", "period": "2 ms"}
+    assert shown(law_rows(BareLaw(-0.7, 2e-3))) == {"law": "BareLaw", "period": "2 ms"}
     rows = shown(OwnPlant().rows())
     assert (rows["robot"], rows["mass"], rows["Coulomb friction"]) == ("OwnPlant", "3 kg", "2 N")
     rows = shown(contact_rows(OwnContact()))

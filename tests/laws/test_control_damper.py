@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from control_samples import controller, rows_of, run_rows
 from pretouch.control import Conditioning, Controller, Output, Sample, Status, VirtualAdmittance
-from pretouch.control.blocks import Push, drive, observe
 from pretouch.control.controller import Parts
+from pretouch.control.laws import Push, drive, observe
 from properties import examples
 
 FORCE, LEVEL, STATUS = 3, 4, 5

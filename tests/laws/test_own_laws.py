@@ -19,7 +19,7 @@ from native_code import compile_c
 from plain_law import plain, start, step
 from pretouch._core.native import entry
 from pretouch.control import CompiledStep, Controller, Output, Sample
-from pretouch.control.steps import as_step
+from pretouch.control.laws import as_step
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 SCENARIO = pt.Scenario(

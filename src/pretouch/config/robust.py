@@ -17,6 +17,7 @@ from pretouch.uncertainty import (
     Distribution,
     Empirical,
     Interval,
+    JointDistribution,
     Normal,
     TruncatedNormal,
     Uncertainty,
@@ -101,10 +102,10 @@ def _required(
 
 def _uncertainty(
     builder: Builder, measure: str, sensor: SensorModel | None, calibration: CalibrationReport | None
-) -> dict[str, Distribution | CorrelatedNormal]:
+) -> dict[str, JointDistribution]:
     """Build what is known of each input."""
     section = builder.sections.get("uncertainty")
-    found: dict[str, Distribution | CorrelatedNormal] = {}
+    found: dict[str, JointDistribution] = {}
     if not isinstance(section, UncertaintySection):
         return found
     for part in UncertaintySection.model_fields:
@@ -177,12 +178,9 @@ def _check_middle(builder: Builder, scenario: Scenario, sensor: SensorModel, kno
     """Refuse inputs that exclude each other, or whose means already are no encounter."""
     means: dict[str, list[float]] = {}
     for name, value in known.items():
-        if isinstance(value, CorrelatedNormal):
-            means |= {member: [mean] for member, mean in zip(value.names, value.mean, strict=True)}
-        elif name in means:
+        if name in means:
             builder.refuse(("uncertainty", *name.split(".")), f"found {name} beside sensor.{FROM_CALIBRATION}")
-        else:
-            means[name] = [value.mean]
+        means |= {member: [mean] for member, mean in zip(value.inputs(name), value.means(), strict=True)}
     try:
         make_ensemble(scenario, sensor, means)
     except InvalidInputError as error:

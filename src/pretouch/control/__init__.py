@@ -3,14 +3,10 @@
 It knows no sensor model and no motion model, and imports nothing but `_core`: what a robot runs is what is here.
 """
 
-from .admittance import VirtualAdmittance
-from .conditioning import Conditioning
-from .controller import Controller
-from .damper import VirtualDamper
-from .limits import Limits
-from .signals import Output, Sample, Status
-from .steps import CompiledStep, Run
-from .structures import Observation
+from .controller import Controller, Run
+from .laws import CompiledStep, VirtualDamper
+from .parts import Conditioning, Limits, VirtualAdmittance
+from .structures import Observation, Output, Sample, Status
 
 __all__ = [
     "CompiledStep",

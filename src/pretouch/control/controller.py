@@ -1,51 +1,41 @@
-"""The controller of the letter's Fig. 1 as a value: what it is made of, its numbers, its first state, its step."""
+"""The controller of the letter's Fig. 1 as a value: what it is made of, its numbers, its first state, its runs."""
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, NamedTuple, Protocol
+from struct import Struct
+from typing import Any, Final, NamedTuple
 
+from pretouch._core.blocks import Cell, Measured
 from pretouch._core.declared import ONE_ROBOT, check_declared, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
-from pretouch._core.structures import Structure
+from pretouch._core.structures import Structure, copy_of, location
+from pretouch._core.units import format_quantity
 
-from .admittance import VirtualAdmittance, discretize
-from .blocks import start_drive, start_sensing
-from .conditioning import Conditioning
-from .limits import NO_LIMIT, Limits, stopping_distance
-from .steps import Run, as_step, begin_run
-from .structures import ControllerNumbers, ControllerState, DriveNumbers, MotionLimits
+from .laws import PROTOTYPE, CompiledStep, Law, VirtualDamper, as_step, start_drive, start_sensing
+from .parts import NO_LIMIT, Conditioning, Limits, VirtualAdmittance, discretize, output_in_words, stopping_distance
+from .structures import (
+    ControllerNumbers,
+    ControllerState,
+    DriveNumbers,
+    MotionLimits,
+    Output,
+    RawOutput,
+    RawSample,
+    Sample,
+)
 
-__all__ = ["Controller", "Law", "Parts"]
+__all__ = ["Controller", "Parts", "Run"]
 
+Row = tuple[str, Cell]
 
-class Law(Protocol):
-    """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
-
-    A new law is a dataclass with these four, and one function, made of `observe`, of what the law itself does, and of
-    `drive`: in Python `state, output = step(parameters, state, sample)`, or compiled, see `SampledLaw`.
-    """
-
-    @property
-    def step(self) -> Any:
-        """The whole step of the controller with this law, of Python or compiled."""
-        ...
-
-    def numbers(self, period: float) -> Any:
-        """Return the law's parameters for the loop's period [s]; a ctypes structure where the step is compiled."""
-        ...
-
-    def start(self) -> Any:
-        """Return the law's state before the first reading; a ctypes structure where the step is compiled."""
-        ...
-
-    def with_gain(self, gain: float) -> Law:
-        """Return the same law with another gain [N s]."""
-        ...
+_pack_sample: Final = Struct("6di").pack_into
+_unpack_output: Final = Struct("5di").unpack_from
+_new: Final[Any] = tuple.__new__
 
 
 class Parts(NamedTuple):
@@ -111,16 +101,14 @@ class Controller:
             velocity: its velocity relative to the reference [m/s].
 
         Returns:
-            The run; its `step` is called once per period.
+            The run; its `step` is called once per period. From where the limits can not be held, none is begun.
         """
-        return begin_run(self.step, self.parameters(), self.start(position, velocity))
+        step = self.step
+        run = Run if isinstance(step, CompiledStep) else _PythonRun
+        return run(step, self.parameters(), self.start(position, velocity))
 
     def parameters(self) -> Any:
-        """Return all numbers that the step needs.
-
-        Returns:
-            Those of sensing, drive and law; with the letter's law, `pretouch_parameters` of native/law/pretouch_law.h.
-        """
+        """Return all numbers of the step: with the letter's law, `pretouch_parameters` of native/law/pretouch_law.h."""
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
             hold=sensing.sensor_period,
@@ -134,26 +122,12 @@ class Controller:
         return _joined(ControllerNumbers, sensing, drive, self.law.numbers(self.period))
 
     def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
-        """Return the state before the first step.
-
-        Args:
-            position: the plant's position relative to its reference [m].
-            velocity: its velocity relative to the reference [m/s].
-
-        Returns:
-            The state: nothing detected, no force.
-
-        Raises:
-            InvalidInputError: from there, the limits can not be held.
-        """
+        """Return the state before the first step, nothing detected and no force; arguments as in `begin`."""
         x, v = finite(position, "position", "m"), finite(velocity, "velocity", "m/s")
         limits = self._motion_limits()
         ahead = x if v >= 0 else -x
-        if (
-            abs(v) > limits.speed
-            or abs(x) > limits.excursion
-            or (ahead + stopping_distance(limits, abs(v)) > limits.excursion)
-        ):
+        farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
+        if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
                 f"start: found {x:g} m and {v:g} m/s relative to the reference, from where the limits "
                 f"({self.limits}) can not be held; start nearer to the reference or slower, or widen them"
@@ -162,15 +136,48 @@ class Controller:
         return _joined(ControllerState, sensing, start_drive(x, v), self.law.start())
 
     def with_gain(self, gain: float) -> Controller:
-        """Return the same controller with another gain.
-
-        Args:
-            gain: D_p [N s].
-
-        Returns:
-            The controller.
-        """
+        """Return the same controller with another gain D_p [N s]."""
         return replace(self, law=self.law.with_gain(gain))
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the controller: its parameters, those of its law that it tells itself."""
+        yield "law", type(self.law).__name__
+        yield "period", Measured(self.period, "s")
+        if isinstance(self.law, VirtualDamper):
+            yield from self.law.rows()
+        yield from self._conditioning_rows()
+        a = self.admittance
+        yield "virtual mass M_a", Measured(a.mass, "kg")
+        yield "virtual damping D_a", Measured(a.damping, "N*s/m")
+        yield "virtual stiffness K_a", Measured(a.stiffness, "N/m")
+        limits = (
+            ("largest virtual force", self.limits.force, "N"),
+            ("largest speed", self.limits.speed, "m/s"),
+            ("largest acceleration", self.limits.acceleration, "m/s^2"),
+            ("largest excursion", self.limits.excursion, "m"),
+        )
+        if all(value is None for _, value, _ in limits):
+            yield "limits", "none"
+        yield from ((f"limit: {label}", Measured(value, unit)) for label, value, unit in limits if value is not None)
+        yield "share of the contact force in the admittance", Measured(self.contact_gain)
+        yield "reports a contact from", Measured(self.contact_threshold, "N")
+
+    def _conditioning_rows(self) -> Iterator[Row]:
+        """Yield what is done to a reading before its logarithm is differenced."""
+        c, used = self.conditioning, self.conditioning.numbers(self.period)
+        yield "expects a reading every", Measured(used.sensor_period, "s")
+        yield "offset taken off", output_in_words(c.offset)
+        yield "floor", f"{output_in_words(c.floor)}, below which nothing is seen"
+        if c.saturation is not None:
+            yield "saturated from", output_in_words(c.saturation)
+        yield "running median", f"over {c.median_window} readings" if c.median_window > 1 else "none"
+        if c.low_pass_order and c.cutoff is not None:
+            yield "low-pass", f"Butterworth of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}"
+        else:
+            yield "low-pass", "none"
+        yield "sensor lost after", Measured(used.timeout, "s")
+        if c.largest_rate is not None:
+            yield "largest |d ln \u03be/dt| that is believed", Measured(c.largest_rate, "1/s")
 
     def _motion_limits(self) -> MotionLimits:
         limits = self.limits
@@ -193,3 +200,72 @@ def _with_law(known: type[Structure], law: type[ctypes.Structure]) -> type[Struc
 
 def _limit(value: float | None) -> float:
     return NO_LIMIT if value is None else value
+
+
+class Run:
+    """A controller at work: it holds parameters and state, and goes on from step to step.
+
+    `Controller.begin` makes one. One thread at a time may step it.
+
+    Args:
+        step: of the law, compiled: everything that a call needs lies ready, so that writing a sample, the step and
+            reading its output are all there is.
+        parameters: of the law.
+        state: the first one; it stays as it is.
+    """
+
+    __slots__ = ("_held", "_law", "_memory", "_out", "_places", "_sample")
+
+    def __init__(self, step: Any, parameters: Any, state: Any) -> None:
+        self._memory, self._sample, self._out = copy_of(state), RawSample(), RawOutput()
+        self._held = step, parameters
+        self._law = PROTOTYPE(step.located())
+        self._places = (
+            ctypes.c_void_p(location(parameters, "parameters")[0]),
+            ctypes.c_void_p(location(self._memory, "state")[0]),
+            ctypes.byref(self._sample),
+            ctypes.byref(self._out),
+        )
+
+    @property
+    def state(self) -> Any:
+        """The state after the last step; a copy, as `Controller.step` takes it."""
+        return copy_of(self._memory)
+
+    def step(
+        self,
+        reading: float,
+        fresh: bool = True,
+        age: float = 0.0,
+        *,
+        contact_force: float = 0.0,
+        reference_position: float = 0.0,
+        reference_velocity: float = 0.0,
+        reference_acceleration: float = 0.0,
+    ) -> Output:
+        """Run one period: a sample as `Sample` says it comes in, what the robot is to do over the period comes out."""
+        _pack_sample(
+            *(self._sample, 0, reading, age, contact_force),
+            *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
+        )
+        self._law(*self._places)
+        output: Output = _new(Output, _unpack_output(self._out))
+        return output
+
+
+class _PythonRun(Run):
+    """The same for a step in Python."""
+
+    __slots__ = ("_parameters", "_state", "_step")
+
+    def __init__(self, step: Any, parameters: Any, state: Any) -> None:
+        self._step, self._parameters, self._state = step, parameters, state
+
+    @property
+    def state(self) -> Any:
+        return self._state
+
+    def step(self, reading: float, fresh: bool = True, age: float = 0.0, **rest: float) -> Output:
+        output: Output
+        self._state, output = self._step(self._parameters, self._state, Sample(reading, fresh, age, **rest))
+        return output

@@ -1,6 +1,6 @@
 """The loop as it will really run: sensor chain, controller at its own rate, plant, contact; and when it is stable."""
 
-from .chain import SensorChain, chain_of_fit
+from .chain import LoopTiming, SensorChain, chain_of_fit, timing_of
 from .closed_loop import ClosedLoop
 from .contact import ContactModel, HuntCrossley, SpringDamper
 from .loop import simulate
@@ -8,7 +8,6 @@ from .parts import PARTS, SensorPart, sensor_part
 from .plant import IdealPlant, ImpedancePlant, PlantModel, PositionPlant
 from .result import LoopTrace, SimulationResult
 from .stability import DampingLimit, GainLimit, gain_limit, largest_damping, lowest_rate
-from .timing import LoopTiming, timing_of
 
 __all__ = [
     "PARTS",

@@ -1,15 +1,26 @@
-"""The sensor chain: what lies between the distance and the number that the controller is handed, and when it comes."""
+"""The sensor chain: what lies between the distance and the number that the controller is handed, and when it comes.
+
+When a loop samples, when its force acts and for how long is all that its stability depends on beside the motion.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
+from pretouch._core.blocks import Cell, Measured
 from pretouch._core.declared import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.units import format_quantity
 from pretouch.calibration import SensorFit
+from pretouch.control import Controller
+from pretouch.control.parts import design_low_pass, output_in_words
 
-__all__ = ["SensorChain", "chain_of_fit"]
+__all__ = ["LoopTiming", "SensorChain", "chain_of_fit", "timing_of"]
+
+Row = tuple[str, Cell]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,10 +59,6 @@ class SensorChain:
             into xi by the sensor curve. Exposure, noise and resolution of the distance then come before xi.
         distance_noise: standard deviation of such a distance [m].
         distance_resolution: step of such distances [m]; 0 for none.
-
-    Examples:
-        >>> SensorChain(rate=100.0, exposure=0.002, delay=0.001).latency
-        0.002
     """
 
     rate: float = quantity("Hz", sign="positive", example='"1 kHz"')
@@ -77,9 +84,6 @@ class SensorChain:
 
     def __post_init__(self) -> None:
         check_declared(self)
-        self._check_together()
-
-    def _check_together(self) -> None:
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
                 f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
@@ -115,17 +119,42 @@ class SensorChain:
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the chain as the loop takes it: the fields of pretouch_chain in native/core/pretouch.h.
-
-        Returns:
-            Numbers; truth values are 0 or 1.
-        """
+        """Return the fields of pretouch_chain in native/core/pretouch.h; truth values are 0 or 1."""
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
             *(float(bool(self.reports_distance)), self.distance_noise, self.distance_resolution),
             *(float(bool(self.random_phase)), self.misfit, self.misfit_length),
         )
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what a page says of the chain: its parameters, those that are zero and need not be left out."""
+        yield "readings", f"{format_quantity(self.rate, 'Hz')}, one every {format_quantity(self.period, 's')}"
+        start = f"after {format_quantity(self.phase, 's')} in every run"
+        yield "first exposure", "at another instant of the period in each run" if self.random_phase else start
+        yield "exposure", Measured(self.exposure, "s")
+        yield "delay after the exposure", Measured(self.delay, "s")
+        yield "age of a new reading", f"{format_quantity(self.latency, 's')}, from the middle of its exposure"
+        if self.reports_distance:
+            yield "reports", "a distance, which its driver turns into \u03be by the curve"
+            yield "noise of the distance", Measured(self.distance_noise, "m")
+            yield "step of the distance", Measured(self.distance_resolution, "m")
+        yield "noise without a signal", output_in_words(self.noise)
+        yield "noise relative to \u03be", _percent(self.relative_noise)
+        if self.misfit:
+            alike = f"alike over {format_quantity(self.misfit_length, 'm')} of distance"
+            yield "misfit of the curve relative to \u03be", f"{_percent(self.misfit)}, another in each run, {alike}"
+        for label, value in (("ambient offset", self.offset), ("crosstalk", self.crosstalk), ("step", self.resolution)):
+            if value:
+                yield label, output_in_words(value)
+        if self.drift:
+            yield "drift", f"{self.drift:.4g} [unit of \u03be per s]"
+        if math.isfinite(self.lowest) or math.isfinite(self.highest):
+            yield "clips", f"below {self.lowest:.6g} and above {output_in_words(self.highest)}"
+        if self.jitter:
+            yield "jitter of an exposure", Measured(self.jitter, "s")
+        if self.dropout:
+            yield "readings that are missing", _percent(self.dropout)
 
 
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
@@ -153,3 +182,105 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
         resolution=fit.noise.resolution,
         highest=math.inf if saturation is None else saturation,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopTiming:
+    """The timing of a sampled loop: a reading per period, and a force that follows it after a delay.
+
+    Args:
+        rate: readings per second 1/T > 0 [Hz].
+        delay: from the middle of an exposure until its force begins to act, tau >= 0 [s]: half of the exposure,
+            processing, transfer, and waiting for the controller's next step. A median over N readings adds
+            (N - 1) / 2 periods.
+        hold: for how long the force of one difference acts [s]; one period where not given. The impulse
+            D_p (ln xi_k - ln xi_k-1) is the same for any: a force that acts for a shorter time is larger.
+        exposure: over which time a reading averages [s], at most one period.
+        sections: second-order sections of a digital filter that runs at `rate`, as SciPy gives them, one tuple of six
+            numbers each; none by default.
+    """
+
+    rate: float = quantity("Hz", sign="positive")
+    delay: float = quantity("s", 0.0, sign="nonnegative")
+    hold: float | None = quantity("s", None, sign="positive")
+    exposure: float = quantity("s", 0.0, sign="nonnegative")
+    sections: Any = ()
+
+    def __post_init__(self) -> None:
+        check_declared(self)
+        object.__setattr__(self, "sections", _sections(self.sections))
+        if self.exposure > self.period * (1 + 1e-9):
+            raise InvalidInputError(
+                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
+            )
+        if self.delay < self.exposure / 2 * (1 - 1e-9):
+            raise InvalidInputError(
+                f"delay: found {self.delay:g} s, less than half of the exposure of {self.exposure:g} s: it counts from "
+                "the middle of the exposure"
+            )
+
+    @property
+    def period(self) -> float:
+        """The time between two readings T [s]."""
+        return 1.0 / self.rate
+
+    @property
+    def holding(self) -> float:
+        """For how long the force of one difference acts [s]."""
+        return self.period if self.hold is None else self.hold
+
+
+def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
+    """Tell when a loop of this chain and this controller samples and acts.
+
+    A reading that is ready waits for the next step of the controller; the force of a difference acts for the sensor
+    period that the controller was told. A median over N readings counts as a delay of (N - 1) / 2 periods, which it is
+    for every signal that only rises.
+
+    Args:
+        chain: the sensor chain; its jitter, noise and dropouts are left out.
+        controller: the controller; its limits and what its law does beside the gain are left out.
+
+    Returns:
+        The timing, with the Butterworth filter of the controller.
+
+    Examples:
+        >>> from pretouch.control import Conditioning, VirtualAdmittance, VirtualDamper
+        >>> controller = Controller(
+        ...     period=1e-3,
+        ...     conditioning=Conditioning(sensor_period=0.01, floor=1e-3, median_window=3),
+        ...     law=VirtualDamper(gain=-0.7),
+        ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ... )
+        >>> timing = timing_of(SensorChain(rate=100.0, exposure=0.002, delay=0.0015), controller)
+        >>> round(timing.delay, 6)  # 1 ms of exposure, 1.5 ms, 0.5 ms until the next step, one period of 10 ms
+        0.013
+    """
+    conditioning, period = controller.conditioning, controller.period
+    ready = chain.phase + chain.exposure + chain.delay
+    ratio = chain.period / period
+    together = ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6 and not chain.random_phase
+    # where the two clocks have no common beat, a reading waits for half a step on average
+    waiting = math.ceil(ready / period - 1e-9) * period - ready if together else period / 2
+    median = (conditioning.median_window - 1) / 2 * chain.period
+    designed = design_low_pass(conditioning.low_pass_order, conditioning.cutoff, chain.rate)
+    hold = period if conditioning.sensor_period is None else conditioning.sensor_period
+    return LoopTiming(
+        rate=chain.rate,
+        delay=chain.latency + max(waiting, 0.0) + median,
+        hold=hold,
+        exposure=chain.exposure,
+        sections=[(s.b0, s.b1, s.b2, 1.0, s.a1, s.a2) for s in designed],
+    )
+
+
+def _sections(given: Any) -> tuple[tuple[float, ...], ...]:
+    rows = tuple(tuple(map(float, row)) for row in given)
+    for row in rows:
+        if len(row) != 6 or not all(map(math.isfinite, row)) or row[3] == 0:
+            raise InvalidInputError(f"sections: found the row {row}, expected b0, b1, b2, a0, a1, a2 with a0 not 0")
+    return tuple(tuple(v / row[3] for v in row) for row in rows)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.4g} %"

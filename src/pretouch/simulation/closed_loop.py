@@ -11,22 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.numbers import FloatArray, IntArray, finite
 from pretouch._core.values import Value
 from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
-from .asked import Loop
-from .chain import SensorChain
+from .chain import SensorChain, timing_of
 from .contact import ContactModel
-from .law import TunableLaw
-from .layout import RESULT_COLUMNS
+from .law import SampledLaw, TunableLaw
+from .native_loop import RESULT_COLUMNS, Loop, run_loop
 from .plant import IdealPlant, PlantModel
-from .result import SimulationResult
-from .running import FOLLOW, HORIZON, check_loop, result_of, run_loop, runs_of, whole
+from .result import SimulationResult, result_of
+from .size import FOLLOW, HORIZON, check_loop, runs_of, whole
 from .stability import GainLimit, gain_limit, passed_distances
-from .timing import timing_of
 
 __all__ = ["ClosedLoop"]
 
@@ -38,7 +36,8 @@ class ClosedLoop:
     """A sampled loop, all but the encounter and the gain: sensor chain, law, robot and contact.
 
     Called with a scenario, a sensor and gains it solves encounters as `find_contact` does, so that `design_gain` and
-    `design_robust_gain` take it as their `evaluate`.
+    `design_robust_gain` take it as their `evaluate`. With the law and the chain of the example of `simulate`,
+    `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` is what `simulate` returns.
 
     Args:
         law: the controller; its gain is replaced by whichever is tried.
@@ -49,29 +48,6 @@ class ClosedLoop:
         first_run: which run's noise the first encounter meets; the others meet those that follow.
         horizon: how long to wait for contact [s].
         follow: how long to go on after the first contact [s].
-
-    Examples:
-        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import InversePower
-        >>> loop = ClosedLoop(
-        ...     law=Controller(
-        ...         period=1e-3,
-        ...         conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
-        ...         law=VirtualDamper(gain=0.0),
-        ...         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     ),
-        ...     chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6),
-        ... )
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
-        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> round(loop.run(scenario, sensor, -0.7).relative_velocity, 3)  # -0.0815 in continuous time
-        -0.082
-        >>> loop(scenario, sensor, [-0.7, -1.0]).contact.relative_velocity.round(3)
-        array([-0.082, -0.069])
     """
 
     law: TunableLaw
@@ -104,37 +80,21 @@ class ClosedLoop:
         return self._until_contact(scenario, (sensor,), gain)
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> ContactResult:
-        """Run encounters until contact, each with a sensor curve of its own.
-
-        Args:
-            scenario: the encounters, of a shape that broadcasts with (n,).
-            sensors: the curves of the encounters along the last axis, n of them.
-            gain: D_p [N s], broadcast with the encounters.
-
-        Returns:
-            What calling the loop returns; the i-th encounter meets the noise of run `first_run` + i.
-        """
+        """Run encounters until contact, those along the last axis with n curves of their own; see `__call__`."""
         return self._until_contact(scenario, tuple(sensors), gain, each=True)
 
     def _until_contact(
         self, scenario: Scenario, sensors: tuple[SensorModel, ...], gain: ArrayLike, *, each: bool = False
     ) -> ContactResult:
         self._check_admittance(scenario)
-        loop = replace(self._loop(scenario, sensors, gain, None, each=each), follow=0.0)
+        loop = replace(self.encounters(scenario, sensors, gain, None, each=each), follow=0.0)
         out, *_ = run_loop(loop, np.arange(math.prod(loop.shape)), touches=1)
         columns = {name: out[:, i].reshape(loop.shape) for i, name in enumerate(RESULT_COLUMNS)}
         columns["gain"] = np.array(np.broadcast_to(np.asarray(gain, dtype=np.float64), loop.shape))
         return ContactResult(_LoopColumns(columns), "loop")
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return the same loop, whose first encounter meets the noise of a later run.
-
-        Args:
-            runs: how many runs later.
-
-        Returns:
-            The loop.
-        """
+        """Return the same loop, whose first encounter meets the noise of so many runs later."""
         return replace(self, first_run=self.first_run + runs)
 
     def run(
@@ -151,27 +111,14 @@ class ClosedLoop:
         Returns:
             What `simulate` returns.
         """
-        return result_of(self._loop(scenario, (sensor,), gain, runs))
+        return result_of(self.encounters(scenario, (sensor,), gain, runs))
 
     def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
-        """Run encounters, each with a sensor curve of its own.
-
-        Args:
-            scenario: the encounters, of a shape that broadcasts with (n,).
-            sensors: the curves of the encounters along the last axis, n of them.
-            gain: D_p [N s], broadcast with the encounters.
-
-        Returns:
-            What `simulate` returns; the i-th encounter meets the noise of run `first_run` + i.
-        """
-        return result_of(self._loop(scenario, tuple(sensors), gain, None, each=True))
+        """Run encounters, those along the last axis with n curves of their own; see `run`."""
+        return result_of(self.encounters(scenario, tuple(sensors), gain, None, each=True))
 
     def stability_limit(self, scenario: Scenario, sensor: SensorModel) -> GainLimit:
-        """Find the strongest gain that is stable at all distances that an encounter passes, from its start to contact.
-
-        Args:
-            scenario: the encounter.
-            sensor: the sensor curve.
+        """Find the strongest gain that is stable at all distances from the start of an encounter to its contact.
 
         Returns:
             The limit; some milliseconds of work.
@@ -195,20 +142,7 @@ class ClosedLoop:
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Cut bounds of the gain so that it keeps a margin to instability.
-
-        Args:
-            bounds: gains D_p [N s].
-            scenario: the encounter.
-            sensor: the sensor curve.
-            margin: by how much the gain must be able to grow until the loop is unstable.
-
-        Returns:
-            The bounds [N s].
-
-        Raises:
-            InvalidInputError: nothing is left of them.
-        """
+        """Cut bounds of the gain [N s] so that it can grow by a factor until the loop is unstable; refuse none left."""
         strongest = self.stability_limit(scenario, sensor).strongest / margin
         low, high = max(bounds[0], strongest), min(bounds[1], -strongest)
         if not low < high:
@@ -219,17 +153,17 @@ class ClosedLoop:
             )
         return low, high
 
-    def _loop(
+    def encounters(
         self,
         scenario: Scenario,
         sensors: tuple[SensorModel, ...],
-        gain: ArrayLike,
+        gain: ArrayLike | None,
         runs: int | None,
         *,
         each: bool = False,
     ) -> Loop:
-        """Put together the loop of some encounters, with one sensor or with one for each along the last axis."""
-        gains = np.asarray(finite(gain, "gain", "N*s"))
+        """Put encounters together, of one sensor or one for each along the last axis; no gain: that of the law."""
+        gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "N*s"))
         try:
             several = np.broadcast_shapes(scenario.shape, (len(sensors),)) if each else scenario.shape
             shape = np.broadcast_shapes(several, gains.shape)
@@ -240,16 +174,16 @@ class ClosedLoop:
         apart = (1,) * (len(shape) - len(several))  # between the axis of the runs and those of the scenario
         noise = np.arange(math.prod((*first, *several))).reshape((*first, *apart, *several))
         shape = (*first, *shape)
-        every, law_of = np.unique(gains, return_inverse=True)
-        law_of = law_of.reshape(gains.shape)
+        every = np.zeros(shape, dtype=np.int64)
+        laws, law_of = self._laws(gains) if gain is not None else ((self.law,), 0)
         return check_loop(
             Loop(
                 scenario=scenario,
                 sensors=sensors,
-                sensor_of=np.broadcast_to(np.arange(len(sensors)) if each else 0, shape),
-                laws=tuple(self.law.with_gain(float(g)) for g in every),
-                law_of=np.broadcast_to(law_of, shape),
-                noise_of=self.first_run + np.broadcast_to(noise, shape),
+                sensor_of=every + (np.arange(len(sensors)) if each else 0),
+                laws=laws,
+                law_of=every + law_of,
+                noise_of=every + noise + self.first_run,
                 chain=self.chain,
                 plant=self.plant,
                 contact=self.contact,
@@ -259,6 +193,11 @@ class ClosedLoop:
                 shape=shape,
             )
         )
+
+    def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
+        """Return a law for every gain that there is, and which of them each has."""
+        every, law_of = np.unique(gains, return_inverse=True)
+        return tuple(self.law.with_gain(float(g)) for g in every), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
         """Refuse an encounter that speaks of another admittance than the law has, as far as the law tells its own."""

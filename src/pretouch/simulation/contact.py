@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pretouch._core.blocks import Cell, Measured
+from pretouch._core.blocks import Measured
 from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 
-__all__ = ["ContactModel", "HuntCrossley", "SpringDamper"]
+from .plant import Row
 
-Row = tuple[str, Cell]
+__all__ = ["ContactModel", "HuntCrossley", "SpringDamper"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,10 +67,6 @@ class HuntCrossley(ContactModel):
         stiffness: k > 0 [N/m^n].
         dissipation: a >= 0 [s/m]; 0 for an elastic contact.
         exponent: n >= 1; 3/2 for a sphere, after Hertz.
-
-    Examples:
-        >>> HuntCrossley(stiffness=1e6, dissipation=1.5).exponent
-        1.5
     """
 
     kind: ClassVar[str] = "hunt-crossley"
@@ -107,10 +103,6 @@ class SpringDamper(ContactModel):
         obstacle_mass: mass of the obstacle [kg]; infinite where it is driven.
         stiffness: k > 0 [N/m].
         damping: c >= 0 [N s/m].
-
-    Examples:
-        >>> SpringDamper(stiffness=1e4).damping
-        0.0
     """
 
     kind: ClassVar[str] = "spring-damper"

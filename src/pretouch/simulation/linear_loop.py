@@ -1,27 +1,44 @@
-"""The loop at one distance, linear and exactly discretized: what a reading makes of all forces before it.
+"""The loop at one distance, linear and exactly discretized, and where it leaves stability.
 
 Near a distance l, ln xi changes by g dx, and the force of two readings is -(d / h) (y_k - y_k-1) with d = D_p g the
 damping that the virtual force amounts to and h the time for which it acts. All else is linear and time-invariant, so
 that what one force does to all later readings follows from matrix exponentials: no step is approximated.
+
+The eigenvalues of the closed loop solve 1 + d P(z) = 0. At d = 0 they are those of the plant's own motion, of the
+filter and of the delay. One that lies on the circle there, an undamped oscillation, moves in or out as soon as d > 0.
+Any other can reach the circle only where P(exp(i omega T)) is real and negative, with d = -1 / P; its modulus then
+changes with d as P^2 Im(dP/domega) / |dP/domega|^2, so that it leaves where the imaginary part of P rises.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray
 
-from .timing import LoopTiming
+from .chain import LoopTiming
 
-__all__ = ["ComplexArray", "LinearLoop", "linear_loop"]
+__all__ = ["LinearLoop", "first_crossover", "linear_loop", "spectral_radius", "zero_between"]
 
-ComplexArray: TypeAlias = NDArray[np.complex128]
+_Complex: TypeAlias = NDArray[np.complex128]
 _TERMS: Final = 18  # of an exponential: the next is 1/19! of it, below rounding
+_ROUNDING: Final = 4 * 2.0**-52
+_LOWEST: Final = 1e-6  # of omega T, without a delay: a crossover below is none within 10^6 periods
+_TURN: Final = 0.2  # rad between two neighbors: a phase that turns less cannot cross unseen
+_POINTS: Final = 20_000
+_SILENT: Final = 1e-12  # of the largest response: below, as where a low-pass has its zeros, the phase is rounding
+_UNDAMPED: Final = 1e-12  # of the fastest mode of the plant: what its eigenvalues are off by rounding
+_BESIDE: Final = 1e-7  # of the angle of an undamped mode, around which P is beyond all bounds
+_NUDGE: Final = 1e-6  # of an eigenvalue: its second order is 1e-12, above rounding
+_FLAT: Final = 1e-9  # of P: an imaginary part below is rounding
+_DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,16 +61,12 @@ class LinearLoop:
     lag: int
     pushes: FloatArray
     feedthrough: FloatArray
-    modes: ComplexArray
+    modes: _Complex
 
-    def response(self, angle: ComplexArray | FloatArray) -> ComplexArray:
-        """Return P(z), from the damping's force to what it reads.
+    def response(self, angle: _Complex | FloatArray) -> _Complex:
+        """Return P(exp(i omega T)) [m/(N s)], from the damping's force to what it reads, at angles omega T, shape (k,).
 
-        Args:
-            angle: omega T, real in (0, pi] on the unit circle, complex beside it, shape (k,).
-
-        Returns:
-            P(exp(i omega T)) [m/(N s)], complex, shape (k,): the loop has the eigenvalue z where 1 + d P(z) = 0.
+        They are real in (0, pi] on the unit circle, complex beside it. Where 1 + d P(z) = 0, z is an eigenvalue.
         """
         z = np.exp(1j * np.asarray(angle))
         delays = np.exp(-1j * np.asarray(angle)[:, None] * (self.lag + np.arange(len(self.feedthrough))))
@@ -67,14 +80,9 @@ class LinearLoop:
         return np.asarray(difference * out / self.timing.holding, dtype=np.complex128)
 
     def closed(self, damping: float) -> FloatArray:
-        """Return what one period makes of the closed loop's state, for its eigenvalues.
+        """Return the matrix by which a period changes the closed loop's state at the damping d [N s/m].
 
-        Args:
-            damping: d = D_p g [N s/m].
-
-        Returns:
-            The matrix; its state is that of the plant, the forces that still act, the last filtered reading and the
-            states of the filter.
+        The state is that of the plant, the forces that still act, the last filtered reading and the filter's states.
         """
         n, later = len(self.reading), np.zeros((self.lag, len(self.reading) + 1))
         effects = np.vstack([later, np.column_stack([self.pushes, self.feedthrough])])
@@ -101,17 +109,7 @@ class LinearLoop:
 
 
 def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
-    """Discretize a plant exactly: x' = A x + B F, read as C x.
-
-    Args:
-        system: A, shape (n, n).
-        push: B, shape (n,).
-        output: C, shape (n,).
-        timing: when the loop samples and acts.
-
-    Returns:
-        The loop, open at the damping.
-    """
+    """Discretize a plant exactly, open at the damping: x' = A x + B F, read as C x, for B and C of shape (n,)."""
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
     block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push
@@ -159,3 +157,169 @@ def _exponentials(matrices: FloatArray) -> FloatArray:
         left = halvings > i
         found[left] = 2 * found[left] + found[left] @ found[left]
     return np.asarray(found + unit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crossover:
+    """An eigenvalue that leaves the unit circle.
+
+    Args:
+        angle: omega T of the oscillation.
+        damping: d there [N s/m]; 0 where the loop is unstable with any damping, however weak.
+        growth: ln |z| of an eigenvalue that is outside right after a damping of 0; NaN for any other.
+    """
+
+    angle: float
+    damping: float
+    growth: float = math.nan
+
+
+def first_crossover(loop: LinearLoop) -> Crossover | None:
+    """Find the smallest damping with which the loop is no longer stable; None where none makes it unstable."""
+    fastest = float(np.abs(loop.modes).max())
+    for mode in loop.modes[loop.modes.real > _UNDAMPED * fastest]:
+        return Crossover(angle=_folded(mode), damping=0.0, growth=float(mode.real))
+    undamped = loop.modes[(np.abs(loop.modes.real) <= _UNDAMPED * fastest) & (loop.modes.imag > 0)]
+    poles = sorted({_folded(mode) for mode in undamped} - {0.0})
+    for pole in poles:
+        growth = _departure(loop, pole)
+        if growth > 0:
+            return Crossover(angle=pole, damping=0.0, growth=growth)
+    angle, response = _resolved(loop, poles)
+    found = _departures(loop, angle, response, poles)
+    values = loop.response(np.array(found)).real
+    pairs = [(-1 / float(v), w) for w, v in zip(found, values, strict=True) if v < 0]
+    return Crossover(damping=min(pairs)[0], angle=min(pairs)[1]) if pairs else None
+
+
+def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, beside: float) -> float:
+    """Return the largest modulus of the eigenvalues at a damping d [N s/m], without that of a position that is free.
+
+    Where forces act beyond 300 periods after their readings the matrix is too large: then it is the modulus of the one
+    eigenvalue beside the crossover at the angle that is given, NaN without one.
+    """
+    if loop.remembered > _DENSE:
+        return math.nan if math.isnan(beside) else _moved(loop, beside, damping)
+    values = np.linalg.eigvals(loop.closed(damping))
+    if free:
+        values = np.delete(values, np.argmin(np.abs(values - 1)))
+    return float(np.abs(values).max())
+
+
+def _folded(mode: complex) -> float:
+    """Return the angle in [0, pi] at which readings see a mode."""
+    return abs(math.remainder(mode.imag, 2 * math.pi))
+
+
+def _departure(loop: LinearLoop, pole: float) -> float:
+    """Return ln |z| of the eigenvalue that leaves an undamped mode z_0 of the plant, for a damping that moves it 1e-6.
+
+    With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 - d Q(e).
+    """
+
+    def weight(e: complex) -> complex:
+        return complex((cmath.exp(1j * e) - 1) * loop.response(np.array([pole + e]))[0])
+
+    nudge = _NUDGE * min(pole, math.pi - pole or math.pi)  # small beside the way to the conjugate mode
+    first = weight(nudge)
+    if abs(first) < 0.5 * abs(weight(100 * nudge)):  # it falls with e: no pole, but a mode that no reading sees
+        return 0.0
+    e, damping = complex(nudge), nudge / abs(first)
+    for _ in range(3):  # each gains six digits
+        e = -1j * cmath.log(1 - damping * weight(e))
+    return -e.imag
+
+
+def _moved(loop: LinearLoop, angle: float, damping: float) -> float:
+    """Return the modulus of the eigenvalue beside exp(i angle), for a damping beside that of its crossover: Newton."""
+    at, step = complex(angle), 1e-6 * angle
+    with np.errstate(all="ignore"):  # where two eigenvalues meet, Newton's steps go anywhere
+        for _ in range(5):
+            before, here, after = loop.response(np.array([at - step, at, at + step]))
+            at -= complex((here + 1 / damping) * 2 * step / (after - before))
+        return float(np.exp(-at.imag))
+
+
+def _departures(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
+    """Return the angles at which the imaginary part of P rises through 0, those of the smallest dampings at least."""
+    rising = _changes(response) & np.signbit(response.imag[:-1]) & ~_holds_any(angle, poles) & _heard(response)
+    # at pi P is real, and with a double eigenvalue it is flat there: the sign is that of the last angle with any
+    certain = response.imag[np.abs(response.imag) > _FLAT * np.abs(response)]
+    found = [math.pi] if math.pi not in poles and (not len(certain) or certain[-1] < 0) else []
+    for i in np.flatnonzero(rising & (angle[1:] < math.pi)):
+        # the signs at both ends are those of the scan: computed one by one they may differ by rounding
+        below, above = ((float(angle[j]), float(response[j].imag)) for j in (i, i + 1))
+        found.append(
+            zero_between(lambda w: float(loop.response(np.array([w]))[0].imag), below, above, 1e-14 * below[0])
+        )
+    return found
+
+
+def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
+    """Return angles from nearly 0 to pi between which the phase of P turns little, and P there.
+
+    Where P is too small for the smallest damping there is nothing to resolve.
+    """
+    lowest = _LOWEST / (1 + loop.remembered)
+    angle = np.unique([*np.geomspace(lowest, math.pi, 400), *np.linspace(0, math.pi, 400)[1:], math.pi * (1 - _BESIDE)])
+    for pole in poles:
+        beside = [w for w in (pole * (1 - _BESIDE), pole * (1 + _BESIDE)) if w <= math.pi]
+        angle = np.unique([*angle[np.abs(angle - pole) > _BESIDE * pole], *beside])
+    response = loop.response(angle)
+    while len(angle) < _POINTS:
+        turn = np.abs(np.angle(response[1:] / response[:-1]))
+        wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:]) & _heard(response) & ~_holds_any(angle, poles)
+        if not wide.any():
+            break
+        between = (angle[:-1] + angle[1:])[wide] / 2
+        order = np.argsort(np.concatenate([angle, between]), kind="stable")
+        response = np.concatenate([response, loop.response(between)])[order]
+        angle = np.concatenate([angle, between])[order]
+    return angle, response
+
+
+def _changes(response: _Complex) -> BoolArray:
+    """Tell between which neighbors the imaginary part changes its sign."""
+    return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
+
+
+def _heard(response: _Complex) -> BoolArray:
+    """Tell between which neighbors P may be as large as at the crossover of the smallest damping."""
+    size = np.abs(response)
+    left = _changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
+    largest = np.minimum(size[1:], size[:-1])[left].max(initial=0.0)
+    return np.asarray(np.maximum(size[1:], size[:-1]) > max(0.5 * largest, _SILENT * size.max()))
+
+
+def _holds_any(angle: FloatArray, poles: list[float]) -> BoolArray:
+    """Tell between which neighbors an undamped mode lies, across which P changes its sign without a crossover."""
+    held = np.zeros(len(angle) - 1, dtype=bool)
+    for pole in poles:
+        held |= (angle[:-1] < pole) & (pole <= angle[1:])
+    return held
+
+
+def zero_between(
+    function: Callable[[float], float], one: tuple[float, float], other: tuple[float, float], tolerance: float
+) -> float:
+    """Find a zero to a tolerance between two places, given with their values of unlike signs; the function may jump."""
+    # by the inverse parabola through three, or halving where that may mislead; SciPy's brentq takes 0.1 s to load:
+    # T. R. Chandrupatla, Advances in Engineering Software 28 (1997) 145
+    (b, at_b), (a, at_a), part = one, other, 0.5
+    while True:
+        x = a + part * (b - a)
+        value = function(x)
+        c, at_c = a, at_a
+        if (value > 0) != (at_a > 0):
+            b, at_b, c, at_c = a, at_a, b, at_b
+        a, at_a = x, value
+        best, least = (a, at_a) if abs(at_a) < abs(at_b) else (b, at_b)
+        near = (tolerance + _ROUNDING * abs(best)) / abs(b - a)
+        if near > 0.5 or least == 0:
+            return best
+        along, up = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
+        part = 0.5
+        if up**2 < along and (1 - up) ** 2 < 1 - along:
+            part = at_a / (at_b - at_a) * at_c / (at_b - at_c)
+            part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
+        part = min(max(part, near), 1 - near)

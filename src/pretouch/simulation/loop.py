@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
+from typing import cast
 
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
-from .asked import Loop
 from .chain import SensorChain
+from .closed_loop import ClosedLoop
 from .contact import ContactModel
-from .law import SampledLaw
+from .law import SampledLaw, TunableLaw
 from .plant import IdealPlant, PlantModel
-from .result import SimulationResult
-from .running import FOLLOW, HORIZON, check_loop, result_of, runs_of
+from .result import SimulationResult, result_of
+from .size import FOLLOW, HORIZON
 
 __all__ = ["simulate"]
 
@@ -70,24 +68,10 @@ def simulate(
         ...     law=VirtualDamper(gain=-0.7),
         ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
         ... )
-        >>> run = simulate(scenario, sensor, law)
-        >>> round(run.relative_velocity, 3)  # -0.0815 in continuous time
+        >>> round(simulate(scenario, sensor, law).relative_velocity, 3)  # -0.0815 in continuous time
         -0.082
     """
-    shape = scenario.shape if runs is None else (runs_of(runs), *scenario.shape)
-    loop = Loop(
-        scenario=scenario,
-        sensors=(sensor,),
-        sensor_of=np.zeros(shape, dtype=np.int64),
-        laws=(law,),
-        law_of=np.zeros(shape, dtype=np.int64),
-        noise_of=np.arange(math.prod(shape)).reshape(shape),
-        chain=chain or SensorChain(rate=1 / law.period),
-        plant=plant or IdealPlant(),
-        contact=contact,
-        horizon=horizon,
-        follow=follow,
-        seed=seed,
-        shape=shape,
-    )
-    return result_of(check_loop(loop))
+    chain, plant = chain or SensorChain(rate=1 / law.period), plant or IdealPlant()
+    own = cast("TunableLaw", law)  # its gain is what it has
+    loop = ClosedLoop(law=own, chain=chain, plant=plant, contact=contact, seed=seed, horizon=horizon, follow=follow)
+    return result_of(loop.encounters(scenario, (sensor,), None, runs))

@@ -22,14 +22,14 @@ from pretouch._core.extras import require
 from pretouch._core.numbers import FloatArray, nonnegative, positive
 from pretouch._core.values import Value
 from pretouch.control import Sample
-from pretouch.control.steps import as_step
+from pretouch.control.laws import as_step
 from pretouch.motion import ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
 from .contact import ContactModel, SpringDamper
 from .law import SampledLaw
 from .plant import PlantModel
-from .running import FOLLOW, HORIZON
+from .size import FOLLOW, HORIZON
 
 __all__ = ["WitnessResult", "WitnessTrace", "witness_encounter"]
 
@@ -151,26 +151,6 @@ def witness_encounter(
 
     Raises:
         InvalidInputError: no single encounter, a plant without mass, another contact, or a step that is too long.
-
-    Examples:
-        >>> import pretouch as pt
-        >>> virtual = {"mass": 1.0, "damping": 10.0, "stiffness": 25.0}
-        >>> approaching = pt.Obstacle(position=0.0422, velocity=-0.3)
-        >>> law = pt.control.Controller(
-        ...     period=1e-3,
-        ...     conditioning=pt.control.Conditioning(floor=1e-3),
-        ...     law=pt.control.VirtualDamper(gain=-0.7),
-        ...     admittance=pt.control.VirtualAdmittance(**virtual),
-        ... )
-        >>> found = witness_encounter(
-        ...     pt.Scenario(admittance=pt.Admittance(**virtual), obstacle=approaching),
-        ...     pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
-        ...     law,
-        ...     plant=pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
-        ...     contact=pt.simulation.SpringDamper(stiffness=3e4, damping=30.0, obstacle_mass=1.0),
-        ... )
-        >>> round(found.relative_velocity, 3)
-        -0.082
     """
     coefficients = plant.coefficients()
     if scenario.shape:
@@ -179,19 +159,24 @@ def witness_encounter(
         raise InvalidInputError("plant: an ideal plant has no mass; choose an ImpedancePlant or a PositionPlant")
     if not isinstance(contact, SpringDamper):
         raise InvalidInputError(f"contact: found {type(contact).__name__}, expected a SpringDamper, as MuJoCo has")
+    step = positive(time_step, "time_step", "s")
+    parts = round(law.period / step)
+    if parts < 1 or abs(law.period / step - parts) > 1e-9 * parts:
+        raise InvalidInputError(
+            f"time_step: found {step:g} s, of which no whole number makes the law's period of {law.period:g} s"
+        )
     slides = _Slides(
         scenario=scenario,
         law=law,
         drive=coefficients,
         contact=contact,
         reading=_reading_of(sensor),
-        parts=_parts(law.period, positive(time_step, "time_step", "s")),
+        parts=parts,
         horizon=positive(horizon, "horizon", "s"),
         follow=nonnegative(follow, "follow", "s"),
     )
     _check_step(slides)
-    rows, warned = _run(slides)
-    return _result(rows, slides, warned=warned)
+    return _result(*_run(slides), slides)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,15 +215,6 @@ class _Slides:
         return _MODEL.format(step=self.step, stiffness=spring, damping=damper, impedance=_IMPEDANCE, **masses)
 
 
-def _parts(period: float, step: float) -> int:
-    parts = round(period / step)
-    if parts < 1 or abs(period / step - parts) > 1e-9 * parts:
-        raise InvalidInputError(
-            f"time_step: found {step:g} s, of which no whole number makes the law's period of {period:g} s"
-        )
-    return parts
-
-
 def _check_step(slides: _Slides) -> None:
     mass, stiffness, _, damping, _, servo, coulomb, speed = slides.drive
     contact, reduced = slides.contact, slides.reduced_mass
@@ -257,7 +233,7 @@ def _reading_of(sensor: SensorModel) -> Callable[[float], float]:
     return lambda distance: 0.0 if distance > high else math.exp(float(sensor.log_output(max(distance, low))))
 
 
-def _result(rows: FloatArray, slides: _Slides, *, warned: bool) -> WitnessResult:
+def _result(rows: FloatArray, warned: bool, slides: _Slides) -> WitnessResult:
     trace = WitnessTrace(**{f.name: np.ascontiguousarray(c) for f, c in zip(fields(WitnessTrace), rows.T, strict=True)})
     distance, force = trace.distance, trace.contact_force
     closing = trace.obstacle_velocity - trace.velocity

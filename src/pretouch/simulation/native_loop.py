@@ -1,4 +1,4 @@
-"""The loop in C++ (native/core/loop*.cpp): structures of native/core/pretouch.h, and the laws that it steps.
+"""The loop in C++ (native/core/loop*.cpp): structures of native/core/pretouch.h, and the encounters that it runs.
 
 A law that is compiled is called by its address. For a law in Python the loop calls back, which costs some microseconds
 a step; what such a law raises ends its runs and is raised here.
@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from ctypes import byref
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -20,19 +19,69 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.structures import Structure, location, numbers
+from pretouch._core.values import Value
 from pretouch.control import CompiledStep, Output, Sample
+from pretouch.control.laws import as_step
 from pretouch.control.structures import RawOutput, RawSample
+from pretouch.motion import Scenario
+from pretouch.motion.parallel import for_stretches
+from pretouch.sensors import SensorModel
+from pretouch.sensors.kept import kept_by_curve
 
-from .layout import CONTACT_COLUMNS, COURSE_COLUMNS, RESULT_COLUMNS, TRACE_COLUMNS
-from .plant import COEFFICIENTS
+from .chain import SensorChain
+from .contact import ContactModel
+from .law import SampledLaw
+from .plant import COEFFICIENTS, PlantModel, plant_step
 
-__all__ = ["Laws", "Runs", "contact_step"]
+__all__ = [
+    "CONTACT_COLUMNS",
+    "CONTACT_NUMBERS",
+    "COURSE_COLUMNS",
+    "FIRST_CONTACT",
+    "RESULT_COLUMNS",
+    "TOUCHES",
+    "TRACE_COLUMNS",
+    "Loop",
+    "contact_step",
+    "run_loop",
+]
+
+RESULT_COLUMNS: Final = (
+    *("status", "time", "position", "velocity", "displacement", "relative_velocity", "closest_distance"),
+    *("largest_excursion", "largest_travel", "largest_speed", "largest_virtual_force", "peak_force", "impulse"),
+    *("rebound_velocity", "contacts", "detection_time", "flags", "end_time", "impact_force", "distance"),
+    *("acceleration", "virtual_force", "largest_acceleration"),
+)
+FIRST_CONTACT: Final = (
+    *("time", "position", "velocity", "displacement", "relative_velocity", "acceleration", "virtual_force"),
+)
+"""The columns that hold the state at the first contact or, without one, at the end of the run."""
+
+CONTACT_COLUMNS: Final = ("time", "relative_velocity", "peak_force", "impulse", "rebound_velocity", "duration")
+COURSE_COLUMNS: Final = ("time", "distance", "relative_velocity", "contact_force")
+TRACE_COLUMNS: Final = (
+    *("time", "distance", "position", "velocity", "obstacle_position", "virtual_position", "virtual_velocity"),
+    *("virtual_force", "contact_force", "reading", "log_level", "flags"),
+)
+
+TOUCHES: Final = 32
+"""How many contacts of one run are told apart."""
+
+CONTACT_NUMBERS: Final = "stiffness", "damping", "exponent", "grows", "inverse_mass"
+"""What a contact is to the loop in C++."""
 
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
 _READING: Final = 3  # numbers of a reading on its way
 _AT_ONCE: Final = 16  # encounters, between which an interrupt is heard
 _JITTERS: Final = 16  # deviations by which a start is shifted at most; none of 2^53 draws is beyond 9
+_BEYOND: Final = 4.0  # times the farthest start: from there on a curve without an end is taken to be flat
+_LEAST_STRETCH: Final = 16
+_MOST_STRETCH: Final = 512
+_FEWEST: Final = 257  # rows of a table
+_MOST: Final = 1 << 16
+_ERROR: Final = 1e-12  # of ln xi, in the middle between two rows
+_NO_CONTACT: Final = (0.0, 0.0, 1.0, False, 0.0)
 
 _run: Final = kernel("run_encounters", POINTER, POINTER, INTEGER, POINTER, POINTER, INTEGER)
 _contact_step: Final = kernel("contact_step", POINTER, DOUBLE, DOUBLE, result=DOUBLE)
@@ -43,7 +92,7 @@ class _Plant(Structure):
 
 
 class _Contact(Structure):
-    _fields_ = numbers("stiffness", "damping", "exponent", "grows", "inverse_mass")
+    _fields_ = numbers(*CONTACT_NUMBERS)
 
 
 class _Chain(Structure):
@@ -78,138 +127,162 @@ class _Loop(Structure):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Laws:
-    """The laws of many encounters, which share one step.
+class Loop(Value):
+    """All that the runs of a loop are made of, so that any of them can be run again; its shape is that of the runs.
 
-    Args:
-        step: as `as_step` returns it.
-        parameters: of each law.
-        states: first states.
-        law_of: which parameters each encounter has.
-        start_of: which state each encounter starts in.
+    Each run meets one of the `sensors`, one of the `laws`, which share a period and a step, and the noise of the run
+    that `noise_of` names.
     """
 
-    step: Any
-    parameters: Sequence[Any]
-    states: Sequence[Any]
+    scenario: Scenario
+    sensors: tuple[SensorModel, ...]
+    sensor_of: IntArray
+    laws: tuple[SampledLaw, ...]
     law_of: IntArray
-    start_of: IntArray
+    noise_of: IntArray
+    chain: SensorChain
+    plant: PlantModel
+    contact: ContactModel | None
+    horizon: float
+    follow: float
+    seed: int
+    shape: tuple[int, ...]
 
 
-class Runs:
-    """All encounters of a loop, ready to be run in stretches and on threads.
+def run_loop(
+    loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Run some encounters of a loop, on all cores where the law is compiled.
 
     Args:
-        laws: the laws.
-        plant: named by COEFFICIENTS.
-        contact: stiffness, damping, exponent, whether damping grows with depth, 1 / mass of the obstacle (0: driven).
-        chain: of the sensor, as SensorChain.numbers gives it.
-        curves: table of ln xi, its first distance, its step, the largest distance, of each curve.
-        curve_of: which of them each encounter meets.
-        clock: period of the controller, step of the plant, horizon, time to follow a contact.
-        seed: of the random numbers.
-        scenes: position and velocity of the plant; position, velocity, acceleration of obstacle and reference; a row
-            per encounter.
-        draws: which run's noise each of all encounters meets.
+        loop: the loop.
+        which: flat indices of its encounters.
+        rows: of the trace that is asked for; only for a single encounter.
         touches: how many contacts of each are told apart.
-        rows: of the trace.
-        course_rows: of the course of contacts.
+        course_rows: of the course of its contacts that is asked for.
 
-    Attributes:
-        ends: filled by RESULT_COLUMNS, a row per encounter.
-        touches: filled by CONTACT_COLUMNS, a row per contact of each encounter.
-        trace: filled by TRACE_COLUMNS, a row per period of the encounter that was run last, as far as it has rows.
-        course: filled by COURSE_COLUMNS, a row per touch and per step in contact, as far as it has rows.
+    Returns:
+        Columns by RESULT_COLUMNS and contacts by CONTACT_COLUMNS of these encounters, the trace by TRACE_COLUMNS, a row
+        per period, and the course of the contacts by COURSE_COLUMNS, a row per touch and per step in contact.
     """
+    found = (
+        np.zeros((len(which), len(RESULT_COLUMNS))),
+        np.full((len(which), touches, len(CONTACT_COLUMNS)), np.nan),
+        np.full((rows, len(TRACE_COLUMNS)), np.nan),
+        np.full((course_rows, len(COURSE_COLUMNS)), np.nan),
+    )
+    native, called = _posed(loop, which, found)
+    chain = native.chain  # how many readings can be on their way at once, rounded up to a power of two
+    waiting = int((chain.delay + _JITTERS * chain.jitter + chain.exposure + native.period) * chain.rate) + 8
+    room = 1 << (waiting - 1).bit_length()
 
-    def __init__(
-        self,
-        *,
-        laws: Laws,
-        plant: tuple[float, ...],
-        contact: tuple[float, ...],
-        chain: tuple[float, ...],
-        curves: Sequence[tuple[FloatArray, float, float, float]],
-        curve_of: IntArray,
-        clock: tuple[float, float, float, float],
-        seed: int,
-        scenes: FloatArray,
-        draws: IntArray,
-        touches: int,
-        rows: int,
-        course_rows: int,
-    ) -> None:
-        count = len(scenes)
-        self.ends = np.zeros((count, len(RESULT_COLUMNS)))
-        self.touches = np.full((count, touches, len(CONTACT_COLUMNS)), np.nan)
-        self.trace = np.full((rows, len(TRACE_COLUMNS)), np.nan)
-        self.course = np.full((course_rows, len(COURSE_COLUMNS)), np.nan)
-        self._laws = laws
-        self._compiled = laws.step.located() if isinstance(laws.step, CompiledStep) else None
-        self._parameters = _together(laws.parameters, "parameters", self._compiled)
-        self._states = _together(laws.states, "state", self._compiled)
-        tables = [_Curve(address(table), len(table), *rest) for table, *rest in curves]
-        self._curves = (_Curve * len(curves))(*tables)
-        self._chain = _Chain(*chain)
-        self._room = _power_of_two(self._waiting(clock[0]))
-        self._held = scenes, draws, curve_of, curves
-        self._loop = _Loop(
-            self._laws_of(self._compiled or 0),
-            *(_Plant(*plant), _Contact(*contact), self._chain, ctypes.addressof(self._curves)),
-            *(_indices(curve_of, count), *clock, seed, address(scenes), _indices(draws, count)),
-            *(address(self.ends), address(self.touches), touches),
-            *(address(self.trace), rows, address(self.course), course_rows),
-        )
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the step is compiled, so that threads need not wait for each other."""
-        return self._compiled is not None
-
-    def run(self, which: IntArray) -> None:
-        """Run some of the encounters.
-
-        Args:
-            which: indices of them.
-        """
-        loop, called = self._loop, None
-        if self._compiled is None:
-            called = _Called(self._laws)
-            loop = _Loop.from_buffer_copy(loop)
-            loop.laws.step = called.address
-        state = np.zeros(self._states.shape[1])
-        waiting = np.empty((self._room, _READING))
-        for start in range(0, len(which), _AT_ONCE):
-            some = which[start : start + _AT_ONCE]
-            _run(byref(loop), address(some, _INDEX), len(some), address(state), address(waiting), self._room)
+    def run(first: int, last: int) -> None:
+        state, readings = np.zeros(native.laws.state_size // 8), np.empty((room, _READING))
+        for start in range(first, last, _AT_ONCE):
+            some = np.arange(start, min(start + _AT_ONCE, last))
+            _run(byref(native), address(some, _INDEX), len(some), address(state), address(readings), room)
             if called is not None and called.raised is not None:
                 raise called.raised
 
-    def _waiting(self, period: float) -> int:
-        """Return how many readings can be on their way at once."""
-        c = self._chain
-        return int((c.delay + _JITTERS * c.jitter + c.exposure + period) * c.rate) + 8
+    if called is None:
+        for_stretches(run, len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
+    else:  # threads would wait for each other at every step
+        run(0, len(which))
+    return found
 
-    def _laws_of(self, step: int) -> _Laws:
-        count = len(self.ends)
-        return _Laws(
-            *(step, address(self._parameters), address(self._states)),
-            *(self._parameters.shape[1] * 8, self._states.shape[1] * 8),
-            *(_indices(self._laws.law_of, count), _indices(self._laws.start_of, count)),
-        )
+
+def _posed(loop: Loop, which: IntArray, found: tuple[FloatArray, ...]) -> tuple[_Loop, _Called | None]:
+    """Put some encounters of a loop as the core reads them; arrays to be filled as `run_loop` returns them."""
+    scenes, period = _scenes(loop)[which], loop.laws[0].period
+    laws, called = _laws(loop, which, scenes)
+    met, curve_of = np.unique(loop.sensor_of.ravel()[which], return_inverse=True)
+    tables, indices = _curves(loop, met), (curve_of.ravel(), loop.noise_of.ravel()[which])
+    curves = (_Curve * len(tables))(*[_Curve(address(table), len(table), *rest) for table, *rest in tables])
+    ends, touches, trace, course = found
+    by_curve, draws = (address(i, _INDEX) for i in indices)
+    native = _Loop(
+        *(laws, _Plant(*loop.plant.coefficients())),
+        *(_Contact(*(loop.contact.numbers() if loop.contact else _NO_CONTACT)), _Chain(*loop.chain.numbers())),
+        *(ctypes.addressof(curves), by_curve, period, plant_step(loop.plant, period), loop.horizon, loop.follow),
+        *(loop.seed, address(scenes), draws, address(ends), address(touches), touches.shape[1]),
+        *(address(trace), len(trace), address(course), len(course)),
+    )
+    native.held = laws.held, scenes, tables, indices, curves, called, found  # read by their addresses
+    return native, called
+
+
+def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _Called | None]:
+    """Gather the parameters of the laws of some encounters, and the states that they start in."""
+    met, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
+    starts = np.column_stack([met[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
+    alike, start_of = np.unique(starts, axis=0, return_inverse=True)
+    step: Any = as_step(loop.laws[0].step)
+    parameters = [loop.laws[int(i)].parameters() for i in met]
+    states = [loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in alike]
+    called = None if isinstance(step, CompiledStep) else _Called(step, parameters, states)
+    held = _together(parameters, "parameters", called), _together(states, "state", called)
+    indices = law_of.ravel(), start_of.ravel()
+    laws = _Laws(
+        *(called.address if called else step.located(), *map(address, held), *(8 * part.shape[1] for part in held)),
+        *(address(i, _INDEX) for i in indices),
+    )
+    laws.held = held, indices
+    return laws, called
+
+
+def _scenes(loop: Loop) -> FloatArray:
+    s = loop.scenario
+    columns = (
+        *(s.plant.position, s.plant.velocity, s.obstacle.position, s.obstacle.velocity, s.obstacle.acceleration),
+        *(s.reference.position, s.reference.velocity, s.reference.acceleration),
+    )
+    scenes = np.empty((*loop.shape, len(columns)))
+    for i, column in enumerate(columns):
+        scenes[..., i] = column
+    return scenes.reshape(-1, len(columns))
+
+
+def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, float]]:
+    """Return the table of each curve that some encounters meet, as far as their distances may come to."""
+    sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
+    curves = []
+    for index in met:
+        sensor = loop.sensors[index]
+        low, high = sensor.valid_range
+        farthest = float(distance.max() if len(loop.sensors) == 1 else distance[sensor_of == index].max())
+        curves.append((*_curve_table(sensor, _BEYOND * farthest + low), high))
+    return curves
+
+
+@kept_by_curve(1024)  # as many samples of a sensor as a robust design on a loop or a verdict has
+def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
+    """Tabulate ln xi up to a distance [m], at equal steps, until cubics between them meet it to 1e-12, or at 65,537.
+
+    Returns:
+        Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
+    """
+    low, end = sensor.valid_range[0], min(high, sensor.valid_range[1])
+    count = _FEWEST
+    while True:
+        distance = np.linspace(low, end, count)
+        spacing = (end - low) / (count - 1)
+        table = np.stack([sensor.log_output(distance), np.asarray(sensor.log_slope(distance)) * spacing], axis=1)
+        middle = np.asarray(sensor.log_output(distance[:-1] + spacing / 2))
+        between = (table[:-1, 0] + table[1:, 0]) / 2 + (table[:-1, 1] - table[1:, 1]) / 8
+        if count > _MOST or np.all(np.abs(between - middle) <= _ERROR * (1 + np.abs(middle))):
+            table.setflags(write=False)
+            return table, low, spacing
+        count = 2 * count - 1
 
 
 class _Called:
     """A step in Python as the loop calls it: parameters and states are numbers there, and the objects here."""
 
-    def __init__(self, laws: Laws) -> None:
-        self._laws, self._state = laws, None
+    def __init__(self, step: Any, parameters: list[Any], states: list[Any]) -> None:
+        self._law, self._parameters, self._states, self._state = step, parameters, states, None
         self.raised: BaseException | None = None
-        self._function = _Step(self._step)
-
-    @cached_property
-    def address(self) -> int:
-        return ctypes.cast(self._function, POINTER).value or 0
+        self._function = _Step(self._step)  # lives as long as what calls it
+        self.address = ctypes.cast(self._function, POINTER).value or 0
 
     def _step(self, parameters: int, state: int, sample: Any, out: Any) -> None:
         # nothing may leave a function that is called from C: it would be printed, and vanish
@@ -218,11 +291,11 @@ class _Called:
             if self.raised is None:
                 place = DOUBLE.from_address(state)
                 if place.value >= 0:  # a first state, and its number
-                    self._state = self._laws.states[int(place.value)]
+                    self._state = self._states[int(place.value)]
                     place.value = -1
                 told = _told(sample.contents)
-                now = self._laws.parameters[int(DOUBLE.from_address(parameters).value)]
-                self._state, output = self._laws.step(now, self._state, told)
+                now = self._parameters[int(DOUBLE.from_address(parameters).value)]
+                self._state, output = self._law(now, self._state, told)
                 for name in Output._fields:
                     setattr(raw, name, getattr(output, name))
                 return
@@ -238,9 +311,9 @@ def _told(raw: RawSample) -> Sample:
     )
 
 
-def _together(parts: Sequence[Any], name: str, compiled: int | None) -> FloatArray:
+def _together(parts: Sequence[Any], name: str, called: _Called | None) -> FloatArray:
     """Put what a compiled step reads side by side, in rows that all begin at a multiple of 8; else their numbers."""
-    if compiled is None:
+    if called is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]
     places = [location(part, name) for part in parts]
     sizes = {size for _, size in places}
@@ -253,25 +326,6 @@ def _together(parts: Sequence[Any], name: str, compiled: int | None) -> FloatArr
     return rows
 
 
-def _indices(array: IntArray, count: int) -> int:
-    if array.shape != (count,):
-        raise TypeError(f"the loop takes an index for each of {count} encounters, not an array of shape {array.shape}")
-    return address(array, _INDEX)
-
-
-def _power_of_two(least: int) -> int:
-    return 1 << (least - 1).bit_length()
-
-
 def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
-    """Return a step [s] that resolves a contact that starts with a relative speed: 1/50 of its time scale.
-
-    Args:
-        contact: as ContactModel.numbers gives it.
-        inverse_mass: 1 / the reduced mass of both bodies [1/kg].
-        speed: the relative speed [m/s].
-
-    Returns:
-        The step.
-    """
+    """Return 1/50 of the time scale of a contact [s], for 1 / the reduced mass [1/kg] and the speed at its start."""
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Final
 
@@ -38,7 +39,7 @@ class SensorPart:
 
 
 def sensor_part(name: str) -> SensorPart:
-    """Look up a sensor part.
+    """Look up a sensor part by its name.
 
     Args:
         name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "VL53L5CX-4x4" or "VL53L5CX-8x8".
@@ -48,22 +49,14 @@ def sensor_part(name: str) -> SensorPart:
 
     Raises:
         InvalidInputError: there is no such part.
-
-    Examples:
-        >>> sensor_part("VCNL4010").chain.rate
-        250.0
     """
     if name not in PARTS:
         raise InvalidInputError(f"name: found {name!r}, expected one of {', '.join(PARTS)}")
     return PARTS[name]
 
 
-def _bus(octets: int, frequency: float) -> float:
-    """Time of a transfer on a bus with nine clocks per octet [s]."""
-    return 9 * octets / frequency
-
-
-_READ = _bus(5, 400e3)  # address, register, address again, two octets
+_READ: Final = 9 * 5 / 400e3  # [s], nine clocks per octet at 400 kHz: address, register, address again, two octets
+_counts: Final = partial(SensorChain, delay=_READ, lowest=0.0, highest=65535.0, resolution=1.0)
 _TIME_OF_FLIGHT: Final = (
     "a reading averages over its whole period, as in continuous ranging",
     "4 ms from the end of a frame until its data are read: some 300 octets at 1 MHz and the driver",
@@ -96,15 +89,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
             ),
             SensorPart(
                 name="VCNL4010",
-                chain=SensorChain(
-                    rate=250.0,
-                    exposure=170e-6,
-                    delay=_READ,
-                    noise=10.0,
-                    lowest=0.0,
-                    highest=65535.0,
-                    resolution=1.0,
-                ),
+                chain=_counts(rate=250.0, exposure=170e-6, noise=10.0),
                 unit="counts",
                 range=(0.001, 0.2),
                 source="Vishay data sheet of the VCNL4010, register 2 (proximity rate)",
@@ -117,15 +102,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
             ),
             SensorPart(
                 name="VCNL4040",
-                chain=SensorChain(
-                    rate=200.0,
-                    exposure=125e-6,
-                    delay=_READ,
-                    noise=2.0,
-                    lowest=0.0,
-                    highest=65535.0,
-                    resolution=1.0,
-                ),
+                chain=_counts(rate=200.0, exposure=125e-6, noise=2.0),
                 unit="counts",
                 range=(0.0, 0.2),
                 source="Vishay data sheet 84274 (Rev. 1.4) of the VCNL4040",

@@ -16,30 +16,32 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import Admittance
 
-__all__ = ["COEFFICIENTS", "IdealPlant", "ImpedancePlant", "PlantModel", "PositionPlant", "linear_plant"]
+__all__ = [
+    "COEFFICIENTS",
+    "IdealPlant",
+    "ImpedancePlant",
+    "PlantModel",
+    "PositionPlant",
+    "Row",
+    "checked_numbers",
+    "linear_plant",
+    "plant_step",
+]
 
-COEFFICIENTS: Final = (
-    "mass",
-    "stiffness",
-    "reference_damping",
-    "own_damping",
-    "feedforward_mass",
-    "servo_rate",
-    "coulomb_friction",
-    "friction_speed",
-)
+_WORDS: Final = {
+    "mass": ("mass", "kg"),
+    "stiffness": ("stiffness", "N/m"),
+    "reference_damping": ("damping on the reference's velocity", "N*s/m"),
+    "own_damping": ("damping on its own velocity", "N*s/m"),
+    "feedforward_mass": ("feedforward mass", "kg"),
+    "servo_rate": ("rate of the servo", "1/s"),
+    "coulomb_friction": ("Coulomb friction", "N"),
+    "friction_speed": ("speed of the friction", "m/s"),
+}
+COEFFICIENTS: Final = tuple(_WORDS)
 """What a plant is to the loop in C++; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
 
-_IN_WORDS: Final = (
-    ("mass", "kg"),
-    ("stiffness", "N/m"),
-    ("damping on the reference's velocity", "N*s/m"),
-    ("damping on its own velocity", "N*s/m"),
-    ("feedforward mass", "kg"),
-    ("rate of the servo", "1/s"),
-    ("Coulomb friction", "N"),
-    ("speed of the friction", "m/s"),
-)
+_FINE: Final = 0.2  # of the shortest time scale of a plant: what Runge-Kutta's method takes at once
 
 Row = tuple[str, Cell]
 
@@ -48,7 +50,7 @@ class PlantModel(ABC):
     """How the robot's contact surface follows the virtual object, and how a contact force moves it.
 
     Each is m x'' = f - friction(x') - F_contact with f following
-    k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate.
+    k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A new one gives its coefficients.
     """
 
     __slots__ = ()
@@ -58,12 +60,12 @@ class PlantModel(ABC):
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """Return the numbers named by COEFFICIENTS, in SI."""
+        """Return m, k, d_v, d_x, m_f, the rate of the servo (0: no lag), Coulomb friction and its speed, in SI."""
 
     def rows(self) -> Iterator[Row]:
         """Yield what a page says of the robot: names and numbers; a class that says nothing of its own its numbers."""
         yield "robot", type(self).__name__
-        for (label, unit), value in zip(_IN_WORDS, self.coefficients(), strict=True):
+        for (label, unit), value in zip(_WORDS.values(), self.coefficients(), strict=True):
             yield label, Measured(value, unit)
 
 
@@ -98,10 +100,6 @@ class ImpedancePlant(PlantModel):
         coulomb_friction: friction that only changes its sign with the motion [N].
         friction_speed: speed at which three quarters of it act [m/s]: it grows as tanh(x' / friction_speed).
         feedforward: whether the controller adds m x_v''.
-
-    Examples:
-        >>> ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0).mass
-        2.0
     """
 
     kind: ClassVar[str] = "impedance"
@@ -150,10 +148,6 @@ class PositionPlant(PlantModel):
         mass: the physical reflected mass at the contact point m > 0 [kg].
         bandwidth: w / (2 pi) > 0 of the position loop [Hz].
         damping_ratio: zeta > 0.
-
-    Examples:
-        >>> PositionPlant(mass=2.0, bandwidth=20.0).damping_ratio
-        1.0
     """
 
     kind: ClassVar[str] = "position"
@@ -178,12 +172,17 @@ class PositionPlant(PlantModel):
         yield "damping ratio", Measured(self.damping_ratio)
 
 
+def checked_numbers(model: object, found: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
+    """Return the numbers of a plant or a contact; refuse such as are none, of a class of a user's own."""
+    if len(found) != len(names) or not all(map(math.isfinite, found)):
+        raise InvalidInputError(
+            f"{type(model).__name__}: found {found}, expected {len(names)} finite numbers: {', '.join(names)}"
+        )
+    return found
+
+
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Make the linear system from virtual force to position, L(1) and the plant behind it, without Coulomb friction.
-
-    Args:
-        admittance: one virtual admittance.
-        plant: the plant.
 
     Returns:
         A, B and C of s' = A s + B F_p, x = C s, with s of the virtual position and velocity, then position, velocity
@@ -195,7 +194,7 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
     m_a, d_a, k_a = (finite(v, "admittance") for v in (admittance.mass, admittance.damping, admittance.stiffness))
     if not all(isinstance(v, float) for v in (m_a, d_a, k_a)):
         raise InvalidInputError("admittance: found an array, expected one admittance")
-    mass, k, d_v, d_x, ahead, rate = plant.coefficients()[:6]
+    mass, k, d_v, d_x, ahead, rate, *_ = checked_numbers(plant, plant.coefficients(), COEFFICIENTS)
     size = 2 if mass == 0 else 4 if rate == 0 else 5
     a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
     a[0, 1] = 1.0
@@ -212,3 +211,14 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
         a[3, 4] = 1 / mass
         a[4, :4], a[4, 4], b[4] = rate * command, -rate, rate * ahead / m_a
     return a, b, c
+
+
+def plant_step(plant: PlantModel, period: float) -> float:
+    """Return what is integrated of a plant at once [s], a whole part of the period of its controller."""
+    mass, stiffness, _, own, _, servo, coulomb, friction_speed = plant.coefficients()
+    if mass == 0:
+        return period
+    # the slope of the friction at rest is the fastest of all, and needs no more than stability
+    friction = coulomb / friction_speed / mass / 8
+    fastest = max(math.sqrt(stiffness / mass), own / mass, servo, friction)
+    return period / max(math.ceil(period * fastest / _FINE), 1)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,7 +15,12 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.motion import ContactStatus
 
-__all__ = ["LoopTrace", "SimulationResult"]
+from .native_loop import CONTACT_COLUMNS, FIRST_CONTACT, RESULT_COLUMNS, TOUCHES, TRACE_COLUMNS, Loop, run_loop
+from .size import refuse_too_many_runs
+
+__all__ = ["LoopTrace", "SimulationResult", "result_of"]
+
+_COURSE: Final = 8192  # steps in contact that a trace holds: some fifty rebounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -121,7 +128,7 @@ class SimulationResult(Value):
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
-        """Run one encounter again, with the same noise, and record its course.
+        """Run one encounter of an array again, with the same noise, and record its course.
 
         Args:
             index: which one of an array.
@@ -143,3 +150,26 @@ class SimulationResult(Value):
     def __repr__(self) -> str:
         count = int(np.prod(self.shape))
         return f"<SimulationResult: {int(self.touched.sum())} of {count} runs came to a contact>"
+
+
+def result_of(loop: Loop) -> SimulationResult:
+    """Run all encounters of a loop."""
+    shape = loop.shape
+    refuse_too_many_runs(math.prod(shape))
+    out, touches, _, _ = run_loop(loop, np.arange(math.prod(shape)))
+    columns = {name: out[:, i].reshape(shape) for i, name in enumerate(RESULT_COLUMNS)}
+    touched = columns["contacts"] > 0
+    for name in FIRST_CONTACT:
+        columns[name] = np.where(touched, columns[name], np.nan)
+    touches = touches.reshape(*shape, TOUCHES, len(CONTACT_COLUMNS))
+    return SimulationResult(columns, touches, partial(_trace, loop))
+
+
+def _trace(loop: Loop, index: int) -> LoopTrace:
+    ended, *_ = run_loop(loop, np.array([index]))
+    rows = math.ceil(float(ended[0, RESULT_COLUMNS.index("end_time")]) / loop.laws[0].period) + 1
+    course_rows = _COURSE if loop.contact else 0
+    _, touches, trace, course = run_loop(loop, np.array([index]), rows, course_rows=course_rows)
+    trace, course = (part[~np.isnan(part[:, 0])] for part in (trace, course))
+    columns = {name: np.ascontiguousarray(trace[:, i]) for i, name in enumerate(TRACE_COLUMNS)}
+    return LoopTrace(**columns, contacts=touches[0][~np.isnan(touches[0][:, 0])], contact_course=course)

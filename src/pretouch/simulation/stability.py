@@ -16,11 +16,9 @@ from pretouch._core.values import Value
 from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
 
-from .crossover import first_crossover, spectral_radius
-from .linear_loop import linear_loop
+from .chain import LoopTiming
+from .linear_loop import first_crossover, linear_loop, spectral_radius, zero_between
 from .plant import IdealPlant, PlantModel, linear_plant
-from .timing import LoopTiming
-from .zeros import zero_between
 
 __all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate", "passed_distances"]
 
@@ -28,9 +26,7 @@ _PLACES: Final = 65  # at which an encounter is linearized, contact and start in
 _PER_DECADE: Final = 12  # rates of the scan for the lowest one
 _SLOWEST: Final = 1e-6  # Hz
 _PLENTY: Final = 100.0  # times the rate of an undelayed mass: the period then adds a hundredth to what a delay does
-_FASTEST: Final = (
-    1e6  # Hz: no proximity sensor reads faster, and what is held for milliseconds there has thousands of parts
-)
+_FASTEST: Final = 1e6  # Hz: no proximity sensor reads faster, and what is held for milliseconds has thousands of parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,38 +89,17 @@ class GainLimit(Value):
             margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
 
         Returns:
-            The magnitude > 0 [N s]; infinite where no gain makes the loop unstable, so that nothing needs a limit; 0
-            where any does.
+            The magnitude [N s]; infinite where no gain makes the loop unstable, 0 where any does.
 
         Raises:
             InvalidInputError: the margin does not exceed 1.
-
-        Examples:
-            >>> limit = GainLimit(
-            ...     distance=np.array([0.0, 0.04]),
-            ...     gain=np.array([-0.57, -1.1]),
-            ...     damping=DampingLimit(damping=45.0, frequency=6.0, radius_below=0.99, radius_above=1.01),
-            ... )
-            >>> limit.allowed(margin=2.0)
-            0.285
         """
         if not finite(margin, "margin") > 1:
             raise InvalidInputError(f"margin: found {margin:g}, which must exceed 1")
         return -self.strongest / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
-        """Make the bounds of `design_gain` that keep a margin to instability.
-
-        Args:
-            margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
-            weakest: the other bound [N s] < 0.
-
-        Returns:
-            The strongest and the weakest gain [N s].
-
-        Raises:
-            InvalidInputError: nothing is left between the two.
-        """
+        """Return bounds of a gain [N s] that keep the margin of `allowed`; none left is refused."""
         strongest = -self.allowed(margin)
         if not strongest < finite(weakest, "weakest", "N*s") < 0:
             raise InvalidInputError(
@@ -135,15 +110,7 @@ class GainLimit(Value):
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return distances that an encounter passes [m], from contact to its start, as far as the curve holds.
-
-    Args:
-        sensor: the sensor curve.
-        farthest: the farthest start [m].
-
-    Returns:
-        The distances, ascending.
-    """
+    """Return distances that are passed from its farthest start to contact [m], ascending, as far as a curve holds."""
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)

@@ -1,9 +1,8 @@
 """Inputs that are not known exactly: distributions as values, seeded samples of them, and the encounters they make."""
 
-from .correlated import CorrelatedNormal
-from .distributions import Distribution, Empirical, Interval, Normal, TruncatedNormal, Uniform
+from .correlated import CorrelatedNormal, parameter_distribution
+from .distributions import Distribution, Empirical, Interval, JointDistribution, Normal, TruncatedNormal, Uniform
 from .ensemble import Ensemble, make_ensemble
-from .fitted import parameter_distribution
 from .reservations import Reservations, reservations_of
 from .sampling import Uncertainty, sample_inputs
 
@@ -13,6 +12,7 @@ __all__ = [
     "Empirical",
     "Ensemble",
     "Interval",
+    "JointDistribution",
     "Normal",
     "Reservations",
     "TruncatedNormal",

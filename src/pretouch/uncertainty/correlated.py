@@ -1,40 +1,36 @@
-"""What is known of several inputs that were estimated together."""
+"""What is known of several inputs that were estimated together, such as a calibration leaves it of its curve."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.json_text import with_kind
 from pretouch._core.numbers import FloatArray, finite
+from pretouch.motion.inputs import sensor_with
 
-from .distributions import normal_in_words
+from .distributions import JointDistribution, Normal, normal_in_words
 
-__all__ = ["CorrelatedNormal"]
+if TYPE_CHECKING:
+    from pretouch.calibration import SensorFit
+
+__all__ = ["CorrelatedNormal", "parameter_distribution"]
+
+_DEVIATIONS: Final = 4.0  # beyond which one sample in 16,000 lies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CorrelatedNormal:
+class CorrelatedNormal(JointDistribution):
     """Several inputs that were estimated together, such as the parameters of a fitted curve.
 
     Args:
         names: the inputs, such as `sensor.exponent`.
         mean: their estimates, in SI.
         covariance: their covariance, in the order of the names; rows of numbers.
-
-    Examples:
-        >>> both = CorrelatedNormal(
-        ...     names=("sensor.exponent", "sensor.distance_offset"),
-        ...     mean=(3.32, 0.0419),
-        ...     covariance=((1e-2, 2e-4), (2e-4, 5e-6)),
-        ... )
-        >>> both.root.shape
-        (2, 2)
     """
 
     names: tuple[str, ...]
@@ -59,11 +55,7 @@ class CorrelatedNormal:
 
     @property
     def root(self) -> FloatArray:
-        """A matrix R with R R^T the covariance: what independent normal numbers are multiplied by.
-
-        Raises:
-            InvalidInputError: the matrix is no covariance.
-        """
+        """A matrix R with R R^T the covariance: what independent normal numbers are multiplied by."""
         covariance = np.asarray(self.covariance)
         deviation = np.sqrt(np.diag(covariance).clip(0))
         unit = np.where(deviation > 0, deviation, 1.0)
@@ -72,20 +64,95 @@ class CorrelatedNormal:
             raise InvalidInputError("covariance: found a matrix with a negative eigenvalue, which none has")
         return np.asarray(unit[:, None] * vectors * np.sqrt(values.clip(0)))
 
+    def inputs(self, name: str) -> tuple[str, ...]:  # noqa: ARG002
+        """Return the names."""
+        return self.names
+
+    def means(self) -> tuple[float, ...]:
+        """Return the estimates."""
+        return self.mean
+
+    def draw(self, points: FloatArray) -> FloatArray:
+        """Return the estimates and R times independent normal numbers."""
+        from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
+
+        return np.asarray(np.asarray(self.mean) + ndtri(points) @ self.root.T)
+
+    def variance_along(self, slopes: FloatArray) -> float:
+        """Return the variance along a direction, by the covariance."""
+        return float(slopes @ np.asarray(self.covariance) @ slopes)
+
+    def alone(self, index: int) -> Normal:
+        """Return the normal distribution of one input; an estimate without any error is none."""
+        return Normal(mean=self.mean[index], deviation=math.sqrt(self.covariance[index][index]))
+
+    def others(self, index: int, values: FloatArray) -> FloatArray:
+        """Return the means where one input is known: linear in what it is."""
+        covariance, mean = np.asarray(self.covariance), np.asarray(self.mean)[:, None]
+        slope = covariance[index] / covariance[index, index]
+        return np.asarray(mean + slope[:, None] * (values - mean[index]))
+
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name of each input that it speaks of, and what is known of it.
-
-        Args:
-            name: what all of them go by.
-            units: the SI unit of each.
-
-        Yields:
-            Name and text.
-        """
+        """Yield each name and its estimate, one without any error, too."""
         for i, member in enumerate(self.names):
             text = normal_in_words(self.mean[i], math.sqrt(self.covariance[i][i]), units.get(member, ""))
             yield member, f"{text}, together with the others of {name}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as one JSON object: its kind and its fields, in SI."""
-        return with_kind(self)
+
+def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
+    """Return how the parameters of a fitted curve may lie: normal, with the covariance of the fit.
+
+    The scale of the output is left out: it cancels from the virtual force. Parameters of a curve are strongly
+    correlated (a larger exponent with a larger offset gives nearly the same curve), so that to vary each for itself
+    would promise far too little.
+
+    Args:
+        fit: one model fitted to one calibration, with the share of the no-object offset in its covariance.
+
+    Returns:
+        The distribution of `sensor.NAME` for each parameter; under a free name, a value of an uncertainty.
+
+    Raises:
+        InvalidInputError: the readings do not bound a parameter, the curve has none, or four standard errors lead to
+            values that no such curve has.
+    """
+    names = [name for name in fit.parameters if name != "scale"]
+    if not names:
+        raise InvalidInputError(
+            f"fit: found a {fit.model}, which has no parameters whose covariance could be known; fit a curve with "
+            "parameters, such as inverse-power"
+        )
+    chosen = [list(fit.parameters).index(name) for name in names]
+    covariance = fit.covariance[np.ix_(chosen, chosen)]
+    open_ended = [n for n in names if not np.isfinite(fit.parameters[n].standard_error)]
+    if open_ended or not np.isfinite(covariance).all():
+        why = f" {' '.join(fit.identifiable)}" if fit.identifiable else ""
+        raise InvalidInputError(
+            f"fit: the readings do not bound {' and '.join(open_ended or names)}, so that there is no covariance to "
+            f"draw from.{why} Fit a curve with fewer parameters, such as exponential-1, or state what is known of each"
+        )
+    mean = np.array([fit.parameters[name].value for name in names])
+    _check_tails(fit, names, mean, covariance)
+    return CorrelatedNormal(
+        names=tuple(f"sensor.{name}" for name in names),
+        mean=tuple(mean.tolist()),
+        covariance=tuple(map(tuple, covariance.tolist())),
+    )
+
+
+def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance: FloatArray) -> None:
+    """Refuse parameters whose tails leave what a curve can be, the others where they then likeliest are."""
+    for i, name in enumerate(names):
+        error = float(np.sqrt(max(covariance[i, i], 0.0)))
+        if error == 0:
+            continue
+        for side in (-_DEVIATIONS, _DEVIATIONS):
+            values = dict(zip(names, (mean + side * covariance[:, i] / error).tolist(), strict=True))
+            try:
+                sensor_with(fit.sensor, values)
+            except InvalidInputError as impossible:
+                raise InvalidInputError(
+                    f"fit: {name} is known to {mean[i]:.4g} with a standard error of {error:.2g} only, and a normal "
+                    f"distribution that wide holds impossible curves ({impossible}); calibrate with more readings, or "
+                    "state what is known of each parameter"
+                ) from None

@@ -1,4 +1,4 @@
-"""What is known of an input that is not known exactly: an interval, or a distribution, as a value."""
+"""What is known of inputs that are not known exactly: an interval, a distribution, or several that go together."""
 
 from __future__ import annotations
 
@@ -6,74 +6,104 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
+from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import with_kind
-from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_quantity, format_range
 
-__all__ = ["Distribution", "Empirical", "Interval", "Normal", "TruncatedNormal", "Uniform", "normal_in_words"]
+__all__ = [
+    "Distribution",
+    "Empirical",
+    "Interval",
+    "JointDistribution",
+    "Normal",
+    "TruncatedNormal",
+    "Uniform",
+    "normal_in_words",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Distribution(ABC):
-    """What is known of one input: its quantiles say everything."""
+class JointDistribution(ABC):
+    """What is known of several inputs that go together: all that an uncertainty is asked for.
+
+    A new one defines the six that follow. `Distribution` does so for a single input.
+    """
+
+    @abstractmethod
+    def inputs(self, name: str) -> tuple[str, ...]:
+        """Return the names of the k inputs that it speaks of, where it goes by a name itself."""
+
+    @abstractmethod
+    def means(self) -> tuple[float, ...]:
+        """Return the mean of each input, in SI."""
+
+    @abstractmethod
+    def draw(self, points: FloatArray) -> FloatArray:
+        """Return a sample for each point of the open unit cube, shape (n, k) both."""
+
+    @abstractmethod
+    def variance_along(self, slopes: FloatArray) -> float:
+        """Return the variance of the sum of the inputs, each times its slope, shape (k,)."""
+
+    @abstractmethod
+    def alone(self, index: int) -> Distribution:
+        """Return what is known of one of the inputs for itself."""
+
+    @abstractmethod
+    def others(self, index: int, values: FloatArray) -> FloatArray:
+        """Return the means of all inputs where one of them is known to be each of some values, shape (k, n)."""
+
+    def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+        """Yield the name of each input that it speaks of, and what is known of it, for the SI units of inputs."""
+        members = self.inputs(name)
+        others = f", together with the others of {name}" if len(members) > 1 else ""
+        for i, member in enumerate(members):
+            yield member, self.alone(i).described(units.get(member, "")) + others
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as one JSON object: its kind and its fields, in SI."""
+        return with_kind(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distribution(JointDistribution):
+    """What is known of one input: its quantiles say everything. A new one defines the two that follow."""
 
     @property
     @abstractmethod
     def support(self) -> tuple[float, float]:
         """The smallest and the largest value that is possible; infinite where there is none."""
 
-    @property
-    @abstractmethod
-    def mean(self) -> float:
-        """The mean; the middle of an interval."""
-
-    @property
-    @abstractmethod
-    def variance(self) -> float:
-        """The variance; that of a uniform distribution for an interval."""
-
     @abstractmethod
     def _quantile(self, probability: FloatArray) -> FloatArray:
-        """Return quantiles for probabilities in (0, 1)."""
+        """Return quantiles for probabilities in (0, 1), of any shape."""
+
+    @property
+    def mean(self) -> float:
+        """The mean, by Gauss-Legendre quadrature of the quantiles; the middle of an interval."""
+        nodes, weights = np.polynomial.legendre.leggauss(200)
+        return float(0.5 * (weights * self.quantile(0.5 * (nodes + 1))).sum())
+
+    @property
+    def variance(self) -> float:
+        """The variance, likewise; that of a uniform distribution for an interval."""
+        nodes, weights = np.polynomial.legendre.leggauss(200)
+        deviation = self.quantile(0.5 * (nodes + 1)) - self.mean
+        return float(0.5 * (weights * deviation**2).sum())
 
     def described(self, unit: str) -> str:
-        """Say what it is in words.
-
-        Args:
-            unit: the SI unit of the input.
-
-        Returns:
-            Text such as `uniform, 38 mm to 46 mm`.
-
-        Examples:
-            >>> Normal(mean=3.32, deviation=0.1).described("")
-            'normal, 3.32 with a standard deviation of 0.1'
-        """
+        """Say what it is in words, such as `uniform, 38 mm to 46 mm`, with the SI unit of the input."""
         return f"{type(self).__name__}, {format_range(self.support, unit)}"
 
     @final
-    def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name of each input that it speaks of, which here is its own, and what is known of it."""
-        yield name, self.described(units.get(name, ""))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as one JSON object: its kind and its fields, in SI."""
-        return with_kind(self)
-
-    @final
     def quantile(self, probability: Any) -> Any:
-        """Return the value that is not exceeded with a probability.
-
-        Args:
-            probability: in [0, 1], any shape. At 0 and 1 the ends of the support.
-
-        Returns:
-            The value, of the same shape.
+        """Return the value that is not exceeded with a probability in [0, 1], of any shape; at 0 and 1 the support.
 
         Examples:
             >>> Uniform(low=-0.5, high=-0.1).quantile(0.25)
@@ -85,17 +115,45 @@ class Distribution(ABC):
         found = np.where(p <= 0, low, np.where(p >= 1, high, self._quantile(inside)))
         return float(found) if found.ndim == 0 else found
 
+    @final
+    def inputs(self, name: str) -> tuple[str, ...]:
+        """Return the name that it goes by."""
+        return (name,)
+
+    @final
+    def means(self) -> tuple[float, ...]:
+        """Return its mean."""
+        return (self.mean,)
+
+    @final
+    def draw(self, points: FloatArray) -> FloatArray:
+        """Return its quantiles."""
+        return np.asarray(self.quantile(points))
+
+    @final
+    def variance_along(self, slopes: FloatArray) -> float:
+        """Return its variance times the square of its slope."""
+        return float(slopes[0] ** 2 * self.variance)
+
+    @final
+    def alone(self, index: int) -> Distribution:  # noqa: ARG002
+        """Return itself."""
+        return self
+
+    @final
+    def others(self, index: int, values: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Return the values."""
+        return values[None]
+
 
 def normal_in_words(mean: float, deviation: float, unit: str) -> str:
     """Say what a normal distribution is, in the SI unit of its input."""
     return f"normal, {format_quantity(mean, unit)} with a standard deviation of {format_quantity(deviation, unit)}"
 
 
-def _ordered(low: Any, high: Any) -> tuple[float, float]:
-    a, b = float(finite(low, "low")), float(finite(high, "high"))
-    if not a < b:
-        raise InvalidInputError(f"low: found {a:g} with high = {b:g}, expected the smaller one first")
-    return a, b
+def _check_order(low: float, high: float) -> None:
+    if not low < high:
+        raise InvalidInputError(f"low: found {low:g} with high = {high:g}, expected the smaller one first")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,18 +165,15 @@ class Interval(Distribution):
     Args:
         low: the smallest value, in SI.
         high: the largest value.
-
-    Examples:
-        >>> Interval(low=0.03, high=0.05).mean
-        0.04
     """
 
-    low: float
-    high: float
+    low: float = quantity("")
+    high: float = quantity("")
+    _words: ClassVar[str] = "anywhere"
 
     def __post_init__(self) -> None:
-        for name, value in zip(("low", "high"), _ordered(self.low, self.high), strict=True):
-            object.__setattr__(self, name, value)
+        check_declared(self)
+        _check_order(self.low, self.high)
 
     @property
     def support(self) -> tuple[float, float]:
@@ -140,7 +195,7 @@ class Interval(Distribution):
 
     def described(self, unit: str) -> str:
         """Say between what it lies."""
-        return f"anywhere, {format_range(self.support, unit)}"
+        return f"{self._words}, {format_range(self.support, unit)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,15 +205,9 @@ class Uniform(Interval):
     Args:
         low: the smallest value, in SI.
         high: the largest value.
-
-    Examples:
-        >>> Uniform(low=-0.5, high=-0.1).support
-        (-0.5, -0.1)
     """
 
-    def described(self, unit: str) -> str:
-        """Say between what it lies, all of it equally likely."""
-        return f"uniform, {format_range(self.support, unit)}"
+    _words: ClassVar[str] = "uniform"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,18 +217,13 @@ class Normal(Distribution):
     Args:
         mean: mu, in SI.
         deviation: the standard deviation sigma > 0.
-
-    Examples:
-        >>> round(Normal(mean=0.0, deviation=1.0).quantile(0.975), 4)
-        1.96
     """
 
-    mean: float
-    deviation: float
+    mean: float = quantity("")
+    deviation: float = quantity("", sign="positive")
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mean", finite(self.mean, "mean"))
-        object.__setattr__(self, "deviation", positive(self.deviation, "deviation"))
+        check_declared(self)
 
     @property
     def support(self) -> tuple[float, float]:
@@ -217,23 +261,19 @@ class TruncatedNormal(Distribution):
         -0.2962
     """
 
-    location: float
-    deviation: float
-    low: float = -math.inf
-    high: float = math.inf
+    location: float = quantity("")
+    deviation: float = quantity("", sign="positive")
+    low: float = quantity("", -math.inf, infinite=True)
+    high: float = quantity("", math.inf, infinite=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "location", finite(self.location, "location"))
-        object.__setattr__(self, "deviation", positive(self.deviation, "deviation"))
-        low, high = float(self.low), float(self.high)
-        if not low < high:
-            raise InvalidInputError(f"low: found {low:g} with high = {high:g}, expected the smaller one first")
+        check_declared(self)
+        low, high = self.low, self.high
+        _check_order(low, high)
         if max(low - self.location, self.location - high) > 30 * self.deviation:
             raise InvalidInputError(
                 f"low: found {low:g} to {high:g}, more than 30 deviations from the location {self.location:g}"
             )
-        object.__setattr__(self, "low", low)
-        object.__setattr__(self, "high", high)
 
     @property
     def support(self) -> tuple[float, float]:
@@ -246,21 +286,10 @@ class TruncatedNormal(Distribution):
         from scipy.special import log_ndtr  # noqa: PLC0415 - SciPy, only when something is asked
 
         a, b = ((x - self.location) / self.deviation for x in self.support)
-        if a > 0:  # Phi(b) - Phi(a) loses its digits in the upper tail
-            a, b = -b, -a
-            sign = -1.0
-        else:
-            sign = 1.0
+        a, b, sign = (-b, -a, -1.0) if a > 0 else (a, b, 1.0)  # Phi(b) - Phi(a) loses digits in the upper tail
         mass = math.exp(log_ndtr(b)) - math.exp(log_ndtr(a))
         density = (math.exp(-a * a / 2) - math.exp(-b * b / 2)) / math.sqrt(2 * math.pi)
         return self.location + sign * self.deviation * density / mass
-
-    @property
-    def variance(self) -> float:
-        """The variance of what is left, by Gauss-Legendre quadrature of its quantiles."""
-        nodes, weights = np.polynomial.legendre.leggauss(200)
-        deviation = self.quantile(0.5 * (nodes + 1)) - self.mean
-        return float(0.5 * (weights * deviation**2).sum())
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
         from scipy.special import ndtr, ndtri  # noqa: PLC0415 - SciPy, only when something is sampled

@@ -65,14 +65,7 @@ class Ensemble(Value):
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
     def contacts(self, gain: Any) -> ContactResult:
-        """Find the contacts of all encounters.
-
-        Args:
-            gain: D_p [N s]: one, or an array whose last axis is 1 or n.
-
-        Returns:
-            Their results, of the shape (..., n).
-        """
+        """Find the contacts of all encounters with one gain D_p [N s], or an array whose last axis is 1 or n."""
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
         if self.evaluator is not None:
@@ -85,8 +78,7 @@ class Ensemble(Value):
         if self.many is not None:
             request = make_request(self.scenario, self.sensor, gains, self.method, self.horizon, many=self.many)
             return ContactResult(Solution(request), request.method)
-        columns = _Stacked([find_contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
-        return ContactResult(columns, columns.parts[0].method)
+        return _stacked([find_contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
         """Have somebody else solve the encounters: at once, or one by one where it takes one sensor at a time."""
@@ -94,25 +86,14 @@ class Ensemble(Value):
             return evaluator(self.scenario, self.sensor, gains)
         if isinstance(evaluator, ManySensorEvaluator):
             return evaluator.with_each(self.scenario, self.sensors(), gains)
-        each = range(len(self))
-        columns = _Stacked([with_noise_after(evaluator, i)(*self.at(i), gains[..., i]) for i in each])
-        return ContactResult(columns, columns.parts[0].method)
+        return _stacked([with_noise_after(evaluator, i)(*self.at(i), gains[..., i]) for i in range(len(self))])
 
     def sensors(self) -> tuple[SensorModel, ...]:
         """Return the sensor of each encounter."""
         return tuple(self._sensor(i) for i in range(len(self)))
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
-        """Differentiate a quantity at contact by one of the inputs.
-
-        Args:
-            result: what `contacts` has found.
-            quantity: one of those of `ContactGradients`.
-            name: the input; where natural frequency or damping ratio is one, the mass takes both along.
-
-        Returns:
-            The derivative in SI, of the shape of the result.
-        """
+        """Differentiate a quantity of `ContactGradients` by an input; a mass keeps a frequency that is an input."""
         of, frequency = result.gradients.of, "admittance.natural_frequency"
         if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
             return of(quantity, name)
@@ -129,14 +110,7 @@ class Ensemble(Value):
         return of(quantity, name) + omega**2 * by_stiffness + a.damping / a.mass * by_damping
 
     def at(self, index: int) -> tuple[Scenario, SensorModel]:
-        """Return one encounter and its sensor.
-
-        Args:
-            index: which.
-
-        Returns:
-            Both.
-        """
+        """Return one encounter and its sensor."""
         return map_fields(self.scenario, lambda v: float(v[index]) if np.ndim(v) else v), self._sensor(index)
 
     def _sensor(self, index: int) -> SensorModel:
@@ -148,7 +122,7 @@ class Ensemble(Value):
 
 @dataclass(frozen=True, slots=True)
 class _Stacked(Value):
-    """The columns of results that belong together, side by side."""
+    """The columns of results that belong together, side by side, and their derivatives at contact."""
 
     parts: list[ContactResult]
 
@@ -157,20 +131,17 @@ class _Stacked(Value):
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
-    def gradients(self) -> _StackedGradients:
-        """The derivatives at contact."""
-        return _StackedGradients(self.parts)
-
-
-@dataclass(frozen=True, slots=True)
-class _StackedGradients(Value):
-    """The derivatives of results that belong together, side by side."""
-
-    parts: list[ContactResult]
+    def gradients(self) -> _Stacked:
+        """What derivatives are asked of."""
+        return self
 
     def of(self, quantity: str, by: str) -> Any:
         """Return the derivative of a quantity at contact by an input."""
         return np.stack([part.gradients.of(quantity, by) for part in self.parts], axis=-1)
+
+
+def _stacked(parts: list[ContactResult]) -> ContactResult:
+    return ContactResult(_Stacked(parts), parts[0].method)
 
 
 def make_ensemble(
@@ -199,20 +170,6 @@ def make_ensemble(
 
     Raises:
         InvalidInputError: an input is unknown, a value is impossible, or there are not as many of each.
-
-    Examples:
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import InversePower
-        >>> several = make_ensemble(
-        ...     Scenario(
-        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ...     ),
-        ...     InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
-        ...     {"sensor.exponent": [3.0, 3.5], "obstacle.velocity": [-0.3, -0.25]},
-        ... )
-        >>> several.contacts(-0.7).contact.relative_velocity.round(3)
-        array([-0.085, -0.071])
     """
     if scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {scenario.shape}, expected one")
@@ -224,7 +181,8 @@ def make_ensemble(
             hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
             raise InvalidInputError(f"uncertainty: found {name!r}, which is no input; {hint}")
         checked[name] = np.atleast_1d(finite(given, name, known[name]))
-    if (checked or count is None) and _are_uneven(checked):
+    even = len({v.shape for v in checked.values()}) == 1 and next(iter(checked.values())).ndim == 1
+    if (checked or count is None) and not even:
         shapes = ", ".join(f"{v.shape} for {name}" for name, v in checked.items()) or "none"
         raise InvalidInputError(f"uncertainty: found values of shapes {shapes}, expected a row of as many for each")
     size = len(next(iter(checked.values()))) if checked else count or 0
@@ -237,22 +195,8 @@ def make_ensemble(
     if evaluate is not None and several.shape == ():  # alike but for the noise, of which each element has its own
         position = np.full(size, several.obstacle.position)
         several = replace(several, obstacle=replace(several.obstacle, position=position))
-    return Ensemble(
-        scenario=several,
-        sensor=sensor,
-        values=checked,
-        count=size,
-        likeness=likeness,
-        many=many,
-        method=method,
-        horizon=horizon,
-        evaluator=evaluate,
-    )
-
-
-def _are_uneven(values: Mapping[str, FloatArray]) -> bool:
-    """Tell whether values are not rows of as many each."""
-    return len({v.shape for v in values.values()}) != 1 or next(iter(values.values())).ndim != 1
+    found: dict[str, Any] = {"scenario": several, "values": checked, "count": size, "likeness": likeness, "many": many}
+    return Ensemble(**found, sensor=sensor, method=method, horizon=horizon, evaluator=evaluate)
 
 
 def _sensors(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch._core.numbers import finite_or_none
+from pretouch._core.json_text import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
@@ -23,15 +23,6 @@ __all__ = ["Reservations", "recess_in_words", "reservations_of"]
 _DECISIVE: Final = 0.05  # of the impulse of the virtual force: what may be given where no data support the curve
 _ROUNDING: Final = 1e-9  # of the impulse, likewise
 _NO_DISTANCE: Final = 1e-9  # [m], far below any calibration, far above the rounding of l_min - recess
-
-
-class _Answer(Protocol):
-    """An encounter and the sensor it is met with; `gain`, where it has one, is D_p [N s]."""
-
-    @property
-    def scenario(self) -> Scenario: ...
-    @property
-    def sensor(self) -> SensorModel: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +130,8 @@ class Reservations(Value):
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI; the offset is in the unit of the outputs."""
         window, offset = self.report.window, self.report.offset
-        names = ("value", "standard_error", "low", "high")
+        own = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "left")
+        told = ("value", "standard_error", "low", "high", "kind")
         return {
             "headline": self.headline,
             "name": self.report.calibration.name,
@@ -148,18 +140,9 @@ class Reservations(Value):
             "model": self._model,
             "window": [window.l_min, window.l_max],
             "window_reasons": [window.start_reason, window.end_reason],
-            "recess": self.recess,
-            "supported": list(self.supported),
-            "is_contact_supported": self.is_contact_supported,
-            "share_nearer": self.share_nearer,
-            "share_beyond": self.share_beyond,
-            "left": self.left,
-            "speed": self.speed,
-            "speed_without_force": self.speed_without_force,
+            **{name: plain(getattr(self, name)) for name in (*own, "speed", "speed_without_force")},
             "output_unit": self.report.calibration.unit,
-            "offset": None
-            if offset is None
-            else {**{name: finite_or_none(getattr(offset, name)) for name in names}, "kind": offset.kind},
+            "offset": None if offset is None else {name: plain(getattr(offset, name)) for name in told},
         }
 
     def __str__(self) -> str:
@@ -181,7 +164,7 @@ class Reservations(Value):
         return {"headline": f"{self.headline} {own}" if own else self.headline, **told}
 
 
-def reservations_of(report: CalibrationReport, answer: _Answer) -> Reservations:
+def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
     """Tell what a calibration leaves open of an answer.
 
     Args:
@@ -190,23 +173,6 @@ def reservations_of(report: CalibrationReport, answer: _Answer) -> Reservations:
 
     Returns:
         The reservations.
-
-    Examples:
-        >>> from pretouch.calibration import Calibration, rank_models
-        >>> from pretouch.motion import Admittance
-        >>> distances = [0.002 * i for i in range(1, 16)]
-        >>> readings = Calibration(distances=distances, outputs=[2 * np.exp(-60 * d) for d in distances], unit="V")
-        >>> report = rank_models(readings, models=("exponential-1",), offset="zero")
-        >>> class Answer:
-        ...     scenario = Scenario(
-        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...         obstacle=Obstacle(position=0.03, velocity=-0.3),
-        ...     )
-        ...     sensor = replace(report.best.sensor, minimum_distance=0.0)
-        ...     gain = -0.8
-        >>> found = reservations_of(report, Answer())
-        >>> found.supported, round(found.share_nearer, 3), found.speed < found.speed_without_force
-        ((0.002, 0.03), 0.067, True)
     """
     sensor, scenario = answer.sensor, answer.scenario
     recess = getattr(sensor, "recess", 0.0)
@@ -260,13 +226,7 @@ def _speed_without_force(scenario: Scenario, sensor: SensorModel, gain: float, n
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return the recess that puts contact where a curve starts, in whole micrometers and never less.
-
-    Args:
-        nearest: where the curve starts, from the sensor's zero [m].
-
-    Returns:
-        Text such as `7.5 mm`.
+    """Return the recess that puts contact where a curve starts [m from the sensor's zero], in whole um, never less.
 
     Examples:
         >>> recess_in_words(0.0075), recess_in_words(0.0123441)

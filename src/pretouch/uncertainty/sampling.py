@@ -10,12 +10,11 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-from .correlated import CorrelatedNormal
-from .distributions import Distribution
+from .distributions import JointDistribution
 
 __all__ = ["MOST_SAMPLES", "SAMPLINGS", "Uncertainty", "check_draw", "names_of", "sample_inputs"]
 
-Uncertainty: TypeAlias = Mapping[str, Distribution | CorrelatedNormal]
+Uncertainty: TypeAlias = Mapping[str, JointDistribution]
 """What is known of inputs, by name, such as `obstacle.velocity`; under a free name, of several that go together."""
 
 SAMPLINGS: Final = ("sobol", "latin-hypercube", "random")
@@ -25,20 +24,14 @@ MOST_SAMPLES: Final = 1_000_000
 
 
 def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
-    """Return the names of the inputs, each once.
-
-    Args:
-        uncertainty: what is known of them.
-
-    Returns:
-        The names, in order.
-
-    Raises:
-        InvalidInputError: there is none, or one is named twice.
-    """
-    names: list[str] = []
+    """Return the names of the inputs, in order; refuse an uncertainty of none, or one that names an input twice."""
     for name, known in uncertainty.items():
-        names += known.names if isinstance(known, CorrelatedNormal) else (name,)
+        if not isinstance(known, JointDistribution):
+            raise InvalidInputError(
+                f"uncertainty {name}: found {type(known).__name__}, expected a distribution, such as a Uniform, "
+                "or a class of your own that inherits from pt.robust.Distribution and defines support and _quantile"
+            )
+    names = [member for name, known in uncertainty.items() for member in known.inputs(name)]
     if not names:
         raise InvalidInputError('uncertainty: found none, expected inputs such as {"obstacle.velocity": Uniform(...)}')
     for name in names:
@@ -62,28 +55,29 @@ def sample_inputs(
     Returns:
         The samples by input, shape (count,) each.
 
+    Raises:
+        InvalidInputError: a request makes no sense, or a distribution does not draw one of each input for each point.
+
     Examples:
         >>> from pretouch.uncertainty import Uniform
         >>> drawn = sample_inputs({"obstacle.velocity": Uniform(low=-0.4, high=-0.2)}, 1024)
         >>> bool(abs(drawn["obstacle.velocity"].mean() + 0.3) < 1e-3)
         True
     """
-    names_of(uncertainty)
+    names = names_of(uncertainty)
     check_draw(count, seed=seed, sampling=sampling)
-    widths = [len(known.names) if isinstance(known, CorrelatedNormal) else 1 for known in uncertainty.values()]
-    points = _points(count, sum(widths), seed, sampling)
+    points, at = _points(count, len(names), seed, sampling), 0
     found: dict[str, FloatArray] = {}
-    at = 0
-    for (name, known), width in zip(uncertainty.items(), widths, strict=True):
-        part = points[:, at : at + width]
-        at += width
-        if isinstance(known, CorrelatedNormal):
-            from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
-
-            drawn = np.asarray(known.mean) + ndtri(part) @ known.root.T
-            found |= {member: np.ascontiguousarray(drawn[:, i]) for i, member in enumerate(known.names)}
-        else:
-            found[name] = known.quantile(part[:, 0])
+    for name, known in uncertainty.items():
+        members = known.inputs(name)
+        drawn = np.asarray(known.draw(points[:, at : at + len(members)]))
+        if drawn.shape != (count, len(members)):
+            raise InvalidInputError(
+                f"uncertainty {name}: found samples of shape {drawn.shape} from {type(known).__name__}, expected "
+                f"{(count, len(members))}: one of each of its inputs for each point"
+            )
+        at += len(members)
+        found |= {member: np.ascontiguousarray(drawn[:, i]) for i, member in enumerate(members)}
     return found
 
 

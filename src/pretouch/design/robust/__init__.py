@@ -2,8 +2,10 @@
 
 from pretouch.uncertainty import (
     CorrelatedNormal,
+    Distribution,
     Empirical,
     Interval,
+    JointDistribution,
     Normal,
     TruncatedNormal,
     Uniform,
@@ -18,9 +20,11 @@ from .result import RobustDesign
 __all__ = [
     "ConditionalValueAtRisk",
     "CorrelatedNormal",
+    "Distribution",
     "Empirical",
     "Expected",
     "Interval",
+    "JointDistribution",
     "Measure",
     "Normal",
     "Quantile",

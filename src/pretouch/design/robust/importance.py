@@ -11,7 +11,7 @@ import numpy as np
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.evaluator import Evaluator, NoisyEvaluator, with_noise_after
-from pretouch.uncertainty import CorrelatedNormal, Uncertainty, sample_inputs
+from pretouch.uncertainty import Uncertainty, sample_inputs
 
 from .problem import RobustProblem
 
@@ -77,7 +77,7 @@ def rank_uncertain_inputs(problem: RobustProblem, gain: float) -> tuple[InputImp
     pieces = np.array_split(np.arange(samples), min(_PARTS, samples))
     linear = _linear_shares(problem, gain)
     found = []
-    members = {n: k.names if isinstance(k, CorrelatedNormal) else (n,) for n, k in uncertainty.items()}
+    members = {n: k.inputs(n) for n, k in uncertainty.items()}
     if isinstance(own, NoisyEvaluator):
         members["noise"] = ()
     for name, varied in members.items():
@@ -120,20 +120,16 @@ def _linear_shares(problem: RobustProblem, gain: float) -> dict[str, float] | No
     if task.evaluate is not None or not problem.criterion(-1).has_gradients:
         return None
     center: dict[str, float] = {}
-    spread: dict[str, tuple[tuple[str, ...], FloatArray]] = {}
     for name, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal):
-            center |= dict(zip(known.names, known.mean, strict=True))
-            spread[name] = known.names, np.asarray(known.covariance)
-        else:
-            center[name], spread[name] = known.mean, ((name,), np.array([[known.variance]]))
+        center |= zip(known.inputs(name), known.means(), strict=True)
     inner = RobustProblem.over(task, problem.axis, {name: np.array([value]) for name, value in center.items()})
     result = inner.ensemble.contacts(gain)
     if not result.reached.all():
         return None
-    variances = {}
-    for name, (members, covariance) in spread.items():
-        slopes = np.array([float(inner.slope(result, member)[0]) for member in members])
-        variances[name] = float(slopes @ covariance @ slopes)
+    slopes = {name: float(inner.slope(result, name)[0]) for name in center}
+    variances = {
+        name: known.variance_along(np.array([slopes[member] for member in known.inputs(name)]))
+        for name, known in uncertainty.items()
+    }
     total = sum(variances.values())
     return {name: v / total if total > 0 else 0.0 for name, v in variances.items()}

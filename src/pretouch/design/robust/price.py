@@ -11,7 +11,7 @@ from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.inputs import SCENARIO_INPUTS, input_units
-from pretouch.uncertainty import CorrelatedNormal, Normal, Uncertainty, make_ensemble
+from pretouch.uncertainty import JointDistribution, Uncertainty, make_ensemble
 from pretouch.uncertainty.sampling import names_of
 
 from ..problem import GainProblem
@@ -64,9 +64,14 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
         raise InvalidInputError(f"count: found {count!r}, expected a whole number of at least 2")
     if gain is None:
         raise ResultUnavailableError("price: there is no robust gain, so it has no price; see the status")
-    values = _values(problem.task.uncertainty, name, count)
-    x = values[name]
     task = problem.task.replace(constraints=())
+    known, members = _known(task.uncertainty, name)
+    own = known.alone(members.index(name))
+    low, high = own.support
+    if not (np.isfinite(low) and np.isfinite(high)):
+        low, high = own.quantile(_TAIL), own.quantile(1 - _TAIL)
+    x = np.linspace(low, high, count)
+    values = dict(zip(members, known.others(members.index(name), x), strict=True)) | {name: x}
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon)
     result = several.contacts(gain)
     robust = np.where(result.reached, task.goal.value(result.end, several.speed, task.impact), np.nan)
@@ -80,23 +85,13 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
     else:
         each = [one(scenario=s, sensor=c) for s, c in map(several.at, range(count))]
         best, least = (np.array([getattr(d, n) for d in each], dtype=np.float64) for n in ("gain", "objective"))
-    ends = {"low": float(x[0]), "high": float(x[-1])}
     unit = input_units(task.sensor)[name]
-    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, **ends)
+    return Price(name=name, unit=unit, value=x, best_gain=best, best=least, robust=robust, low=low, high=high)
 
 
-def _values(uncertainty: Uncertainty, name: str, count: int) -> dict[str, FloatArray]:
-    """Return values of an input over its range, and those of the inputs that were estimated together with it."""
+def _known(uncertainty: Uncertainty, name: str) -> tuple[JointDistribution, tuple[str, ...]]:
+    """Return what is known of an input, and the inputs that it is known together with, itself among them."""
     for key, known in uncertainty.items():
-        if isinstance(known, CorrelatedNormal) and name in known.names:
-            i, covariance, mean = known.names.index(name), np.asarray(known.covariance), np.asarray(known.mean)
-            one = Normal(mean=known.mean[i], deviation=float(np.sqrt(covariance[i, i])))
-            x = np.linspace(one.quantile(_TAIL), one.quantile(1 - _TAIL), count)
-            slope = covariance[i] / covariance[i, i]
-            return {**{n: mean[k] + slope[k] * (x - mean[i]) for k, n in enumerate(known.names)}, name: x}
-        if key == name and not isinstance(known, CorrelatedNormal):
-            ends = known.support
-            bounded = bool(np.isfinite(ends).all())
-            low, high = ends if bounded else (known.quantile(_TAIL), known.quantile(1 - _TAIL))
-            return {name: np.linspace(low, high, count)}
+        if name in known.inputs(key):
+            return known, known.inputs(key)
     raise InvalidInputError(f"price: found {name!r}, expected an uncertain input: {', '.join(names_of(uncertainty))}")

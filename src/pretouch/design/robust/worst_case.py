@@ -10,7 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch.uncertainty import CorrelatedNormal, Interval, Uncertainty, sample_inputs
+from pretouch.uncertainty import Distribution, Interval, Uncertainty, sample_inputs
 
 from ..search import GainAxis, Minimum, Scan, search_axis
 from ..search.box_maximum import CertifiedMaximum, Function, maximize_on_box
@@ -38,7 +38,7 @@ def box_of(uncertainty: Uncertainty) -> dict[str, tuple[float, float]]:
         )
     found = {}
     for name, known in uncertainty.items():
-        support = (-np.inf, np.inf) if isinstance(known, CorrelatedNormal) else known.support
+        support = known.support if isinstance(known, Distribution) else (-np.inf, np.inf)
         if not np.isfinite(support).all():
             raise InvalidInputError(
                 f"uncertainty {name}: found {type(known).__name__}, which has no bounds, for a worst case; use an "

@@ -1,0 +1,198 @@
+"""Laws: what one is, the letter's, and the blocks of C that one of a user's own in Python is put between."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator
+from ctypes import byref
+from dataclasses import dataclass, replace
+from typing import Any, Final, Protocol
+
+from pretouch._core.blocks import Cell, Measured
+from pretouch._core.declared import ONE_ROBOT, check_declared, flag, quantity
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.native import DOUBLE, POINTER, entry, kernel
+from pretouch._core.structures import copy_of, location, machine_code
+
+from .structures import (
+    DamperNumbers,
+    DamperState,
+    DriveNumbers,
+    DriveState,
+    Observation,
+    Output,
+    Push,
+    RawOutput,
+    RawSample,
+    Sample,
+    SensingNumbers,
+    SensingState,
+)
+
+__all__ = [
+    "PROTOTYPE",
+    "CompiledStep",
+    "Law",
+    "Push",
+    "VirtualDamper",
+    "as_step",
+    "drive",
+    "observe",
+    "output_of",
+    "raw_sample",
+    "start_drive",
+    "start_sensing",
+]
+
+PROTOTYPE: Final = ctypes.PYFUNCTYPE(None)
+"""Of a step; it keeps the interpreter's lock: letting go of it takes as long as a step."""
+
+_start_sensing: Final = kernel("start_sensing", POINTER, POINTER)
+_start_drive: Final = kernel("start_drive", DOUBLE, DOUBLE, POINTER)
+_observe: Final = kernel("observe", POINTER, POINTER, POINTER, POINTER)
+_drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POINTER)
+
+
+class Law(Protocol):
+    """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
+
+    A new law is a dataclass with these four, and one function, made of `observe`, of what the law itself does, and of
+    `drive`: in Python `state, output = step(parameters, state, sample)`, or compiled, see `SampledLaw`.
+    """
+
+    @property
+    def step(self) -> Any:
+        """The whole step of the controller with this law, of Python or compiled."""
+
+    def numbers(self, period: float) -> Any:
+        """Return the law's parameters for the loop's period [s]; a ctypes structure where the step is compiled."""
+
+    def start(self) -> Any:
+        """Return the law's state before the first reading; a ctypes structure where the step is compiled."""
+
+    def with_gain(self, gain: float) -> Law:
+        """Return the same law with another gain [N s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledStep:
+    """A law's step as machine code, with the signature of `pretouch_law_step` in native/law/pretouch_law.h.
+
+    Args:
+        function: what is compiled, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
+    """
+
+    function: Any
+
+    def located(self) -> int:
+        """Return the address of the function in this process; one of Python has none, and is refused."""
+        found = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
+        if found is None:
+            raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
+        return found
+
+    def __call__(self, parameters: Any, state: Any, sample: Sample) -> tuple[Any, Output]:
+        """Run one period: return the next state and the output; parameters and state are structures or arrays."""
+        after, out = copy_of(state), RawOutput()
+        places = (location(memory, name)[0] for memory, name in ((parameters, "parameters"), (after, "state")))
+        PROTOTYPE(self.located())(*map(ctypes.c_void_p, places), ctypes.byref(raw_sample(sample)), ctypes.byref(out))
+        return after, output_of(out)
+
+
+def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
+    """Return a step, compiled or not, as a function of Python, `state, output = step(parameters, state, sample)`."""
+    return step if isinstance(step, CompiledStep) or machine_code(step) is None else CompiledStep(step)
+
+
+def start_sensing(numbers: SensingNumbers) -> SensingState:
+    """Return the state before the first reading: nothing is detected."""
+    state = SensingState()
+    _start_sensing(byref(numbers), byref(state))
+    return state
+
+
+def start_drive(position: float, velocity: float) -> DriveState:
+    """Return the state at the start: no force, the plant where it is relative to its reference [m, m/s]."""
+    state = DriveState()
+    _start_drive(position, velocity, byref(state))
+    return state
+
+
+def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
+    """Take in a sample, with `parameters.sensing` of the controller: return the next state and what the law is told."""
+    after, seen = copy_of(state), Observation()
+    _observe(byref(numbers), byref(after), byref(raw_sample(sample)), byref(seen))
+    return after, seen
+
+
+def drive(
+    numbers: DriveNumbers, state: DriveState, seen: Observation, push: Push, sample: Sample
+) -> tuple[DriveState, Output]:
+    """Move the virtual object over one period by what the law gives, with `parameters.drive` of the controller."""
+    after, out = copy_of(state), RawOutput()
+    _drive(byref(numbers), byref(after), byref(seen), byref(push), byref(raw_sample(sample)), byref(out))
+    return after, output_of(out)
+
+
+def raw_sample(sample: Any) -> RawSample:
+    """Return a sample as C takes it."""
+    s, fresh = sample, bool(sample.fresh)
+    return RawSample(
+        s.reading, s.age, s.contact_force, s.reference_position, s.reference_velocity, s.reference_acceleration, fresh
+    )
+
+
+def output_of(raw: RawOutput) -> Output:
+    """Return an output of C as a tuple."""
+    return Output(*(getattr(raw, name) for name in Output._fields))
+
+
+_STEP = CompiledStep("step_damper")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualDamper:
+    """Virtual force F_p = D_p xi'/xi, L(2), as impulses: D_p times the change of ln xi, exact at any sample time.
+
+    Args:
+        gain: D_p [N s]; negative to mitigate.
+        approach_only: damp approaches alone, and let the object recede without being followed.
+        release: with `approach_only`, by how much ln xi must fall before a rise counts anew; wider than the noise of
+            ln xi, it keeps noise from being taken for approaches.
+        ramp_time: time [s] in which the gain rises from 0 once an object is detected, and falls when it is gone.
+    """
+
+    gain: float = quantity("N*s", example='"-0.7 N*s"')
+    approach_only: bool = flag(False)
+    release: float = quantity("", 0.0, sign="nonnegative")
+    ramp_time: float = quantity("s", 0.0, sign="nonnegative")
+
+    def __post_init__(self) -> None:
+        check_declared(self, instead=ONE_ROBOT)
+        if not abs(self.gain) <= 1e6:
+            raise InvalidInputError(f"gain: found {self.gain:g} N*s, which must be within 1e6 N*s")
+
+    @property
+    def step(self) -> CompiledStep:
+        """The controller's step with this law: `pretouch_step` of native/law/pretouch_law.c."""
+        return _STEP
+
+    def numbers(self, period: float) -> DamperNumbers:
+        """Return the parameters as plain numbers, for the loop's period [s]."""
+        ramp_step = min(period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
+        return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
+
+    def rows(self) -> Iterator[tuple[str, Cell]]:
+        """Yield what a page says of the law beside its gain."""
+        if self.approach_only:
+            yield "damps", f"approaches alone, with a release of {self.release:.4g} in ln \u03be"
+        if self.ramp_time:
+            yield "ramp of the gain", Measured(self.ramp_time, "s")
+
+    def with_gain(self, gain: float) -> VirtualDamper:
+        """Return the same law with another gain [N s]."""
+        return replace(self, gain=gain)
+
+    def start(self) -> DamperState:
+        """Return the law's state before the first reading."""
+        return DamperState(0.0, 0.0)

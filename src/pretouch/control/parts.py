@@ -1,0 +1,276 @@
+"""What a controller is made of beside its law: conditioning of readings, virtual admittance, limits of the motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pretouch._core.declared import ONE_ROBOT, OUTPUT, check_declared, count, quantity, units_of_fields
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import positive
+
+from .structures import AdmittanceNumbers, FilterSection, MotionLimits, SensingNumbers
+
+__all__ = [
+    "LONGEST_WINDOW",
+    "NO_LIMIT",
+    "Conditioning",
+    "Limits",
+    "VirtualAdmittance",
+    "design_low_pass",
+    "discretize",
+    "output_in_words",
+    "stopping_distance",
+]
+
+LONGEST_WINDOW = 16
+"""Readings of the longest running median."""
+
+_ANY_READING = 1e12
+_ANY_FLOOR = 1e-24  # ln(xi / floor) has a number for every reading, also in single precision
+_ANY_RATE = 1e15
+_TIMEOUT_PERIODS = 10
+_FADE_PERIODS = 2
+
+_SERIES_RADIUS = 1.5
+_TERMS = 26  # 1.5^26 / 28! is far below rounding
+
+NO_LIMIT = 1e9
+"""In the place of a limit that is not given, in SI units: finite, so that what is within limits is finite."""
+
+HIGHEST_ORDER = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditioning:
+    """Offset, floor, running median and Butterworth low-pass, at the sensor's rate, and when a reading is not used.
+
+    Args:
+        floor: what is below, after the offset, is taken for nothing there: above noise and drift [unit of xi], > 0.
+        offset: output without an object [unit of xi], subtracted from each reading.
+        saturation: from this raw reading on, the sensor is saturated [unit of xi]; None: never.
+        sensor_period: nominal time between two readings [s], at least the loop's period; None: the loop's period.
+        median_window: readings of the running median, 1 (none) to 16; 10 in the letter.
+        low_pass_order: order of the Butterworth low-pass, 0 (none) to 8; 5 in the letter.
+        cutoff: its cutoff [Hz]; 500 Hz in the letter.
+        timeout: time without a usable reading after which the sensor counts as lost [s]; None: ten sensor periods.
+        fade_time: time in which the force fades where a reading that is due does not come [s]; None: two sensor
+            periods; 0: at once.
+        largest_rate: largest |d ln xi/dt| that can be [1/s], the steepest |g| times the fastest approach; a reading
+            that would need more is not used. None: no check.
+    """
+
+    floor: float = quantity(OUTPUT, sign="positive", example="30.0")
+    offset: float = quantity(OUTPUT, 0.0)
+    saturation: float | None = quantity(OUTPUT, None)
+    sensor_period: float | None = quantity("s", None, sign="positive")
+    median_window: int = count(1, 1, "3")
+    low_pass_order: int = count(0, 0, "2")
+    cutoff: float | None = quantity("Hz", None, sign="positive")
+    timeout: float | None = quantity("s", None, sign="positive")
+    fade_time: float | None = quantity("s", None, sign="nonnegative")
+    largest_rate: float | None = quantity("1/s", None, sign="positive")
+
+    def __post_init__(self) -> None:
+        check_declared(self, instead=ONE_ROBOT)
+        if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
+            raise InvalidInputError(
+                f"saturation: found {self.saturation:g}, which must exceed offset and floor together, "
+                f"{self.offset + self.floor:g}, up to {_ANY_READING:g}"
+            )
+        if not abs(self.offset) + self.floor < _ANY_READING:
+            raise InvalidInputError(f"offset, floor: found {self.offset:g}, {self.floor:g}, expected less than 1e12")
+        if not self.floor >= _ANY_FLOOR:
+            raise InvalidInputError(
+                f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give xi in another unit"
+            )
+        length: object = self.median_window
+        if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
+            raise InvalidInputError(
+                f"median_window: found {length!r}, expected a whole number of readings from 1 (no median) "
+                f"to {LONGEST_WINDOW}"
+            )
+
+    def numbers(self, period: float) -> SensingNumbers:
+        """Return what `pretouch_observe` takes for the loop's period T [s], the low-pass for the sensor's rate."""
+        sensor_period = period if self.sensor_period is None else self.sensor_period
+        if sensor_period < period * (1 - 1e-9):
+            raise InvalidInputError(
+                f"sensor_period: found {sensor_period:g} s, shorter than the loop's period of {period:g} s; "
+                "run the loop at the sensor's rate, or give it every n-th reading"
+            )
+        timeout = _TIMEOUT_PERIODS * sensor_period if self.timeout is None else self.timeout
+        if timeout < sensor_period:
+            raise InvalidInputError(
+                f"timeout: found {timeout:g} s, shorter than the time between two readings, {sensor_period:g} s"
+            )
+        low_pass = design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period)
+        return SensingNumbers(
+            period=period,
+            sensor_period=sensor_period,
+            offset=self.offset,
+            floor=self.floor,
+            saturation=_ANY_READING if self.saturation is None else self.saturation,
+            timeout=timeout,
+            largest_rate=_ANY_RATE if self.largest_rate is None else self.largest_rate,
+            median_length=self.median_window,
+            sections=len(low_pass),
+            low_pass=(FilterSection * 4)(*low_pass),
+        )
+
+    def fade_step(self, period: float) -> float:
+        """Return by how much the force fades per period of the loop [s], 1 for at once."""
+        sensor_period = period if self.sensor_period is None else self.sensor_period
+        fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
+        return min(period / fade_time, 1.0) if fade_time > 0 else 1.0
+
+
+def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:
+    """Design the Butterworth low-pass of an order 0 (none) to 8 with a cutoff [Hz] for a sensor's rate [Hz]."""
+    # as SciPy does (a test compares them), whose package of signals takes longer to load than a verdict
+    if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
+        raise InvalidInputError(
+            f"low_pass_order: found {order!r}, expected a whole number from 0 (no filter) to {HIGHEST_ORDER}"
+        )
+    if order == 0:
+        return ()
+    if cutoff is None:
+        raise InvalidInputError(f"cutoff: missing, and a low-pass of order {order} needs one; give it in Hz")
+    frequency = positive(cutoff, "cutoff", "Hz")
+    if not frequency < rate / 2:
+        raise InvalidInputError(
+            f"cutoff: found {frequency:g} Hz, which must be below {rate / 2:g} Hz, half of the sensor's rate"
+        )
+    warped = math.tan(math.pi * frequency / rate)
+    sections = [] if order % 2 == 0 else [_first_order(warped)]
+    # the most damped first, each with a gain of one at rest
+    dampings = [math.sin(math.pi * (2 * k + 1) / (2 * order)) for k in range(order // 2)]
+    return tuple(sections + [_second_order(warped, damping) for damping in reversed(dampings)])
+
+
+def _first_order(warped: float) -> FilterSection:
+    """Return the section of the real pole, by the bilinear transform."""
+    b = warped / (1 + warped)
+    return FilterSection(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
+
+
+def _second_order(warped: float, damping: float) -> FilterSection:
+    """Return the section of a pair of poles on the unit circle, by the bilinear transform."""
+    square = warped * warped
+    size = 1 + 2 * damping * warped + square
+    b = square / size
+    return FilterSection(b, 2 * b, b, 2 * (square - 1) / size, (1 - 2 * damping * warped + square) / size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualAdmittance:
+    """Virtual mass, damping and stiffness M_a, D_a, K_a of L(1).
+
+    Args:
+        mass: M_a > 0 [kg].
+        damping: D_a >= 0 [N s/m].
+        stiffness: K_a >= 0 [N/m].
+    """
+
+    mass: float = quantity("kg", sign="positive")
+    damping: float = quantity("N*s/m", sign="nonnegative")
+    stiffness: float = quantity("N/m", sign="nonnegative")
+
+    def __post_init__(self) -> None:
+        check_declared(self, instead=ONE_ROBOT)
+
+
+def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumbers:
+    """Integrate L(1) over one period T [s] under a constant force, exactly.
+
+    With the roots z_1, z_2 of the free motion, times the period, all six numbers follow from the divided differences
+    G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]: entire functions, so that nothing special happens at critical
+    damping, without stiffness or without damping.
+
+    Returns:
+        Transition matrix and input vector.
+    """
+    m, t = admittance.mass, period
+    p, q = -admittance.damping / m * t, admittance.stiffness / m * t * t
+    g0, g1 = _differences(p, q)
+    return AdmittanceNumbers(
+        position_from_position=1.0 - q * g1,
+        position_from_velocity=t * g0,
+        velocity_from_position=-q / t * g0,
+        velocity_from_velocity=1.0 + p * g0 - q * g1,
+        position_from_force=t * t / m * g1,
+        velocity_from_force=t / m * g0,
+    )
+
+
+def _differences(p: float, q: float) -> tuple[float, float]:
+    """Return exp[z1, z2] and exp[0, z1, z2] for z1 + z2 = p <= 0 and z1 z2 = q >= 0."""
+    d = p * p / 4 - q
+    magnitude = -p / 2 + math.sqrt(d) if d > 0 else math.sqrt(q)
+    if magnitude < _SERIES_RADIUS:
+        g0 = g1 = before = 0.0
+        symmetric = weight = 1.0
+        for k in range(_TERMS):
+            weight /= k + 1
+            g0 += symmetric * weight
+            g1 += symmetric * weight / (k + 2)
+            symmetric, before = p * symmetric - q * before, symmetric
+        return g0, g1
+    if d > 0:
+        far = -magnitude
+        near = q / far
+        g0 = -math.exp(near) * math.expm1(far - near) / (near - far)
+        return g0, (g0 - (math.expm1(near) / near if near < 0 else 1.0)) / far
+    angle = math.sqrt(-d)
+    sinc = math.sin(angle) / angle if angle > 0 else 1.0
+    decay = math.exp(p / 2)
+    return decay * sinc, (1.0 - decay * (math.cos(angle) - p / 2 * sinc)) / q
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Limits of the virtual force and of the motion relative to the reference; None for those that are not wanted.
+
+    They can be held together, whatever force acts: a speed is allowed only if the plant can come to rest from it within
+    the excursion at the largest deceleration. In periods of constant acceleration the way is piecewise linear in
+    the speed, so the largest speed that is allowed next follows in closed form, and a state that can be stopped in time
+    has a next state that can, too. The admittance goes on from the limited motion: nothing winds up behind a limit.
+
+    Args:
+        force: largest |F_p| [N].
+        speed: largest |x_v' - x_d'| [m/s].
+        acceleration: largest |x_v'' - x_d''| [m/s^2], as the mean over a period.
+        excursion: largest |x_v - x_d| [m].
+    """
+
+    force: float | None = quantity("N", None, sign="positive")
+    speed: float | None = quantity("m/s", None, sign="positive")
+    acceleration: float | None = quantity("m/s^2", None, sign="positive")
+    excursion: float | None = quantity("m", None, sign="positive")
+
+    def __post_init__(self) -> None:
+        check_declared(self, before="largest ", instead=ONE_ROBOT)
+        for name, unit in units_of_fields(Limits).items():
+            value = getattr(self, name)
+            if value is not None and value > NO_LIMIT:
+                raise InvalidInputError(
+                    f"largest {name}: found {value!r}, expected one number up to {NO_LIMIT:g} {unit}; "
+                    "leave it out for no limit"
+                )
+
+
+def stopping_distance(limits: MotionLimits, speed: float) -> float:
+    """Return the way to rest [m] from a speed >= 0, in whole periods of constant acceleration within the limit.
+
+    Full periods brake with the largest deceleration, the last with what is left.
+    """
+    n = limits
+    step = n.acceleration * n.period
+    whole = math.floor(speed / step)
+    rest = speed - whole * step
+    return float(n.period * (step / 2 * whole * whole + rest * (whole + 0.5)))
+
+
+def output_in_words(value: float) -> str:
+    """Say what a sensor output is, in its unknown unit."""
+    return f"{value:.6g} [unit of \u03be]"

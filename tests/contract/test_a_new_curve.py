@@ -14,7 +14,6 @@ import pytest
 import pretouch as pt
 from pretouch.calibration import Calibration, rank_models
 from pretouch.calibration.fit import model_names
-from pretouch.config.sensor_sections import section_of_curve
 from pretouch.motion.inputs import sensor_inputs
 from pretouch.sensors import SensorModel, known_curves, parameter
 
@@ -69,7 +68,6 @@ def curve() -> Iterator[type[SensorModel]]:
     made = planted()
     yield made
     del made
-    section_of_curve.cache_clear()
     gc.collect()
 
 

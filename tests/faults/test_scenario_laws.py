@@ -20,7 +20,7 @@ from properties import examples
 @pytest.mark.parametrize("value", ["1e999 m", "((((m", "1 m^9999999", "1" * 400, "1 nm^-40", "\0", "1 m\n", "inf", "%"])
 def test_a_quantity_is_read_or_refused_and_nothing_else(value):
     try:
-        number = Quantity(unit="m", example="").read(value)
+        number = Quantity("m")(value)
     except ValueError:
         return
     assert math.isfinite(number)

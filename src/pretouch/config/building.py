@@ -4,35 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from pretouch._core.errors import InvalidInputError, PretouchError, UnitError
 from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
-from pretouch.design.impact import HertzImpact, ImpactModel, SpringImpact
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
-from pretouch.motion.admittance import Admittance
-from pretouch.motion.scenario import Obstacle, Plant, Reference, Scenario
-from pretouch.sensors import Recessed, SensorModel, known_curves
+from pretouch.motion.scenario import Scenario
+from pretouch.sensors import Recessed, SensorModel
 from pretouch.uncertainty.reservations import recess_in_words
 
-from .document import Document, Mistake
 from .fitting import FitRequest, OutputValue, fit_sensor_of, read_output
-from .objective_sections import CustomObjective
-from .placing import place
-from .positions import KeyPath
-from .schema import (
-    DampedAdmittance,
-    FrequencyAdmittance,
-    GainSection,
-    HertzSection,
-    MotionSection,
-    ParetoSection,
-    SpringSection,
-)
-from .section import Section
-from .sensor_sections import CalibratedSensor, SensorSection
+from .quantities import KeyPath
+from .reading import Sections
+from .schema import variants
+from .sensor_sections import CALIBRATION, FROM_SURFACE
+from .source import Mistake, ScenarioSource, place
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
@@ -41,31 +29,27 @@ __all__ = ["Builder"]
 
 T = TypeVar("T")
 
-_FROM_SURFACE = ("minimum_distance", "maximum_distance")
-_SHORT: Mapping[str, str] = {
+_SHORT: Final[Mapping[str, str]] = {
     "position": "displacement",
     "time": "time",
     "velocity": "relative_velocity",
     "force": "impact_force",
 }
-DEFAULT_QUANTITIES = ("displacement", "relative_velocity")  # L(20)'s two, where a file names nothing
-_FREE = ("natural_frequency_bounds", "damping_ratio_bounds")
-Bounds = tuple[float, float]
-_ROUNDING = 1e-9  # of a distance that is added and taken away again
-_PHYSICAL = ("impact_force", "drive_force")
+_FREE: Final = ("natural_frequency_bounds", "damping_ratio_bounds")
+_ROUNDING: Final = 1e-9  # of a distance that is added and taken away again
+_PHYSICAL: Final = ("impact_force", "drive_force")
 
 
 class Builder:
-    """Builds the parts of a problem and collects the mistakes on the way; a part with a mistake is None."""
+    """Builds the parts of a task and collects the mistakes on the way; a part with a mistake is None."""
 
-    def __init__(self, document: Document, sections: Mapping[str, Section]) -> None:
-        self.document = document
-        self.sections = sections
+    def __init__(self, source: ScenarioSource, data: Mapping[str, Any], sections: Sections) -> None:
+        self.source, self.data, self.sections = source, data, sections
         self.mistakes: list[Mistake] = []
 
     def refuse(self, path: KeyPath, sentence: str) -> None:
         """Note a mistake at a key."""
-        self.mistakes.append(self.document.mistake(path, sentence))
+        self.mistakes.append((path, sentence))
 
     def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
         """Make an object; note the mistake where that is refused, at a key where that is known."""
@@ -75,139 +59,108 @@ class Builder:
             self.refuse(*((path, str(error)) if path else place(str(error), section)))
             return None
 
+    def values(self, section: str) -> dict[str, Any] | None:
+        """Return the values of a section; None where the file has none, or mistakes in it."""
+        return self.sections[section][1] if section in self.sections else None
+
+    def settings(self, section: str) -> dict[str, Any]:
+        """Return the values of a section that may be left out, by default those of an empty one."""
+        found = self.values(section)
+        return variants(section)[""]({}) if found is None else found
+
+    def made(self, section: str, without: tuple[str, ...] = ()) -> Any:
+        """Make what a section describes, without what is said of it beside."""
+        if section not in self.sections:
+            return None
+        variant, values = self.sections[section]
+        make: Any = variant.make
+        return self.attempt(section, lambda: make(**{k: v for k, v in values.items() if k not in without}))
+
     def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
         """Build the sensor; fit it where the file names a calibration."""
-        section = cast("SensorSection | None", self.sections.get("sensor"))
-        if section is None:
+        given = self.values("sensor")
+        if given is None:
             return None, None
-        if isinstance(section, CalibratedSensor):
-            return self._calibrated(section)
-        given = section.model_dump(exclude_none=True, exclude={"model", "recess"})
-        model = self.document.data["sensor"]["model"]
-        if section.recess is None:
-            return self.attempt("sensor", lambda: known_curves(foreign=True)[model](**given)), None
-        limits = {key: given.pop(key) for key in _FROM_SURFACE if key in given}
-        recess = section.recess
-        return self.attempt(
-            "sensor", lambda: Recessed(sensor=known_curves(foreign=True)[model](**given), recess=recess, **limits)
-        ), None
+        if CALIBRATION in given:
+            return self._calibrated(given)
+        if "recess" not in given:
+            return self.made("sensor"), None
+        limits = {key: given[key] for key in FROM_SURFACE if key in given}
+        curve: Any = self.sections["sensor"][0].make
+        own = {key: value for key, value in given.items() if key not in {"recess", *FROM_SURFACE}}
+        return self.attempt("sensor", lambda: Recessed(sensor=curve(**own), recess=given["recess"], **limits)), None
 
-    def _calibrated(self, section: CalibratedSensor) -> tuple[SensorModel | None, CalibrationReport | None]:
-        found = self.document.data["sensor"]
-        no_object, offset = found.get("no_object"), section.offset
+    def _calibrated(self, given: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
+        found, folder = self.data["sensor"], self.source.path.parent
+        outputs = {
+            key: given[key] if isinstance(given[key], str) else read_output(found[key], name=key)
+            for key in ("offset", "saturation")
+        }
         request = FitRequest(
-            path=self.document.path.parent / section.calibration,
-            select={key: str(value) for key, value in section.select.items()},
-            columns=section.columns,
-            labels=None if section.labels is None else tuple(section.labels),
-            no_object=None if no_object is None else self._no_object(no_object),
-            offset=offset if isinstance(offset, str) else read_output(found["offset"], name="offset"),
-            models=(section.model,) if section.model else (),
-            saturation=section.saturation
-            if isinstance(section.saturation, str)
-            else read_output(found["saturation"], name="saturation"),
-            near_field_peak=section.near_field_peak,
-            floor_sigmas=section.floor_sigmas,
+            path=folder / given[CALIBRATION],
+            select={key: str(value) for key, value in given.get("select", {}).items()},
+            columns=given.get("columns", {}),
+            labels=tuple(given["labels"]) if "labels" in given else None,
+            no_object=_no_object(found["no_object"], folder) if "no_object" in given else None,
+            models=(given["model"],) if "model" in given else (),
+            near_field_peak=given["near_field_peak"],
+            floor_sigmas=given["floor_sigmas"],
+            **outputs,
         )
         try:
             sensor, report = fit_sensor_of(request)
         except PretouchError as error:
             path, sentence = place(str(error), "sensor")
-            self.refuse(path if path in self.document.lines and len(path) == 2 else ("sensor", "calibration"), sentence)
+            known = path in self.source.lines and len(path) == 2
+            self.refuse(path if known else ("sensor", CALIBRATION), sentence)
             return None, None
-        given = section.model_dump(include=set(_FROM_SURFACE), exclude_none=True)
-        return self.attempt("sensor", lambda: _extended(sensor, section.recess, given)), report
-
-    def _no_object(self, value: float | str) -> OutputValue | Path:
-        """Read a no-object level; text that is no quantity is the path of a file with such readings."""
-        try:
-            return read_output(value, name="no_object")
-        except UnitError:
-            return self.document.path.parent / str(value)
+        limits = {key: given[key] for key in FROM_SURFACE if key in given}
+        return self.attempt("sensor", lambda: _extended(sensor, given.get("recess"), limits)), report
 
     def scenario(self) -> Scenario | None:
         """Build the encounter."""
-        admittance, obstacle = self._admittance(), self.sections.get("obstacle")
-        if admittance is None or obstacle is None:
-            return None
-        parts: dict[str, Any] = {
-            name: kind(**self.sections[name].model_dump())
-            for name, kind in (("plant", Plant), ("reference", Reference))
+        parts = {
+            name: self.made(name, _FREE)
+            for name in ("admittance", "obstacle", "plant", "reference")
             if name in self.sections
         }
-        return self.attempt(
-            "obstacle",
-            lambda: Scenario(admittance=admittance, obstacle=Obstacle(**obstacle.model_dump()), **parts),
-        )
+        if any(part is None for part in parts.values()) or not {"admittance", "obstacle"} <= set(parts):
+            return None
+        return self.attempt("obstacle", lambda: Scenario(**parts))
 
-    def _admittance(self) -> Admittance | None:
-        section = self.sections.get("admittance")
-        if isinstance(section, DampedAdmittance):
-            return self.attempt("admittance", lambda: Admittance(**section.model_dump(exclude=set(_FREE))))
-        if isinstance(section, FrequencyAdmittance):
-            given = section.model_dump(exclude=set(_FREE))
-            return self.attempt("admittance", lambda: Admittance.from_natural_frequency(**given))
-        return None
+    def freedom(self) -> dict[str, tuple[float, float]]:
+        """Return the bounds of natural frequency and damping ratio, where they are free."""
+        given = self.values("admittance") or {}
+        return {key.removesuffix("_bounds"): (given[key][0], given[key][1]) for key in _FREE if key in given}
 
-    def freedom(self) -> tuple[Bounds | None, Bounds | None]:
-        """Build the bounds of natural frequency and damping ratio, where they are free."""
-        section = self.sections.get("admittance")
-        ends = [getattr(section, key, None) for key in _FREE]
-        found = [None if e is None else (float(e[0]), float(e[1])) for e in ends]
-        return found[0], found[1]
-
-    def pareto(self) -> tuple[tuple[str, ...], float | None]:
-        """Build what is traded, and the choice that is marked."""
-        section = self.sections.get("pareto")
-        if not isinstance(section, ParetoSection):
-            return DEFAULT_QUANTITIES, None
-        names = tuple(section.quantities or DEFAULT_QUANTITIES)
-        for i, name in enumerate(names):
+    def pareto(self) -> dict[str, Any]:
+        """Return what is traded, and the choice that is marked."""
+        given = self.values("pareto") or {}
+        names = tuple(given.get("quantities", ("displacement", "relative_velocity")))  # L(20)'s two
+        for i, name in enumerate(names if "pareto" in self.sections else ()):
             self._needs_impact(name, ("pareto", "quantities", i))
-        return names, section.choice
-
-    def impact(self) -> ImpactModel | None:
-        """Build the impact, where the file has one."""
-        section = self.sections.get("impact")
-        if isinstance(section, SpringSection):
-            return self.attempt("impact", lambda: SpringImpact(**section.model_dump()))
-        if isinstance(section, HertzSection):
-            return self.attempt("impact", lambda: HertzImpact(**section.model_dump()))
-        return None
+        return {"quantities": names, "choice": given.get("choice")}
 
     def objective(self) -> Objective | None:
         """Build the objective."""
-        section, obstacle = self.sections.get("objective"), self.sections.get("obstacle")
-        if section is None:
+        given = self.values("objective")
+        if given is None:
             return None
-        still = obstacle is not None and getattr(obstacle, "velocity", None) == 0
-        terms = _terms(section)
+        still = (self.values("obstacle") or {}).get("velocity") == 0
+        terms = list(_terms(given))
         for quantity_path, scale_path, term in terms:
             self._needs_impact(term["quantity"], quantity_path)
             if term["scale"] == OBSTACLE_SPEED and still:
                 self.refuse(scale_path, 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s')
-        kind = self.document.data["objective"]["kind"]
+        kind = self.data["objective"]["kind"]
         return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
 
     def constraints(self) -> tuple[Constraint, ...]:
         """Build the limits."""
-        section = self.sections.get("constraints")
-        if section is None:
-            return ()
-        limits = section.model_dump(exclude_none=True)
+        limits = self.values("constraints") or {}
         for name in limits:
             self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
-
-    def bounds(self) -> tuple[float, float] | None:
-        """Build the bounds of the gain."""
-        section = self.sections.get("gain")
-        return (section.bounds[0], section.bounds[1]) if isinstance(section, GainSection) else None
-
-    def motion(self) -> tuple[str, float]:
-        """Build method and horizon."""
-        section = self.sections.get("motion", MotionSection())
-        return (section.method, section.horizon) if isinstance(section, MotionSection) else ("auto", 600.0)
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
         """Refuse an encounter that the sensor cannot follow from its start to contact; name the reason."""
@@ -240,10 +193,18 @@ class Builder:
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
-        if quantity in _PHYSICAL and "impact" not in self.document.data:
+        if quantity in _PHYSICAL and "impact" not in self.data:
             self.refuse(
                 path, f'found {quantity} without physical properties, expected [impact] with robot_mass = "4 kg"'
             )
+
+
+def _no_object(value: float | str, folder: Path) -> OutputValue | Path:
+    """Read a no-object level; text that is no quantity is the path of a file with such readings."""
+    try:
+        return read_output(value, name="no_object")
+    except UnitError:
+        return folder / str(value)
 
 
 def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
@@ -257,16 +218,12 @@ def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, fl
     return Recessed(sensor=curve, recess=recess, **limits)
 
 
-def _terms(section: Section) -> list[tuple[KeyPath, KeyPath, dict[str, Any]]]:
+def _terms(given: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
     """Lay out the terms of an objective, each with the keys that its quantity and its scale come from."""
-    if isinstance(section, CustomObjective):
-        entries: list[KeyPath] = [("objective", "terms", i) for i in range(len(section.terms))]
-        dumped = (term.model_dump() for term in section.terms)
-        return [((*e, "quantity"), (*e, "scale"), term) for e, term in zip(entries, dumped, strict=True)]
-    given = section.model_dump(exclude_none=True)
-    return [
-        (("objective", f"{kind}_scale"),) * 2
-        + ({"quantity": quantity, "scale": given[f"{kind}_scale"], "weight": given[f"{kind}_weight"]},)
-        for kind, quantity in _SHORT.items()
-        if f"{kind}_scale" in given
-    ]
+    for i, term in enumerate(given.get("terms", ())):
+        path: KeyPath = ("objective", "terms", i)
+        yield (*path, "quantity"), (*path, "scale"), term
+    for kind, quantity in _SHORT.items():
+        if f"{kind}_scale" in given:
+            path = ("objective", f"{kind}_scale")
+            yield path, path, {"quantity": quantity, "scale": given[path[1]], "weight": given[f"{kind}_weight"]}

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import os
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pretouch._core.errors import ScenarioFileError
 from pretouch._core.units import format_quantity
 from pretouch.design.task import Task
 
 from .building import Builder
-from .document import Document, listed
+from .document import read_document
 from .reading import read_sections
 from .robust import robust_fields
 from .schema import LOOP_SECTIONS
-from .sensor_sections import CalibratedSensor
+from .sensor_sections import CALIBRATION
 from .source import ScenarioSource
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
-    from pretouch.motion.scenario import Scenario
     from pretouch.sensors import SensorModel
 
 __all__ = ["load_scenario"]
@@ -69,46 +70,29 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
         >>> task.scenario.distance, task.bounds
         (0.0422, (-10.0, -0.01))
     """
-    document = Document.open(path)
-    sections, mistakes = read_sections(document)
-    builder = Builder(document, sections)
-    scenario, objective, bounds = builder.scenario(), builder.objective(), builder.bounds()
-    impact, constraints = builder.impact(), builder.constraints()
-    method, horizon = builder.motion()
-    natural_frequency, damping_ratio = builder.freedom()
-    quantities, choice = builder.pareto()
-    if mistakes + builder.mistakes and isinstance(sections.get("sensor"), CalibratedSensor):
-        raise ScenarioFileError(listed(document.path, mistakes + builder.mistakes))  # not worth a fit
+    content, text, data = read_document(path)
+    source = ScenarioSource(path=Path(path), text=text, sha256=hashlib.sha256(content).hexdigest())
+    sections, mistakes = read_sections(source, data)
+    builder = Builder(source, data, sections)
+    scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
+    asked = {"impact": builder.made("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
+    if mistakes + builder.mistakes and CALIBRATION in (builder.values("sensor") or {}):
+        raise ScenarioFileError(source.listed(mistakes + builder.mistakes))  # not worth a fit
     sensor, calibration = builder.sensor()
     if sensor is not None and scenario is not None:
         builder.check_range(sensor, scenario, calibration)
-    robust = robust_fields(builder, scenario=scenario, sensor=sensor, calibration=calibration, constraints=constraints)
-    looped = _loop(builder, scenario, sensor, calibration)
+    asked |= robust_fields(builder, scenario, sensor, calibration, constraints)
+    if any(name in data for name in LOOP_SECTIONS):
+        from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
+
+        asked |= loop_fields(builder, scenario, sensor, calibration)
     mistakes += builder.mistakes
+    bounds = builder.values("gain")
     if mistakes or scenario is None or sensor is None or objective is None or bounds is None:
-        raise ScenarioFileError(listed(document.path, mistakes))
-    return Task(
-        scenario,
-        sensor,
-        objective,
-        bounds=bounds,
-        impact=impact,
-        method=method,
-        horizon=horizon,
-        natural_frequency=natural_frequency,
-        damping_ratio=damping_ratio,
-        quantities=quantities,
-        choice=choice,
-        **robust,
-        **looped,
-        calibration=calibration,
-        source=ScenarioSource(
-            path=document.path,
-            text=document.text,
-            sha256=hashlib.sha256(document.content).hexdigest(),
-            supported=_supported(sensor, calibration),
-        ),
-    )
+        raise ScenarioFileError(source.listed(mistakes))
+    low, high = bounds["bounds"]
+    source = replace(source, supported=_supported(sensor, calibration))
+    return Task(scenario, sensor, objective, bounds=(low, high), **asked, calibration=calibration, source=source)
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
@@ -121,14 +105,3 @@ def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> st
         f"the calibration supports it from {near} ({window.start_reason}) to {far} ({window.end_reason}): calibrate "
         "over more distances, or extend the curve with minimum_distance or maximum_distance"
     )
-
-
-def _loop(
-    builder: Builder, scenario: Scenario | None, sensor: SensorModel | None, calibration: CalibrationReport | None
-) -> dict[str, Any]:
-    """Build the sampled loop and what is asked of it, where the file says anything of one."""
-    if not any(name in builder.document.data for name in LOOP_SECTIONS):
-        return {}
-    from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
-
-    return loop_fields(builder, scenario=scenario, sensor=sensor, calibration=calibration)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from pretouch._core.errors import UnitError
 from pretouch._core.units import to_si
 
-from .positions import KeyPath
+from .quantities import KeyPath
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
@@ -25,13 +25,7 @@ _OUTPUTS: Final = {
 
 
 def refuse_mixed_units(builder: Builder, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
-    """Refuse a part and outputs of the loop in another unit than the sensor's; bare numbers are in whichever it is.
-
-    Args:
-        builder: the builder of the file.
-        part: the sensor part, where the file names one.
-        calibration: the report of the fit, where the sensor was fitted.
-    """
+    """Refuse a part and outputs of the loop in another unit than the sensor's; bare numbers are in whichever it is."""
     path, unit = _of_sensor(builder, calibration)
     if part is not None and unit and part.unit not in {"", unit}:
         builder.refuse(
@@ -53,7 +47,7 @@ def _of_sensor(builder: Builder, calibration: CalibrationReport | None) -> tuple
     """Return where the unit of the sensor stands, and the unit; empty where its outputs are bare."""
     if calibration is not None:
         return ("sensor", "calibration"), calibration.calibration.unit
-    sensor = builder.document.data["sensor"] if "sensor" in builder.sections else {}
+    sensor = builder.data["sensor"] if "sensor" in builder.sections else {}
     if "outputs" in sensor:
         units = [_unit_of(output) for output in sensor["outputs"]]
         return ("sensor", "outputs"), next(filter(None, units), "")
@@ -63,7 +57,7 @@ def _of_sensor(builder: Builder, calibration: CalibrationReport | None) -> tuple
 def _given(builder: Builder) -> Iterator[tuple[KeyPath, str, str]]:
     """Return the outputs of the loop that name a unit, with their places and units."""
     for section, keys in _OUTPUTS.items():
-        found = builder.document.data.get(section, {})
+        found = builder.data.get(section, {})
         for key in found if section in builder.sections else ():
             unit = _unit_of(found[key]) if key in keys else ""
             if unit:
@@ -89,5 +83,5 @@ def _is(value: str, unit: str) -> bool:
 
 
 def _named(builder: Builder, path: KeyPath) -> str:
-    line = builder.document.lines.get(path)
+    line = builder.source.lines.get(path)
     return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")

@@ -9,11 +9,11 @@ import bisect
 import json
 import re
 from collections.abc import Mapping
-from typing import Final, TypeAlias
+from typing import Final
 
-__all__ = ["KeyPath", "key_lines"]
+from .quantities import KeyPath
 
-KeyPath: TypeAlias = tuple[str | int, ...]
+__all__ = ["key_lines"]
 
 _BLANK: Final = re.compile(r"[ \t]*")
 _BETWEEN: Final = re.compile(r"(?:[\s,]|#[^\n]*)*")
@@ -25,13 +25,10 @@ _PLAIN: Final = re.compile(r"[^,\]}#\n]*")
 
 
 def key_lines(text: str) -> Mapping[KeyPath, int]:
-    r"""Map every key of a valid TOML text to the line on which it stands.
-
-    Args:
-        text: TOML that `tomllib.loads` accepts.
+    r"""Map every key of a text that `tomllib.loads` accepts to the line on which it stands.
 
     Returns:
-        The line, from 1, by path: keys as text, elements of arrays by their index.
+        The line, from 1, by path.
 
     Examples:
         >>> lines = key_lines('[gain]\nbounds = [\n  "-10 N*s",\n  "-0.01 N*s",\n]\n')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.constraints import Constraint
@@ -25,8 +25,8 @@ from pretouch.uncertainty import (
     parameter_distribution,
 )
 
-from .positions import KeyPath
-from .robust_sections import FROM_CALIBRATION, KnownInput, RobustSection, UncertaintySection
+from .quantities import KeyPath
+from .robust_sections import FROM_CALIBRATION
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
@@ -38,64 +38,50 @@ __all__ = ["robust_fields"]
 
 def robust_fields(
     builder: Builder,
-    *,
     scenario: Scenario | None,
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
     constraints: tuple[Constraint, ...],
 ) -> dict[str, Any]:
-    """Build what is asked of a robust gain; what contradicts itself becomes a mistake of the builder.
+    """Return the fields of a task that speak of a robust gain, and the constraints with their probabilities.
 
-    Args:
-        builder: the builder of the file.
-        scenario: the encounter; None where it has mistakes.
-        sensor: the sensor; None where it has mistakes.
-        calibration: the report of its fit, where it was fitted.
-        constraints: the limits.
-
-    Returns:
-        The fields of the task that speak of a robust gain, and the constraints with their probabilities.
+    What contradicts itself becomes a mistake of the builder; what has mistakes already is None.
     """
-    section = cast("RobustSection", builder.sections.get("robust", RobustSection()))
-    if "robust" in builder.document.data and "uncertainty" not in builder.document.data:
+    asked = builder.settings("robust")
+    if "robust" in builder.data and "uncertainty" not in builder.data:
         builder.refuse(
             ("robust",),
             "found no [uncertainty] beside it, expected what is known of inputs, such as "
             'obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
         )
-    known = _uncertainty(builder, section.measure, sensor, calibration)
+    known = _uncertainty(builder, asked["measure"], sensor, calibration)
     if scenario is not None and sensor is not None and known and not builder.mistakes:
         _check_middle(builder, scenario, sensor, known)
-    same = ("samples", "validation", "seed", "sampling", "confidence")
-    return {
-        "uncertainty": known,
-        "measure": _measure(section),
-        "constraints": tuple(_required(builder, section, constraints)),
-        **{name: getattr(section, name) for name in same},
-    }
+    measure = _measure(asked.pop("measure"), asked.pop("probability", 0.0))
+    limits = tuple(_required(builder, asked.pop("required", {}), constraints))
+    return {"uncertainty": known, "measure": measure, "constraints": limits, **asked}
 
 
-def _measure(section: RobustSection) -> Measure:
-    p = section.probability
-    if section.measure == "quantile" and p is not None:
-        return Quantile(probability=p)
-    if section.measure == "tail-mean" and p is not None:
-        return ConditionalValueAtRisk(probability=p)
-    return WorstCase() if section.measure == "worst-case" else Expected()
+def _measure(name: str, probability: float) -> Measure:
+    if name == "quantile":
+        return Quantile(probability=probability)
+    if name == "tail-mean":
+        return ConditionalValueAtRisk(probability=probability)
+    return WorstCase() if name == "worst-case" else Expected()
 
 
 def _required(
-    builder: Builder, section: RobustSection, constraints: tuple[Constraint, ...]
+    builder: Builder, asked: Mapping[str, float], constraints: tuple[Constraint, ...]
 ) -> Iterator[Constraint | Required]:
     limited = {c.name for c in constraints}
-    for name in section.required:
+    for name in asked:
         if name not in limited:
             builder.refuse(
                 ("robust", "required", name),
                 f"found a probability for a limit that is not given, expected {name} in [constraints]",
             )
     for constraint in constraints:
-        probability = section.required.get(constraint.name)
+        probability = asked.get(constraint.name)
         yield constraint if probability is None else Required(constraint=constraint, probability=probability)
 
 
@@ -103,14 +89,13 @@ def _uncertainty(
     builder: Builder, measure: str, sensor: SensorModel | None, calibration: CalibrationReport | None
 ) -> dict[str, Distribution | CorrelatedNormal]:
     """Build what is known of each input."""
-    section = builder.sections.get("uncertainty")
     found: dict[str, Distribution | CorrelatedNormal] = {}
-    if not isinstance(section, UncertaintySection):
+    parts = builder.values("uncertainty")
+    if parts is None:
         return found
-    for part in UncertaintySection.model_fields:
-        inputs = getattr(section, part)
-        for key in inputs.model_fields_set if inputs is not None else ():
-            path, given = ("uncertainty", part, key), getattr(inputs, key)
+    for part, inputs in parts.items():
+        for key, given in inputs.items():
+            path = ("uncertainty", part, key)
             if part == "sensor" and key == FROM_CALIBRATION:
                 fitted = _fitted(builder, path, calibration)
                 found |= {} if fitted is None else {"calibration": fitted}
@@ -120,7 +105,7 @@ def _uncertainty(
                 has = ", ".join(name for name in known if name != "scale") or "none"
                 builder.refuse(path, f"found a parameter that the {sensor.name} curve has not, expected one of: {has}")
                 continue
-            if given.interval is not None and measure != "worst-case":
+            if "interval" in given and measure != "worst-case":
                 builder.refuse(
                     (*path, "interval"),
                     f'found an interval, which says nothing about what is likely, beside measure = "{measure}"; '
@@ -138,7 +123,7 @@ def _uncertainty(
 
 def _in_order(builder: Builder, found: Mapping[str, Any]) -> dict[str, Any]:
     """Sort inputs by their lines, so that a report has them as the file does."""
-    lines = builder.document.lines
+    lines = builder.source.lines
 
     def line(name: str) -> int:
         path: KeyPath = ("uncertainty", *name.split("."))
@@ -150,7 +135,7 @@ def _in_order(builder: Builder, found: Mapping[str, Any]) -> dict[str, Any]:
 def _fitted(builder: Builder, path: KeyPath, calibration: CalibrationReport | None) -> CorrelatedNormal | None:
     """Take the covariance of the fitted curve."""
     if calibration is None or calibration.best is None:
-        if "calibration" not in builder.document.data.get("sensor", {}):
+        if "calibration" not in builder.data.get("sensor", {}):
             builder.refuse(
                 path, 'found "calibration" for a sensor that is given by its parameters, expected [sensor] calibration'
             )
@@ -159,18 +144,19 @@ def _fitted(builder: Builder, path: KeyPath, calibration: CalibrationReport | No
     return builder.attempt("", lambda: parameter_distribution(best), path)
 
 
-def _distribution(given: KnownInput) -> Distribution:
+def _distribution(given: Mapping[str, Any]) -> Distribution:
     """Make the distribution that an input is given by."""
-    if given.normal is not None and given.between is not None:
-        low, high = given.between
-        return TruncatedNormal(location=given.normal[0], deviation=given.normal[1], low=low, high=high)
-    if given.normal is not None:
-        return Normal(mean=given.normal[0], deviation=given.normal[1])
-    if given.uniform is not None:
-        return Uniform(low=given.uniform[0], high=given.uniform[1])
-    if given.interval is not None:
-        return Interval(low=given.interval[0], high=given.interval[1])
-    return Empirical(samples=tuple(given.samples or ()))
+    if "between" in given:
+        (mean, deviation), (low, high) = given["normal"], given["between"]
+        return TruncatedNormal(location=mean, deviation=deviation, low=low, high=high)
+    if "normal" in given:
+        mean, deviation = given["normal"]
+        return Normal(mean=mean, deviation=deviation)
+    if "samples" in given:
+        return Empirical(samples=tuple(given["samples"]))
+    kind = Uniform if "uniform" in given else Interval
+    low, high = given["uniform" if "uniform" in given else "interval"]
+    return kind(low=low, high=high)
 
 
 def _check_middle(builder: Builder, scenario: Scenario, sensor: SensorModel, known: Uncertainty) -> None:

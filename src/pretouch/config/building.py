@@ -65,8 +65,7 @@ class Builder:
 
     def settings(self, section: str) -> dict[str, Any]:
         """Return the values of a section that may be left out, by default those of an empty one."""
-        found = self.values(section)
-        return variants(section)[""]({}) if found is None else found
+        return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
 
     def made(self, section: str, without: tuple[str, ...] = ()) -> Any:
         """Make what a section describes, without what is said of it beside."""

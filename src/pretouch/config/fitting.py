@@ -23,11 +23,7 @@ OutputValue: TypeAlias = tuple[float, str]
 
 
 def read_output(value: float | str, *, name: str) -> OutputValue:
-    """Read a sensor output that may be bare, in V or in counts.
-
-    Args:
-        value: a number, or text such as `"110 mV"`.
-        name: what it is called in messages.
+    """Read a sensor output that may be bare, in V or in counts; messages call it by its name.
 
     Returns:
         The number, in V where it has that dimension, and its unit.
@@ -76,14 +72,7 @@ class FitRequest:
     floor_sigmas: float = 3.0
 
     def read(self) -> tuple[Calibration, ...]:
-        """Read the curves of the file that the labels select.
-
-        Returns:
-            The curves, at least one.
-
-        Raises:
-            CalibrationDataError: the file cannot be read, or holds no such curve.
-        """
+        """Read the curves of the file that the labels select, at least one; raise CalibrationDataError for none."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
@@ -102,14 +91,7 @@ class FitRequest:
         return chosen
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
-        """Fit every model to one curve.
-
-        Args:
-            calibration: one of the curves that `read` returned.
-
-        Returns:
-            The report.
-        """
+        """Fit every model to one of the curves."""
         from pretouch.calibration import rank_models  # noqa: PLC0415
 
         chosen = {"models": self.models} if self.models else {}
@@ -150,17 +132,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit the one curve that a request selects.
-
-    Args:
-        request: what is asked.
-
-    Returns:
-        The best sensor and the report that it comes from.
-
-    Raises:
-        InvalidInputError: several curves are selected, or none of the models fits a usable signal.
-    """
+    """Fit the one curve that a request selects; raise InvalidInputError where there are several, or no usable fit."""
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(

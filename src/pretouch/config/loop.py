@@ -44,14 +44,7 @@ def loop_fields(
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
 ) -> dict[str, Any]:
-    """Return the fields of a task that speak of the loop; none where it has mistakes, which the builder keeps.
-
-    Args:
-        builder: the builder of the file.
-        scenario: the encounter; None where it has mistakes.
-        sensor: the sensor; None where it has mistakes.
-        calibration: the report of its fit, where it was fitted.
-    """
+    """Return the fields of a task that speak of the loop; none where it has mistakes, which the builder keeps."""
     _refuse_a_part_alone(builder)
     plant, contact = _plant(builder), _contact(builder)
     asked = builder.settings("loop")

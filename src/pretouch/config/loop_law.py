@@ -28,18 +28,7 @@ _LAW: Final = ("approach_only", "release", "ramp_time")
 def controller_of(
     builder: Builder, given: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
 ) -> Controller | None:
-    """Build the controller, checked together with the start of the encounter.
-
-    Args:
-        builder: the builder of the file, which takes the mistakes.
-        given: the values of [controller].
-        chain: the sensor chain, from which floor, offset, saturation and the sensor's period follow.
-        scenario: the encounter, whose admittance is the controller's.
-        positioned: whether the robot is position-controlled, and feels no contact force itself.
-
-    Returns:
-        The controller, with a gain of 0 where the file names none; None where it has mistakes.
-    """
+    """Build the controller, with a gain of 0 where the file names none, checked with the start of the encounter."""
     period = 1 / given["rate"] if "rate" in given else given["period"]
     sensing = _conditioning(builder, given, chain, period)
     own = {key: given[key] for key in _LAW}
@@ -57,6 +46,7 @@ def controller_of(
             law=law,
             admittance=VirtualAdmittance(mass=virtual.mass, damping=virtual.damping, stiffness=virtual.stiffness),
             limits=limits,
+            # a robot that is position-controlled feels no contact force itself
             contact_gain=given.get("contact_gain", 1.0 if positioned else 0.0),
             contact_threshold=given["contact_threshold"],
         )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from pretouch._core.errors import UnitError
 from pretouch._core.units import to_si
 
-from .quantities import KeyPath
+from .quantities import KeyPath, Quantity
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from .building import Builder
 
 __all__ = ["refuse_mixed_units"]
-
-_OUTPUTS: Final = {
-    "chain": ("noise", "offset", "crosstalk", "drift", "lowest", "highest", "resolution"),
-    "controller": ("floor", "offset", "saturation"),
-}
 
 
 def refuse_mixed_units(builder: Builder, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
@@ -56,22 +51,20 @@ def _of_sensor(builder: Builder, calibration: CalibrationReport | None) -> tuple
 
 def _given(builder: Builder) -> Iterator[tuple[KeyPath, str, str]]:
     """Return the outputs of the loop that name a unit, with their places and units."""
-    for section, keys in _OUTPUTS.items():
-        found = builder.data.get(section, {})
-        for key in found if section in builder.sections else ():
-            unit = _unit_of(found[key]) if key in keys else ""
+    for section in ("chain", "controller"):
+        keys = builder.sections[section][0].keys if section in builder.sections else {}
+        for key, value in builder.data[section].items() if keys else ():
+            read = keys[key].read
+            unit = _unit_of(value) if isinstance(read, Quantity) and read.unit.startswith("output") else ""
             if unit:
-                yield (section, key), found[key], unit
+                yield (section, key), value, unit
 
 
 def _unit_of(value: Any) -> str:
     """Return V or counts where a value names it; empty where it is bare or no output."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or _is(value, "") or _is(value, "1/s"):
         return ""
-    for unit, like in (("", ("", "1/s")), ("V", ("V", "V/s")), ("counts", ("counts", "counts/s"))):
-        if any(_is(value, one) for one in like):
-            return unit
-    return ""
+    return next((unit for unit in ("V", "counts") if _is(value, unit) or _is(value, f"{unit}/s")), "")
 
 
 def _is(value: str, unit: str) -> bool:

@@ -6,8 +6,8 @@ The scan trusts that `tomllib` has accepted the text, so it only has to find key
 from __future__ import annotations
 
 import bisect
-import json
 import re
+import tomllib
 from collections.abc import Mapping
 from typing import Final
 
@@ -138,12 +138,4 @@ class _Scan:
 
 
 def _plain_key(key: str) -> str:
-    if key.startswith("'"):
-        return key[1:-1]
-    if key.startswith('"'):
-        escaped = re.sub(r"\\U([0-9a-fA-F]{8})", lambda m: chr(int(m.group(1), 16)), key)
-        try:
-            return str(json.loads(escaped, strict=False))
-        except ValueError:
-            return key[1:-1]
-    return key
+    return next(iter(tomllib.loads(f"{key} = 0"))) if key[0] in "\"'" else key

@@ -25,7 +25,6 @@ from pretouch.uncertainty import (
     parameter_distribution,
 )
 
-from .quantities import KeyPath
 from .robust_sections import FROM_CALIBRATION
 
 if TYPE_CHECKING:
@@ -93,46 +92,36 @@ def _uncertainty(
     parts = builder.values("uncertainty")
     if parts is None:
         return found
-    for part, inputs in parts.items():
-        for key, given in inputs.items():
-            path = ("uncertainty", part, key)
-            if part == "sensor" and key == FROM_CALIBRATION:
-                fitted = _fitted(builder, path, calibration)
-                found |= {} if fitted is None else {"calibration": fitted}
-                continue
-            if part == "sensor" and sensor is not None and f"sensor.{key}" not in sensor_inputs(sensor):
-                known = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
-                has = ", ".join(name for name in known if name != "scale") or "none"
-                builder.refuse(path, f"found a parameter that the {sensor.name} curve has not, expected one of: {has}")
-                continue
-            if "interval" in given and measure != "worst-case":
-                builder.refuse(
-                    (*path, "interval"),
-                    f'found an interval, which says nothing about what is likely, beside measure = "{measure}"; '
-                    'expected uniform where all of it is equally likely, or measure = "worst-case"',
-                )
-            made = builder.attempt("", partial(_distribution, given), path)
-            found |= {} if made is None else {f"{part}.{key}": made}
+    lines = builder.source.lines
+    asked = [(part, key) for part, inputs in parts.items() for key in inputs]
+    for part, key in sorted(asked, key=lambda each: lines["uncertainty", *each]):  # as a report has them, too
+        path, given = ("uncertainty", part, key), parts[part][key]
+        if part == "sensor" and key == FROM_CALIBRATION:
+            fitted = _fitted(builder, path, calibration)
+            found |= {} if fitted is None else {"calibration": fitted}
+            continue
+        if part == "sensor" and sensor is not None and f"sensor.{key}" not in sensor_inputs(sensor):
+            known = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
+            has = ", ".join(name for name in known if name != "scale") or "none"
+            builder.refuse(path, f"found a parameter that the {sensor.name} curve has not, expected one of: {has}")
+            continue
+        if "interval" in given and measure != "worst-case":
+            builder.refuse(
+                (*path, "interval"),
+                f'found an interval, which says nothing about what is likely, beside measure = "{measure}"; '
+                'expected uniform where all of it is equally likely, or measure = "worst-case"',
+            )
+        made = builder.attempt("", partial(_distribution, given), path)
+        found |= {} if made is None else {f"{part}.{key}": made}
     if not found and not builder.mistakes:
         builder.refuse(
             ("uncertainty",),
             'found no input, expected one or more, such as obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
         )
-    return _in_order(builder, found)
+    return found
 
 
-def _in_order(builder: Builder, found: Mapping[str, Any]) -> dict[str, Any]:
-    """Sort inputs by their lines, so that a report has them as the file does."""
-    lines = builder.source.lines
-
-    def line(name: str) -> int:
-        path: KeyPath = ("uncertainty", *name.split("."))
-        return lines.get(path, lines.get(("uncertainty", "sensor", FROM_CALIBRATION), 0))
-
-    return {name: found[name] for name in sorted(found, key=line)}
-
-
-def _fitted(builder: Builder, path: KeyPath, calibration: CalibrationReport | None) -> CorrelatedNormal | None:
+def _fitted(builder: Builder, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
     """Take the covariance of the fitted curve."""
     if calibration is None or calibration.best is None:
         if "calibration" not in builder.data.get("sensor", {}):

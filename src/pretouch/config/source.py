@@ -114,14 +114,12 @@ def _dotted(path: KeyPath) -> str:
 
 
 def place(message: str, section: str) -> Mistake:
-    """Split a message `name: found ..., which ...` into the key that it speaks of and the sentence.
+    """Split a message `name: found ..., which ...` into the key that it speaks of, and the sentence.
 
-    Args:
-        message: the message of an error; its name may be a key of the section, or the words of a key.
-        section: the section that was being built; empty where that is not known.
+    The name may be a key of the section that was being built, where one is given, or the words of a key.
 
     Returns:
-        The path of the key, as near as it is known, and the sentence; an empty path where nothing is known.
+        The path of the key, as near as it is known, and the sentence.
 
     Examples:
         >>> place("obstacle position: found a distance of 0 m", "")

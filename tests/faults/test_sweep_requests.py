@@ -13,8 +13,8 @@ import pytest
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, MissingExtraError
 from pretouch.cli.sweep import _Teller
-from pretouch.config.axis_text import read_axis
 from pretouch.sweep import executors
+from pretouch.sweep.axes import read_axis
 from pretouch.sweep.executors import Progress
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
 

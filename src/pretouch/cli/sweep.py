@@ -108,7 +108,7 @@ def sweep(
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
     """Read the axes; which inputs there are depends on whether gains are designed."""
-    from pretouch.config.axis_text import read_axis  # noqa: PLC0415
+    from pretouch.sweep.axes import read_axis  # noqa: PLC0415
     from pretouch.sweep.inputs import inputs_of  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)

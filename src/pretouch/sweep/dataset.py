@@ -21,15 +21,7 @@ __all__ = ["make_dataset", "variable_attributes"]
 
 
 def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
-    """Put results on their axes.
-
-    Args:
-        plan: the sweep.
-        columns: results by name, of the shape of the grid; none for the axes alone.
-
-    Returns:
-        The dataset.
-    """
+    """Put results, of the shape of the grid, on their axes; without results, return the axes alone."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
     units = inputs_of(plan.held)

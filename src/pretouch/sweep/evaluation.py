@@ -24,15 +24,7 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 
 def evaluate(plan: Plan, region: Region) -> Columns:
-    """Compute a part of the grid.
-
-    Args:
-        plan: the sweep.
-        region: the part.
-
-    Returns:
-        The status and every result, of the region's shape; NaN where there is no contact or no optimal gain.
-    """
+    """Return status and results of a part of the grid, of its shape; NaN where there is no contact or no optimum."""
     axes = [axis.at(part) for axis, part in zip(plan.axes, region, strict=True)]
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]

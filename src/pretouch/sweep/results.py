@@ -45,19 +45,7 @@ _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 
 
 def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
-    """Check the names of results; choose them where none are given.
-
-    Args:
-        results: what was asked for.
-        designs: whether gains are designed.
-        impact: physical properties, where given.
-
-    Returns:
-        The names, without the status, which is always there.
-
-    Raises:
-        InvalidInputError: a result is unknown, or needs what is not given.
-    """
+    """Return the names of results without the status, which is always there; a few where none are given."""
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
     names = (results,) if isinstance(results, str) else tuple(results)
@@ -75,16 +63,7 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:
-    """Read a contact quantity of a result; NaN is put elsewhere where there is no contact.
-
-    Args:
-        name: a key of CONTACT_UNITS.
-        result: the result.
-        impact: physical properties, where the quantity needs them.
-
-    Returns:
-        The quantity in SI.
-    """
+    """Read a contact quantity of a result in SI; NaN is put elsewhere where there is no contact."""
     if name in _ALWAYS:
         return getattr(result, name)
     if name in ContactState.names():
@@ -99,10 +78,6 @@ def is_known_without_contact(name: str) -> bool:
 
 def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
     """Return the attributes of a variable: unit and name in words, or what each status means.
-
-    Args:
-        name: of the result.
-        designs: whether gains are designed.
 
     Returns:
         Attributes as the CF conventions have them.

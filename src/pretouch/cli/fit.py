@@ -13,7 +13,7 @@ from pretouch._core.errors import InvalidInputError, UnitError
 from pretouch._core.json_text import as_json
 from pretouch._core.units import read_quantity
 
-from .terminal import Presentation, end, print_progress, print_text, verb
+from .terminal import Presentation, end, option, print_progress, print_text, verb
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
@@ -27,40 +27,24 @@ def fit(
     shown: Presentation,
     *,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration (CSV).")],
-    offset: Annotated[
-        str, typer.Option(metavar="auto|fit|zero|VALUE", help="Where the level without an object comes from.")
-    ] = "auto",
-    no_object: Annotated[
-        str | None, typer.Option(metavar="FILE|VALUE", help="Readings without an object, beside those in FILE.")
-    ] = None,
-    select: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Only curves with this label; repeatable.")
-    ] = None,
+    offset: Annotated[str, option("auto|fit|zero|VALUE", "Where the level without an object comes from.")] = "auto",
+    no_object: Annotated[str | None, option("FILE|VALUE", "Readings without an object, beside those in FILE.")] = None,
+    select: Annotated[list[str] | None, option("COLUMN=VALUE", "Only curves with this label; repeatable.")] = None,
     columns: Annotated[
         str | None,
-        typer.Option(
-            metavar="distance=COLUMN,output=COLUMN",
-            help='Which columns are meant, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
+        option(
+            "distance=COLUMN,output=COLUMN",
+            'Which columns are meant, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
         ),
     ] = None,
     labels: Annotated[
         str | None,
-        typer.Option(
-            metavar="COLUMN,...|none", help="The columns that tell curves apart; all that are left where not given."
-        ),
+        option("COLUMN,...|none", "The columns that tell curves apart; all that are left where not given."),
     ] = None,
-    saturation: Annotated[
-        str, typer.Option(metavar="auto|none|VALUE", help="Output from which the sensor is clipped.")
-    ] = "auto",
-    near_field_peak: Annotated[
-        str, typer.Option(metavar="auto|none|DISTANCE", help="Where the near-field peak lies.")
-    ] = "auto",
-    model: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Choose among these models only; repeatable.")
-    ] = None,
-    floor_sigmas: Annotated[
-        float, typer.Option(metavar="NUMBER", help="Sigmas above the offset from which a signal is usable.")
-    ] = 3.0,
+    saturation: Annotated[str, option("auto|none|VALUE", "Output from which the sensor is clipped.")] = "auto",
+    near_field_peak: Annotated[str, option("auto|none|DISTANCE", "Where the near-field peak lies.")] = "auto",
+    model: Annotated[list[str] | None, option("NAME", "Choose among these models only; repeatable.")] = None,
+    floor_sigmas: Annotated[float, option("NUMBER", "Sigmas above the offset from which a signal is usable.")] = 3.0,
 ) -> None:
     """Fit sensor models to a calibration (CSV).
 
@@ -80,12 +64,15 @@ def fit(
         no_object=_no_object(no_object),
         offset=_output_or(offset, ("auto", "fit", "zero"), "--offset"),
         saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
-        near_field_peak=near_field_peak
-        if near_field_peak in {"auto", "none"}
-        else read_quantity(near_field_peak, "m", name="--near-field-peak"),
+        near_field_peak=_distance_or(near_field_peak, ("auto", "none"), "--near-field-peak"),
         models=tuple(model or ()),
         floor_sigmas=floor_sigmas,
     )
+    _show(request, shown)
+
+
+def _show(request: FitRequest, shown: Presentation) -> None:
+    """Fit the curves that are asked for, and show what was found."""
     curves = request.read()
     if not shown.json:
         _print_notes(curves[0], ())
@@ -107,6 +94,11 @@ def _output_or(text: str, words: tuple[str, ...], name: str) -> str | OutputValu
     from pretouch.config.fitting import read_output  # noqa: PLC0415
 
     return text if text in words else read_output(text, name=name)
+
+
+def _distance_or(text: str, words: tuple[str, ...], name: str) -> str | float:
+    """Keep one of the words; read everything else as a distance [m]."""
+    return text if text in words else read_quantity(text, "m", name=name)
 
 
 def _columns(text: str | None) -> dict[str, str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pretouch._core.errors import InvalidInputError, UnitError
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import as_json
 from pretouch._core.units import read_quantity
 
@@ -17,7 +19,7 @@ from .terminal import Presentation, end, option, print_progress, print_text, ver
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
-    from pretouch.config.fitting import FitRequest, OutputValue
+    from pretouch.config.fitting import FitRequest
 
 __all__ = ["fit"]
 
@@ -54,17 +56,17 @@ def fit(
 
     Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
     """
-    from pretouch.config.fitting import FitRequest  # noqa: PLC0415 - `pretouch --help` stays quick
+    from pretouch.config.fitting import FitRequest, read_no_object, read_output  # noqa: PLC0415 - `pretouch --help` stays quick
 
     request = FitRequest(
         path=file,
         select=_selected(select or []),
         columns=_columns(columns),
         labels=None if labels is None else _names(labels),
-        no_object=_no_object(no_object),
-        offset=_output_or(offset, ("auto", "fit", "zero"), "--offset"),
-        saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
-        near_field_peak=_distance_or(near_field_peak, ("auto", "none"), "--near-field-peak"),
+        no_object=None if no_object is None else read_no_object(no_object, Path(), name="--no-object"),
+        offset=_or(offset, ("auto", "fit", "zero"), read_output, "--offset"),
+        saturation=_or(saturation, ("auto", "none"), read_output, "--saturation"),
+        near_field_peak=_or(near_field_peak, ("auto", "none"), partial(read_quantity, unit="m"), "--near-field-peak"),
         models=tuple(model or ()),
         floor_sigmas=floor_sigmas,
     )
@@ -89,16 +91,9 @@ def _print_notes(curve: Calibration, known: tuple[str, ...]) -> None:
             print_text(f"note: {note}")
 
 
-def _output_or(text: str, words: tuple[str, ...], name: str) -> str | OutputValue:
-    """Keep one of the words; read everything else as a sensor output."""
-    from pretouch.config.fitting import read_output  # noqa: PLC0415
-
-    return text if text in words else read_output(text, name=name)
-
-
-def _distance_or(text: str, words: tuple[str, ...], name: str) -> str | float:
-    """Keep one of the words; read everything else as a distance [m]."""
-    return text if text in words else read_quantity(text, "m", name=name)
+def _or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
+    """Keep one of the words; read everything else."""
+    return text if text in words else read(text, name=name)
 
 
 def _columns(text: str | None) -> dict[str, str]:
@@ -126,20 +121,6 @@ def _selected(texts: list[str]) -> dict[str, str]:
         if not re.fullmatch(r"[^=]+=.+", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
     return {key.strip(): value.strip() for key, value in (text.split("=", 1) for text in texts)}
-
-
-def _no_object(text: str | None) -> Any:
-    """Read a value, or take the text as the path of a file."""
-    from pretouch.config.fitting import read_output  # noqa: PLC0415
-
-    if text is None:
-        return None
-    try:
-        return read_output(text, name="--no-object")
-    except UnitError:
-        if Path(text).exists() or Path(text).suffix:
-            return Path(text)
-        raise
 
 
 def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:

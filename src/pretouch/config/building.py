@@ -5,17 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from pretouch._core.errors import InvalidInputError, PretouchError, UnitError
+from pretouch._core.errors import InvalidInputError, PretouchError
 from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import Recessed, SensorModel
 from pretouch.uncertainty.reservations import recess_in_words
 
-from .fitting import FitRequest, OutputValue, fit_sensor_of, read_output
+from .fitting import FitRequest, fit_sensor_of, read_no_object, read_output
 from .quantities import KeyPath
 from .reading import Sections
 from .schema import variants
@@ -95,18 +94,20 @@ class Builder:
             key: given[key] if isinstance(given[key], str) else read_output(found[key], name=key)
             for key in ("offset", "saturation")
         }
-        request = FitRequest(
-            path=folder / given[CALIBRATION],
-            select={key: str(value) for key, value in given.get("select", {}).items()},
-            columns=given.get("columns", {}),
-            labels=tuple(given["labels"]) if "labels" in given else None,
-            no_object=_no_object(found["no_object"], folder) if "no_object" in given else None,
-            models=(given["model"],) if "model" in given else (),
-            near_field_peak=given["near_field_peak"],
-            floor_sigmas=given["floor_sigmas"],
-            **outputs,
-        )
         try:
+            request = FitRequest(
+                path=folder / given[CALIBRATION],
+                select={key: str(value) for key, value in given.get("select", {}).items()},
+                columns=given.get("columns", {}),
+                labels=tuple(given["labels"]) if "labels" in given else None,
+                no_object=read_no_object(found["no_object"], folder, name="no_object")
+                if "no_object" in given
+                else None,
+                models=(given["model"],) if "model" in given else (),
+                near_field_peak=given["near_field_peak"],
+                floor_sigmas=given["floor_sigmas"],
+                **outputs,
+            )
             sensor, report = fit_sensor_of(request)
         except PretouchError as error:
             path, sentence = place(str(error), "sensor")
@@ -196,14 +197,6 @@ class Builder:
             self.refuse(
                 path, f'found {quantity} without physical properties, expected [impact] with robot_mass = "4 kg"'
             )
-
-
-def _no_object(value: float | str, folder: Path) -> OutputValue | Path:
-    """Read a no-object level; text that is no quantity is the path of a file with such readings."""
-    try:
-        return read_output(value, name="no_object")
-    except UnitError:
-        return folder / str(value)
 
 
 def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:

@@ -16,7 +16,7 @@ from pretouch.sensors import SensorModel
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
 
-__all__ = ["FitRequest", "OutputValue", "fit_sensor_of", "read_output"]
+__all__ = ["FitRequest", "OutputValue", "fit_sensor_of", "read_no_object", "read_output"]
 
 OutputValue: TypeAlias = tuple[float, str]
 """A sensor output and its unit: V, counts, or the empty text where it is bare."""
@@ -41,6 +41,17 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
         except (UnitError, ArithmeticError):
             continue
     raise UnitError(f"{name}: found {value!r}, expected a number or text in V or counts")
+
+
+def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
+    """Read a no-object level; text that is no output is the file of such readings, beside what stands in a folder."""
+    try:
+        return read_output(value, name=name)
+    except UnitError:
+        path = folder / str(value)
+        if path.exists() or path.suffix:
+            return path
+        raise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -90,22 +90,19 @@ class Builder:
 
     def _calibrated(self, given: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
         found, folder = self.data["sensor"], self.source.path.parent
-        outputs = {
+        outputs: dict[str, Any] = {
             key: given[key] if isinstance(given[key], str) else read_output(found[key], name=key)
             for key in ("offset", "saturation")
         }
         try:
+            plain = ("select", "columns", "labels", "near_field_peak", "floor_sigmas")
             request = FitRequest(
                 path=folder / given[CALIBRATION],
-                select={key: str(value) for key, value in given.get("select", {}).items()},
-                columns=given.get("columns", {}),
-                labels=tuple(given["labels"]) if "labels" in given else None,
-                no_object=read_no_object(found["no_object"], folder, name="no_object")
-                if "no_object" in given
-                else None,
                 models=(given["model"],) if "model" in given else (),
-                near_field_peak=given["near_field_peak"],
-                floor_sigmas=given["floor_sigmas"],
+                no_object=read_no_object(found["no_object"], folder, name="no_object")
+                if "no_object" in found
+                else None,
+                **{key: given[key] for key in plain if key in given},
                 **outputs,
             )
             sensor, report = fit_sensor_of(request)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -72,9 +72,9 @@ class FitRequest:
     """
 
     path: Path
-    select: Mapping[str, str] = field(default_factory=dict)
+    select: Mapping[str, str | int | float] = field(default_factory=dict)
     columns: Mapping[str, str | int] = field(default_factory=dict)
-    labels: tuple[str | int, ...] | None = None
+    labels: Sequence[str | int] | None = None
     no_object: OutputValue | Path | None = None
     offset: str | OutputValue = "auto"
     saturation: str | OutputValue = "auto"

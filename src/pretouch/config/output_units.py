@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pretouch._core.errors import UnitError
-from pretouch._core.units import to_si
-
-from .quantities import KeyPath, Quantity
+from .quantities import KeyPath, Quantity, output_unit
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
@@ -44,9 +41,9 @@ def _of_sensor(builder: Builder, calibration: CalibrationReport | None) -> tuple
         return ("sensor", "calibration"), calibration.calibration.unit
     sensor = builder.data["sensor"] if "sensor" in builder.sections else {}
     if "outputs" in sensor:
-        units = [_unit_of(output) for output in sensor["outputs"]]
+        units = [output_unit(output) for output in sensor["outputs"]]
         return ("sensor", "outputs"), next(filter(None, units), "")
-    return ("sensor", "scale"), _unit_of(sensor.get("scale"))
+    return ("sensor", "scale"), output_unit(sensor.get("scale"))
 
 
 def _given(builder: Builder) -> Iterator[tuple[KeyPath, str, str]]:
@@ -55,24 +52,9 @@ def _given(builder: Builder) -> Iterator[tuple[KeyPath, str, str]]:
         keys = builder.sections[section][0].keys if section in builder.sections else {}
         for key, value in builder.data[section].items() if keys else ():
             read = keys[key].read
-            unit = _unit_of(value) if isinstance(read, Quantity) and read.unit.startswith("output") else ""
+            unit = output_unit(value) if isinstance(read, Quantity) and read.unit.startswith("output") else ""
             if unit:
                 yield (section, key), value, unit
-
-
-def _unit_of(value: Any) -> str:
-    """Return V or counts where a value names it; empty where it is bare or no output."""
-    if not isinstance(value, str) or _is(value, "") or _is(value, "1/s"):
-        return ""
-    return next((unit for unit in ("V", "counts") if _is(value, unit) or _is(value, f"{unit}/s")), "")
-
-
-def _is(value: str, unit: str) -> bool:
-    try:
-        to_si(value, unit, name="")
-    except (UnitError, ArithmeticError):
-        return False
-    return True
 
 
 def _named(builder: Builder, path: KeyPath) -> str:

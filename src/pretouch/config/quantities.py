@@ -15,7 +15,7 @@ from pretouch._core.errors import UnitError
 from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit, to_si
 
-__all__ = ["KeyPath", "Quantity", "UnfitValueError", "printable", "shown"]
+__all__ = ["KeyPath", "Quantity", "UnfitValueError", "output_unit", "printable", "shown"]
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """Where something stands in a file: keys as text, elements of arrays by their index."""
@@ -148,16 +148,26 @@ class Quantity:
             raise UnfitValueError(f"expected {self.expected}")
         if isinstance(value, str):
             value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" is what people write for "-61 1/m"
-        units = _OUTPUT_UNITS.get(self.unit, (self.unit,))
-        for unit in units[:-1]:
-            try:
-                return to_si(value, unit, name="")
-            except UnitError:
-                continue
-        try:
-            return to_si(value, units[-1], name="")
-        except UnitError:
-            raise UnfitValueError(f"expected {self.expected}{_reason(value)}") from None
+        for unit in _OUTPUT_UNITS.get(self.unit, (self.unit,)):
+            number = _in_unit(value, unit)
+            if number is not None:
+                return number
+        raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
+
+
+def _in_unit(value: float | str, unit: str) -> float | None:
+    try:
+        return to_si(value, unit, name="")
+    except (UnitError, ArithmeticError):
+        return None
+
+
+def output_unit(value: Any) -> str:
+    """Return V or counts where the text of a sensor output, or of its change, names it; empty for anything else."""
+    names = {"": ("", "1/s"), "V": ("V", "V/s"), "counts": ("counts", "counts/s")}
+    if not isinstance(value, str):
+        return ""
+    return next((unit for unit, both in names.items() if any(_in_unit(value, one) is not None for one in both)), "")
 
 
 def _reason(value: Any) -> str:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from pretouch.sensors import SensorModel, known_curves
 
-from .quantities import Quantity, UnfitValueError
+from .quantities import Quantity, UnfitValueError, output_unit
 from .section import LENGTH, REQUIRED, TAG, Key, Section, checked, declared_keys, list_of, one_of, text
 
 __all__ = ["CALIBRATION", "FROM_SURFACE", "section_of_curve", "sensor_variants"]
@@ -48,8 +48,7 @@ def _points(unit: str) -> Key:
 
     def read(value: Any) -> Any:
         """Refuse a list of outputs that mixes units: volts and counts have no common scale."""
-        texts = [v for v in value if isinstance(v, str)] if isinstance(value, list) else []
-        if len({"count" if "count" in t else "V" if "V" in t or "volt" in t else "" for t in texts}) > 1:
+        if isinstance(value, list) and len({output_unit(v) for v in value if isinstance(v, str)}) > 1:
             raise UnfitValueError("expected outputs of one unit, all in V or all in counts")
         return outputs(value)
 

@@ -14,7 +14,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import SensorChain, SensorPart
 
 if TYPE_CHECKING:
-    from .building import Builder
+    from .reading import Reading
 
 __all__ = ["controller_of", "refuse_a_curve_below_the_floor"]
 
@@ -26,15 +26,15 @@ _LAW: Final = ("approach_only", "release", "ramp_time")
 
 
 def controller_of(
-    builder: Builder, given: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
+    file: Reading, given: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
 ) -> Controller | None:
     """Build the controller, with a gain of 0 where the file names none, checked with the start of the encounter."""
     period = 1 / given["rate"] if "rate" in given else given["period"]
-    sensing = _conditioning(builder, given, chain, period)
+    sensing = _conditioning(file, given, chain, period)
     own = {key: given[key] for key in _LAW}
-    law = builder.attempt("controller", lambda: VirtualDamper(gain=given.get("gain", 0.0), **own))
+    law = file.attempt("controller", lambda: VirtualDamper(gain=given.get("gain", 0.0), **own))
     largest = {name: given.get(f"largest_{name}") for name in _LIMITS}
-    limits = builder.attempt("controller", lambda: Limits(**largest))
+    limits = file.attempt("controller", lambda: Limits(**largest))
     if sensing is None or law is None or limits is None:
         return None
     virtual = scenario.admittance
@@ -54,12 +54,12 @@ def controller_of(
         controller.start(start.position - reference.position, start.velocity - reference.velocity)
         return controller
 
-    return builder.attempt("controller", make)
+    return file.attempt("controller", make)
 
 
-def _conditioning(builder: Builder, given: Mapping[str, Any], chain: SensorChain, period: float) -> Conditioning | None:
+def _conditioning(file: Reading, given: Mapping[str, Any], chain: SensorChain, period: float) -> Conditioning | None:
     if chain.period < period * (1 - _SAME):
-        builder.refuse(
+        file.refuse(
             ("controller", "rate" if "rate" in given else "period"),
             f"found {1 / period:g} Hz, slower than the sensor with its {chain.rate:g} Hz, expected at least that; "
             f'or read the sensor as often as the loop runs: [chain] with rate = "{1 / period:g} Hz"',
@@ -67,7 +67,7 @@ def _conditioning(builder: Builder, given: Mapping[str, Any], chain: SensorChain
     slower = chain.period > period * (1 + _SAME)
     floor = given.get("floor", _FLOOR * chain.noise)
     if "floor" not in given and not floor > 0:
-        builder.refuse(
+        file.refuse(
             ("controller", "floor"),
             "missing, expected a sensor output above drift and what the scene reflects, since the chain has no noise "
             f"that it could be {_FLOOR:g} times of; add, for example: floor = 30.0",
@@ -78,13 +78,13 @@ def _conditioning(builder: Builder, given: Mapping[str, Any], chain: SensorChain
     if saturation is None and np.isfinite(chain.highest):
         saturation = chain.highest
         if saturation <= offset + floor:
-            builder.refuse(
+            file.refuse(
                 ("chain", "highest"),
                 f"found readings that saturate at {saturation:g}, expected more than the controller's offset and floor "
                 f"together, {offset + floor:g}",
             )
             return None
-    return builder.attempt(
+    return file.attempt(
         "controller",
         lambda: Conditioning(
             floor=floor,
@@ -97,7 +97,7 @@ def _conditioning(builder: Builder, given: Mapping[str, Any], chain: SensorChain
 
 
 def refuse_a_curve_below_the_floor(
-    builder: Builder, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
+    file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
 ) -> None:
     """Refuse a curve whose scale is not that of the readings, on which a loop depends, unlike a design."""
     if not sensor.contains(0.0):
@@ -106,8 +106,8 @@ def refuse_a_curve_below_the_floor(
     if log_output > math.log(conditioning.floor):
         return
     unit = f" in {part.unit}, which {part.name} reports," if part is not None and part.unit else ""
-    key = next(k for k in ("scale", "outputs", "calibration") if k in builder.data["sensor"])
-    builder.refuse(
+    key = next(k for k in ("scale", "outputs", "calibration") if k in file.data["sensor"])
+    file.refuse(
         ("sensor", key),
         f"found an output of {math.exp(log_output):.4g} at contact, which the controller's floor of "
         f"{conditioning.floor:.4g} hides, expected outputs{unit} well above it: in a loop the scale of the curve "

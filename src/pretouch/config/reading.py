@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeVar
 
-from .quantities import UnfitValueError, shown
+from pretouch._core.errors import InvalidInputError
+
+from .quantities import KeyPath, UnfitValueError, shown
 from .schema import NEEDED, SECTIONS, keys_of, variants
 from .section import Section, nearest, one_of
 from .sensor_sections import CALIBRATION, sensor_variants
-from .source import Mistake, ScenarioSource
+from .source import Mistake, ScenarioSource, place
 
-__all__ = ["Sections", "read_sections"]
+__all__ = ["Reading"]
 
-Sections: TypeAlias = Mapping[str, tuple[Section, dict[str, Any]]]
-"""The variant of every section of a file, and its values, by name."""
+T = TypeVar("T")
 
 _BY_KEYS: Final = {
     "admittance": ({"natural_frequency", "damping_ratio"}, "natural_frequency", "damping"),
@@ -25,29 +26,68 @@ _TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contac
 """The key that names the variant."""
 
 
-def read_sections(source: ScenarioSource, data: Mapping[str, Any]) -> tuple[Sections, list[Mistake]]:
-    """Return the sections that could be read, and the mistakes of all others."""
-    sections: dict[str, tuple[Section, dict[str, Any]]] = {}
-    mistakes = list(_unknown_sections(data))
-    meant = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}
-    for name in SECTIONS:
-        found = data.get(name)
-        if found is None:
-            if name in NEEDED and name not in meant:
-                mistakes.append(((name,), f"found no such section, expected [{name}] with {NEEDED[name]}"))
-        elif not isinstance(found, dict):
+class Reading:
+    """The sections of a file: their values, what is made of them, and every mistake on the way.
+
+    Args:
+        source: the file.
+        data: what `tomllib` read in it.
+    """
+
+    def __init__(self, source: ScenarioSource, data: Mapping[str, Any]) -> None:
+        self.source, self.data = source, data
+        self.unread: list[Mistake] = list(_unknown_sections(data))
+        self.mistakes: list[Mistake] = []
+        self.sections: dict[str, tuple[Section, dict[str, Any]]] = {}
+        meant = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}
+        for name in SECTIONS:
+            if name in data:
+                self._read(name, data[name])
+            elif name in NEEDED and name not in meant:
+                self.unread.append(((name,), f"found no such section, expected [{name}] with {NEEDED[name]}"))
+
+    def _read(self, name: str, found: Any) -> None:
+        """Read a section; note its mistakes where it has some."""
+        if not isinstance(found, dict):
             what = f"[[{name}]]" if isinstance(found, list) else shown(found)
-            mistakes.append(((name,), f"found {what}, expected a section [{name}] with keys"))
-        else:
-            variant = _variant(name, found)
-            if not isinstance(variant, Section):
-                mistakes.append(variant)
-                continue
-            try:
-                sections[name] = variant, variant(found, partial(_stranger, source, name, variant, found))
-            except UnfitValueError as unfit:
-                mistakes += [((name, *path), sentence) for path, sentence in unfit.mistakes]
-    return sections, mistakes
+            self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
+            return
+        variant = _variant(name, found)
+        if not isinstance(variant, Section):
+            self.unread.append(variant)
+            return
+        try:
+            self.sections[name] = variant, variant(found, partial(_stranger, self.source, name, variant, found))
+        except UnfitValueError as unfit:
+            self.unread += [((name, *path), sentence) for path, sentence in unfit.mistakes]
+
+    def refuse(self, path: KeyPath, sentence: str) -> None:
+        """Note a mistake at a key."""
+        self.mistakes.append((path, sentence))
+
+    def attempt(self, section: str, make: Callable[[], T], path: KeyPath = ()) -> T | None:
+        """Make an object; note the mistake where that is refused, at a key where that is known."""
+        try:
+            return make()
+        except InvalidInputError as error:
+            self.refuse(*((path, str(error)) if path else place(str(error), section)))
+            return None
+
+    def values(self, section: str) -> dict[str, Any] | None:
+        """Return the values of a section; None where the file has none, or mistakes in it."""
+        return self.sections[section][1] if section in self.sections else None
+
+    def settings(self, section: str) -> dict[str, Any]:
+        """Return the values of a section that may be left out, by default those of an empty one."""
+        return dict(self.sections[section][1]) if section in self.sections else variants(section)[""]({})
+
+    def made(self, section: str, without: tuple[str, ...] = ()) -> Any:
+        """Make what a section describes, without what is said of it beside."""
+        if section not in self.sections:
+            return None
+        variant, values = self.sections[section]
+        make: Any = variant.make
+        return self.attempt(section, lambda: make(**{k: v for k, v in values.items() if k not in without}))
 
 
 def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:

@@ -30,13 +30,13 @@ from .robust_sections import FROM_CALIBRATION
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
-    from .building import Builder
+    from .reading import Reading
 
 __all__ = ["robust_fields"]
 
 
 def robust_fields(
-    builder: Builder,
+    file: Reading,
     scenario: Scenario | None,
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
@@ -44,20 +44,20 @@ def robust_fields(
 ) -> dict[str, Any]:
     """Return the fields of a task that speak of a robust gain, and the constraints with their probabilities.
 
-    What contradicts itself becomes a mistake of the builder; what has mistakes already is None.
+    What contradicts itself becomes a mistake of the file; what has mistakes already is None.
     """
-    asked = builder.settings("robust")
-    if "robust" in builder.data and "uncertainty" not in builder.data:
-        builder.refuse(
+    asked = file.settings("robust")
+    if "robust" in file.data and "uncertainty" not in file.data:
+        file.refuse(
             ("robust",),
             "found no [uncertainty] beside it, expected what is known of inputs, such as "
             'obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
         )
-    known = _uncertainty(builder, asked["measure"], sensor, calibration)
-    if scenario is not None and sensor is not None and known and not builder.mistakes:
-        _check_middle(builder, scenario, sensor, known)
+    known = _uncertainty(file, asked["measure"], sensor, calibration)
+    if scenario is not None and sensor is not None and known and not file.mistakes:
+        _check_middle(file, scenario, sensor, known)
     measure = _measure(asked.pop("measure"), asked.pop("probability", 0.0))
-    limits = tuple(_required(builder, asked.pop("required", {}), constraints))
+    limits = tuple(_required(file, asked.pop("required", {}), constraints))
     return {"uncertainty": known, "measure": measure, "constraints": limits, **asked}
 
 
@@ -70,12 +70,12 @@ def _measure(name: str, probability: float) -> Measure:
 
 
 def _required(
-    builder: Builder, asked: Mapping[str, float], constraints: tuple[Constraint, ...]
+    file: Reading, asked: Mapping[str, float], constraints: tuple[Constraint, ...]
 ) -> Iterator[Constraint | Required]:
     limited = {c.name for c in constraints}
     for name in asked:
         if name not in limited:
-            builder.refuse(
+            file.refuse(
                 ("robust", "required", name),
                 f"found a probability for a limit that is not given, expected {name} in [constraints]",
             )
@@ -85,52 +85,52 @@ def _required(
 
 
 def _uncertainty(
-    builder: Builder, measure: str, sensor: SensorModel | None, calibration: CalibrationReport | None
+    file: Reading, measure: str, sensor: SensorModel | None, calibration: CalibrationReport | None
 ) -> dict[str, Distribution | CorrelatedNormal]:
     """Build what is known of each input."""
     found: dict[str, Distribution | CorrelatedNormal] = {}
-    parts = builder.values("uncertainty")
+    parts = file.values("uncertainty")
     if parts is None:
         return found
-    lines = builder.source.lines
+    lines = file.source.lines
     asked = [(part, key) for part, inputs in parts.items() for key in inputs]
     for part, key in sorted(asked, key=lambda each: lines["uncertainty", *each]):  # as a report has them, too
         path, given = ("uncertainty", part, key), parts[part][key]
         if part == "sensor" and key == FROM_CALIBRATION:
-            fitted = _fitted(builder, path, calibration)
+            fitted = _fitted(file, path, calibration)
             found |= {} if fitted is None else {"calibration": fitted}
             continue
         if part == "sensor" and sensor is not None and f"sensor.{key}" not in sensor_inputs(sensor):
             known = [name.removeprefix("sensor.") for name in sensor_inputs(sensor)]
             has = ", ".join(name for name in known if name != "scale") or "none"
-            builder.refuse(path, f"found a parameter that the {sensor.name} curve has not, expected one of: {has}")
+            file.refuse(path, f"found a parameter that the {sensor.name} curve has not, expected one of: {has}")
             continue
         if "interval" in given and measure != "worst-case":
-            builder.refuse(
+            file.refuse(
                 (*path, "interval"),
                 f'found an interval, which says nothing about what is likely, beside measure = "{measure}"; '
                 'expected uniform where all of it is equally likely, or measure = "worst-case"',
             )
-        made = builder.attempt("", partial(_distribution, given), path)
+        made = file.attempt("", partial(_distribution, given), path)
         found |= {} if made is None else {f"{part}.{key}": made}
-    if not found and not builder.mistakes:
-        builder.refuse(
+    if not found and not file.mistakes:
+        file.refuse(
             ("uncertainty",),
             'found no input, expected one or more, such as obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }',
         )
     return found
 
 
-def _fitted(builder: Builder, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
+def _fitted(file: Reading, path: tuple[str, ...], calibration: CalibrationReport | None) -> CorrelatedNormal | None:
     """Take the covariance of the fitted curve."""
     if calibration is None or calibration.best is None:
-        if "calibration" not in builder.data.get("sensor", {}):
-            builder.refuse(
+        if "calibration" not in file.data.get("sensor", {}):
+            file.refuse(
                 path, 'found "calibration" for a sensor that is given by its parameters, expected [sensor] calibration'
             )
         return None
     best = calibration.best
-    return builder.attempt("", lambda: parameter_distribution(best), path)
+    return file.attempt("", lambda: parameter_distribution(best), path)
 
 
 def _distribution(given: Mapping[str, Any]) -> Distribution:
@@ -148,17 +148,17 @@ def _distribution(given: Mapping[str, Any]) -> Distribution:
     return kind(low=low, high=high)
 
 
-def _check_middle(builder: Builder, scenario: Scenario, sensor: SensorModel, known: Uncertainty) -> None:
+def _check_middle(file: Reading, scenario: Scenario, sensor: SensorModel, known: Uncertainty) -> None:
     """Refuse inputs that exclude each other, or whose means already are no encounter."""
     means: dict[str, list[float]] = {}
     for name, value in known.items():
         if isinstance(value, CorrelatedNormal):
             means |= {member: [mean] for member, mean in zip(value.names, value.mean, strict=True)}
         elif name in means:
-            builder.refuse(("uncertainty", *name.split(".")), f"found {name} beside sensor.{FROM_CALIBRATION}")
+            file.refuse(("uncertainty", *name.split(".")), f"found {name} beside sensor.{FROM_CALIBRATION}")
         else:
             means[name] = [value.mean]
     try:
         make_ensemble(scenario, sensor, means)
     except InvalidInputError as error:
-        builder.refuse(("uncertainty",), str(error).removeprefix("uncertainty: "))
+        file.refuse(("uncertainty",), str(error).removeprefix("uncertainty: "))

@@ -21,12 +21,12 @@ from .robust_sections import ROBUST, uncertainty_section
 from .section import REQUIRED, Key, Section, declared_keys, list_of, name_of
 from .sensor_sections import sensor_variants
 
-__all__ = ["LOOP_SECTIONS", "NEEDED", "SECTIONS", "keys_of", "variants"]
+__all__ = ["FREE", "LOOP_SECTIONS", "NEEDED", "SECTIONS", "keys_of", "variants"]
 
 _MASS: Final = Quantity("kg", '"1 kg"', "positive")
 _FREQUENCY: Final = Quantity("rad/s", '"5 rad/s"', "nonnegative")
 _RATIO: Final = Quantity("", "1.0", "nonnegative")
-_FREE: Final = {
+FREE: Final = {
     "natural_frequency_bounds": Key(
         list_of(_FREQUENCY, 2, 2, "a list of two quantities in rad/s, the lower bound first")
     ),
@@ -71,15 +71,15 @@ _MASSES: Final = {
 
 _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "admittance": {
-        "damping": Section({**_FREE, **declared_keys(Admittance)}, _in_order(*_FREE), Admittance),
+        "damping": Section({**FREE, **declared_keys(Admittance)}, _in_order(*FREE), Admittance),
         "natural_frequency": Section(
             {
-                **_FREE,
+                **FREE,
                 "mass": Key(_MASS, REQUIRED),
                 "natural_frequency": Key(_FREQUENCY, REQUIRED),
                 "damping_ratio": Key(_RATIO, 1.0),  # critically damped, as in the letter
             },
-            _in_order(*_FREE),
+            _in_order(*FREE),
             Admittance.from_natural_frequency,
         ),
     },

@@ -23,8 +23,8 @@ from pretouch.simulation import (
 
 from .loop_law import controller_of, refuse_a_curve_below_the_floor
 from .output_units import refuse_mixed_units
-from .schema import FREE, LOOP_SECTIONS, SECTIONS
-from .section import nearest, one_of
+from .schema import FREE, LOOP_SECTIONS
+from .section import one_of
 from .sensor_sections import CALIBRATION
 
 if TYPE_CHECKING:
@@ -74,16 +74,11 @@ def loop_fields(
 
 def _refuse_a_part_alone(file: Reading) -> None:
     """A loop has a chain and a controller; all else of it may be left out."""
-    data, meant = file.data, _meant(file)
+    data = file.data
     first = next(name for name in LOOP_SECTIONS if name in data)
     for name, keys in _NEEDED.items():
-        if name not in data and name not in meant:
+        if name not in data and name not in file.meant:
             file.refuse((first,), f"found no [{name}] beside it, expected [{name}] with {keys}")
-
-
-def _meant(file: Reading) -> set[str | None]:
-    """Return the sections that misspelt ones are taken for, which are mistakes already."""
-    return {nearest(name, SECTIONS) for name in file.data if name not in SECTIONS}
 
 
 def _plant(file: Reading) -> PlantModel | None:
@@ -97,7 +92,7 @@ def _plant(file: Reading) -> PlantModel | None:
 
 def _contact(file: Reading) -> ContactModel | None:
     """Build the contact; None where the file has none, or a mistake in it."""
-    robot = file.data.get("robot", {} if "robot" in _meant(file) else {"kind": "ideal"})
+    robot = file.data.get("robot", {} if "robot" in file.meant else {"kind": "ideal"})
     if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
         file.refuse(
             ("contact",),

@@ -39,11 +39,11 @@ class Reading:
         self.unread: list[Mistake] = list(_unknown_sections(data))
         self.mistakes: list[Mistake] = []
         self.sections: dict[str, tuple[Section, dict[str, Any]]] = {}
-        meant = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}
+        self.meant = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}  # by names that are none
         for name in SECTIONS:
             if name in data:
                 self._read(name, data[name])
-            elif name in NEEDED and name not in meant:
+            elif name in NEEDED and name not in self.meant:
                 self.unread.append(((name,), f"found no such section, expected [{name}] with {NEEDED[name]}"))
 
     def _read(self, name: str, found: Any) -> None:

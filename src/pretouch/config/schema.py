@@ -26,11 +26,10 @@ __all__ = ["FREE", "LOOP_SECTIONS", "NEEDED", "SECTIONS", "keys_of", "variants"]
 _MASS: Final = Quantity("kg", '"1 kg"', "positive")
 _FREQUENCY: Final = Quantity("rad/s", '"5 rad/s"', "nonnegative")
 _RATIO: Final = Quantity("", "1.0", "nonnegative")
+_TWO: Final = "a list of two {}, the lower bound first"
 FREE: Final = {
-    "natural_frequency_bounds": Key(
-        list_of(_FREQUENCY, 2, 2, "a list of two quantities in rad/s, the lower bound first")
-    ),
-    "damping_ratio_bounds": Key(list_of(_RATIO, 2, 2, "a list of two numbers, the lower bound first")),
+    "natural_frequency_bounds": Key(list_of(_FREQUENCY, 2, 2, _TWO.format("quantities in rad/s"))),
+    "damping_ratio_bounds": Key(list_of(_RATIO, 2, 2, _TWO.format("numbers"))),
 }
 """What may be chosen along with the gain, in every form of [admittance]."""
 
@@ -53,86 +52,55 @@ def _each_once(given: Mapping[str, Any]) -> None:
         raise UnfitValueError("found a quantity twice, expected each once", "quantities")
 
 
-_GAIN: Final = Section(
-    {
-        "bounds": Key(
-            list_of(Quantity("N*s"), 2, 2, "a list of two quantities in N*s, the lower bound first"),
-            REQUIRED,
-            '["-10 N*s", "-0.01 N*s"]',
-        )
-    },
-    _in_order("bounds", unit=" N*s", what="the lower bound first"),
-)
 _MASSES: Final = {
     "robot_mass": Key(Quantity("kg", '"4 kg"', "positive"), REQUIRED),
     "obstacle_mass": Key(Quantity("kg", '"inf"', "positive", infinite=True), math.inf),
 }
 """The masses that meet; the robot's is its physical reflected mass, not that of the admittance."""
 
+_SPRING: Final = {**_MASSES, "stiffness": Key(Quantity("N/m", '"10 kN/m"', "positive"), REQUIRED)}
+_HERTZ: Final = {
+    **_MASSES,
+    "effective_modulus": Key(Quantity("Pa", '"10 MPa"', "positive"), REQUIRED),
+    "radius": Key(Quantity("m", '"10 mm"', "positive"), REQUIRED),
+}
+_BY_FREQUENCY: Final = {
+    **FREE,
+    "mass": Key(_MASS, REQUIRED),
+    "natural_frequency": Key(_FREQUENCY, REQUIRED),
+    "damping_ratio": Key(_RATIO, 1.0),  # critically damped, as in the letter
+}
+_BOUNDS: Final = list_of(Quantity("N*s"), 2, 2, _TWO.format("quantities in N*s"))
+_LIMITS: Final = {name: Key(Quantity(QUANTITY_UNITS[q], sign="positive")) for name, q in CONSTRAINT_NAMES.items()}
+_MOTION: Final = {
+    "method": Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto"),
+    "horizon": Key(Quantity("s", '"1 h"', "positive"), 600.0),
+}
+_TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
+_PARETO: Final = {
+    "quantities": Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED)),
+    "choice": Key(Quantity("N*s", '"-0.7 N*s"')),
+}
+
 _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "admittance": {
         "damping": Section({**FREE, **declared_keys(Admittance)}, _in_order(*FREE), Admittance),
-        "natural_frequency": Section(
-            {
-                **FREE,
-                "mass": Key(_MASS, REQUIRED),
-                "natural_frequency": Key(_FREQUENCY, REQUIRED),
-                "damping_ratio": Key(_RATIO, 1.0),  # critically damped, as in the letter
-            },
-            _in_order(*FREE),
-            Admittance.from_natural_frequency,
-        ),
+        "natural_frequency": Section(_BY_FREQUENCY, _in_order(*FREE), Admittance.from_natural_frequency),
     },
     "obstacle": {"": Section(declared_keys(Obstacle), make=Obstacle)},
     "plant": {"": Section(declared_keys(Plant), make=Plant)},
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,
-    "gain": {"": _GAIN},
-    "constraints": {
+    "gain": {
         "": Section(
-            {
-                name: Key(Quantity(QUANTITY_UNITS[quantity], sign="positive"))
-                for name, quantity in CONSTRAINT_NAMES.items()
-            }
+            {"bounds": Key(_BOUNDS, REQUIRED, '["-10 N*s", "-0.01 N*s"]')},
+            _in_order("bounds", unit=" N*s", what="the lower bound first"),
         )
     },
-    "impact": {
-        "stiffness": Section(
-            {**_MASSES, "stiffness": Key(Quantity("N/m", '"10 kN/m"', "positive"), REQUIRED)}, make=SpringImpact
-        ),
-        "radius": Section(
-            {
-                **_MASSES,
-                "effective_modulus": Key(Quantity("Pa", '"10 MPa"', "positive"), REQUIRED),
-                "radius": Key(Quantity("m", '"10 mm"', "positive"), REQUIRED),
-            },
-            make=HertzImpact,
-        ),
-    },
-    "motion": {
-        "": Section(
-            {
-                "method": Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto"),
-                "horizon": Key(Quantity("s", '"1 h"', "positive"), 600.0),
-            }
-        )
-    },
-    "pareto": {
-        "": Section(
-            {
-                "quantities": Key(
-                    list_of(
-                        name_of(*QUANTITY_UNITS),
-                        2,
-                        3,
-                        'a list of two or three quantities such as "displacement", "relative_velocity"',
-                    )
-                ),
-                "choice": Key(Quantity("N*s", '"-0.7 N*s"')),
-            },
-            _each_once,
-        )
-    },
+    "constraints": {"": Section(_LIMITS)},
+    "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
+    "motion": {"": Section(_MOTION)},
+    "pareto": {"": Section(_PARETO, _each_once)},
     "robust": {"": ROBUST},
 }
 LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")

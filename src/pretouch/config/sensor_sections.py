@@ -75,30 +75,26 @@ def _level_or_file(value: Any) -> float | str:
         raise UnfitValueError(f'expected {_OUTPUT.expected}, or a file such as "dark.csv"') from None
 
 
+_SELECT: Final = checked(
+    lambda v: isinstance(v, Mapping) and _are(v.values(), str, int, float),
+    "a table of label columns, for example { day = 30, sensor = 4 }",
+)
+_COLUMNS: Final = checked(
+    lambda v: isinstance(v, Mapping) and {*v} <= {"distance", "output"} and _are(v.values(), str, int),
+    'a table of distance and output, each a header, a number or a unit, for example { distance = 1, output = "3 [V]" }',
+)
+_LABELS: Final = checked(
+    lambda v: isinstance(v, list) and _are(v, str, int),
+    'a list of headers or numbers of columns, for example ["day", "sensor"]',
+)
 _CALIBRATED: Final = Section(
     {
         **_PLACED,
         CALIBRATION: Key(text('"sensor.csv"'), REQUIRED),
         "model": Key(_model),
-        "select": Key(
-            checked(
-                lambda v: isinstance(v, Mapping) and _are(v.values(), str, int, float),
-                "a table of label columns, for example { day = 30, sensor = 4 }",
-            )
-        ),
-        "columns": Key(
-            checked(
-                lambda v: isinstance(v, Mapping) and {*v} <= {"distance", "output"} and _are(v.values(), str, int),
-                "a table of distance and output, each a header, a number or a unit, for example "
-                '{ distance = 1, output = "3 [V]" }',
-            )
-        ),
-        "labels": Key(
-            checked(
-                lambda v: isinstance(v, list) and _are(v, str, int),
-                'a list of headers or numbers of columns, for example ["day", "sensor"]',
-            )
-        ),
+        "select": Key(_SELECT),
+        "columns": Key(_COLUMNS),
+        "labels": Key(_LABELS),
         "no_object": Key(_level_or_file),
         "offset": Key(Quantity("output", '"auto"', words=("auto", "fit", "zero")), "auto"),
         "saturation": Key(Quantity("output", '"auto"', words=_SEARCHED), "auto"),

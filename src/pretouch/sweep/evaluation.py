@@ -15,7 +15,7 @@ from pretouch.motion.inputs import scenario_with
 from .axes import Axis
 from .inputs import ENCOUNTER_INPUTS
 from .plan import Plan, Region, held_at
-from .results import DESIGN_CODES, DESIGN_UNITS, STATUS, is_known_without_contact, read
+from .results import ALWAYS, DESIGN_CODES, DESIGN_UNITS, STATUS, read
 
 __all__ = ["Columns", "evaluate"]
 
@@ -77,6 +77,6 @@ def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict
     for name in plan.results:
         if name not in found:
             column = read(name, contact, held.impact)
-            known = good.all() or (held.objective is None and is_known_without_contact(name))
+            known = good.all() or (held.objective is None and name in ALWAYS)
             found[name] = np.asarray(column if known else np.where(good, column, np.nan), dtype=np.float64)
     return {name: found[name] for name in (STATUS, *plan.results)}

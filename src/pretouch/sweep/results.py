@@ -11,13 +11,13 @@ from pretouch.design import DesignStatus, ImpactModel, quantity_of
 from pretouch.motion import ContactResult, ContactState, ContactStatus
 
 __all__ = [
+    "ALWAYS",
     "CONTACT_UNITS",
     "DESIGN_CODES",
     "DESIGN_UNITS",
     "STATUS",
     "WHOLE_MOTION",
     "check_results",
-    "is_known_without_contact",
     "read",
     "result_attributes",
 ]
@@ -26,9 +26,9 @@ STATUS: Final = "status"
 """The result that every sweep has."""
 
 _PHYSICAL: Final = ("drive_force", "impact_force")
-_ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
+ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
 
-CONTACT_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in (*ContactState.names(), *_PHYSICAL, *_ALWAYS)}
+CONTACT_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in (*ContactState.names(), *_PHYSICAL, *ALWAYS)}
 """Contact quantities with their SI units."""
 
 DESIGN_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in ("gain", "objective")}
@@ -64,16 +64,11 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:
     """Read a contact quantity of a result in SI; NaN is put elsewhere where there is no contact."""
-    if name in _ALWAYS:
+    if name in ALWAYS:
         return getattr(result, name)
     if name in ContactState.names():
         return getattr(result.end, name)
     return quantity_of(name, result.end, impact)
-
-
-def is_known_without_contact(name: str) -> bool:
-    """Tell whether a quantity means something for a run that does not end in contact."""
-    return name in _ALWAYS
 
 
 def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:

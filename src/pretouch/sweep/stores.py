@@ -20,10 +20,10 @@ from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.extras import require
 from pretouch._core.numbers import BoolArray
 
-from .dataset import make_dataset, variable_attributes
+from .dataset import make_dataset
 from .plan import Plan, Region
 from .provenance import DIGEST, attributes_of, differing_parts
-from .results import STATUS
+from .results import STATUS, result_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -146,7 +146,7 @@ class ZarrStore(Store):
         try:
             make_dataset(plan, {}).to_zarr(str(temporary), mode="w-", zarr_format=3, consolidated=False)
             group = zarr.open_group(str(temporary), mode="r+")
-            for name, attributes in variable_attributes(plan).items():
+            for name in (STATUS, *plan.results):
                 status = name == STATUS
                 group.create_array(
                     name,
@@ -156,7 +156,7 @@ class ZarrStore(Store):
                     fill_value=-1 if status else np.nan,
                     compressors="auto" if status else None,  # numbers that differ in every bit are not worth it
                     dimension_names=plan.dims,
-                    attributes=attributes,
+                    attributes=result_attributes(name, designs=plan.designs),
                 )
             group.create_array(
                 LEDGER,

@@ -90,24 +90,31 @@ def load_scenario(path: str | os.PathLike[str]) -> Task:
     content, text, data = read_document(path)
     source = ScenarioSource(path=Path(path), text=text, sha256=hashlib.sha256(content).hexdigest())
     builder = _Builder(source, data)
+    task = _task(builder)
+    if task is None:
+        raise ScenarioFileError(source.listed(builder.unread + builder.mistakes))
+    return task
+
+
+def _task(builder: _Builder) -> Task | None:
+    """Build the task that a file asks for; None where the builder has found mistakes."""
     scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
     asked = {"impact": builder.made("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
-        raise ScenarioFileError(source.listed(builder.unread + builder.mistakes))  # not worth a fit
+        return None  # not worth a fit
     sensor, calibration = builder.sensor()
     if sensor is not None and scenario is not None:
         builder.check_range(sensor, scenario, calibration)
     asked |= robust_fields(builder, scenario, sensor, calibration, constraints)
-    if any(name in data for name in LOOP_SECTIONS):
+    if any(name in builder.data for name in LOOP_SECTIONS):
         from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
 
         asked |= loop_fields(builder, scenario, sensor, calibration)
-    mistakes = builder.unread + builder.mistakes
     bounds = builder.values("gain")
-    if mistakes or scenario is None or sensor is None or objective is None or bounds is None:
-        raise ScenarioFileError(source.listed(mistakes))
+    if builder.unread or builder.mistakes or scenario is None or sensor is None or objective is None or bounds is None:
+        return None
     low, high = bounds["bounds"]
-    source = replace(source, supported=_supported(sensor, calibration))
+    source = replace(builder.source, supported=_supported(sensor, calibration))
     return Task(scenario, sensor, objective, bounds=(low, high), **asked, calibration=calibration, source=source)
 
 

@@ -15,7 +15,7 @@ from pretouch.motion.inputs import scenario_with
 from .axes import Axis
 from .inputs import ENCOUNTER_INPUTS
 from .plan import Plan, Region, held_at
-from .results import ALWAYS, DESIGN_CODES, DESIGN_UNITS, STATUS, read
+from .results import ALWAYS, DESIGN_CODES, OF_DESIGNS, STATUS, read
 
 __all__ = ["Columns", "evaluate"]
 
@@ -72,7 +72,7 @@ def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict
             status[words == word] = code
         found = {STATUS: status, "gain": design.gain, "objective": design.objective}
         good = status == DESIGN_CODES["optimal"]
-        if set(plan.results) - set(DESIGN_UNITS):
+        if set(plan.results) - set(OF_DESIGNS):
             contact = find_contact(scenario, held.sensor, np.where(good, design.gain, 0.0), **options)
     for name in plan.results:
         if name not in found:

@@ -12,9 +12,8 @@ from pretouch.motion import ContactResult, ContactState, ContactStatus
 
 __all__ = [
     "ALWAYS",
-    "CONTACT_UNITS",
     "DESIGN_CODES",
-    "DESIGN_UNITS",
+    "OF_DESIGNS",
     "STATUS",
     "WHOLE_MOTION",
     "check_results",
@@ -28,16 +27,14 @@ STATUS: Final = "status"
 _PHYSICAL: Final = ("drive_force", "impact_force")
 ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
 
-CONTACT_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in (*ContactState.names(), *_PHYSICAL, *ALWAYS)}
-"""Contact quantities with their SI units."""
-
-DESIGN_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in ("gain", "objective")}
+_OF_CONTACTS: Final = (*ContactState.names(), *_PHYSICAL, *ALWAYS)
+OF_DESIGNS: Final = ("gain", "objective")
 """What only a design gives."""
 
 DESIGN_CODES: Final[dict[str, int]] = {status.value: code for code, status in enumerate(DesignStatus)}
 """The number of each status of a design, 0 for optimal."""
 
-WHOLE_MOTION: Final = frozenset(name for name in CONTACT_UNITS if QUANTITIES[name].whole)
+WHOLE_MOTION: Final = frozenset(name for name in _OF_CONTACTS if QUANTITIES[name].whole)
 """Quantities that need the whole motion, not only its end: an encounter takes longer."""
 
 _DEFAULT_CONTACTS: Final = ("time", "relative_velocity", "displacement")
@@ -49,9 +46,9 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
     names = (results,) if isinstance(results, str) else tuple(results)
-    known = {**(DESIGN_UNITS if designs else {}), **CONTACT_UNITS}
+    known = (*(OF_DESIGNS if designs else ()), *_OF_CONTACTS)
     for name in names:
-        if name in DESIGN_UNITS and not designs:
+        if name in OF_DESIGNS and not designs:
             raise InvalidInputError(f"results: found {name!r}, which needs designs; give an objective and bounds")
         if name not in known and name != STATUS:
             raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(known)}")
@@ -85,5 +82,5 @@ def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
         ways = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
         meanings = " ".join(ways)
         return {"long_name": "how it ended", "flag_values": list(range(len(ways))), "flag_meanings": meanings}
-    words = f"optimal {name}" if name in DESIGN_UNITS else f"{words_for(name)}{', optimal gain' if designs else ''}"
+    words = f"optimal {name}" if name in OF_DESIGNS else f"{words_for(name)}{', optimal gain' if designs else ''}"
     return {"long_name": words, "units": unit_of(name) or "1"}

@@ -12,28 +12,15 @@ import pytest
 
 from pretouch._core.files import sign, write_text
 from pretouch.cli import main
+from scenario_text import ENCOUNTER
 
-SCENARIO = """\
+SENSOR = """\
 [sensor]
 model = "exponential-1"
 scale = 0.458
 rate = "-61 1/m"
-[admittance]
-mass = "1 kg"
-damping = "10 N*s/m"
-stiffness = "25 N/m"
-[obstacle]
-position = "42.2 mm"
-velocity = "-0.3 m/s"
-[objective]
-kind = "excursion"
-position_scale = "0.5 m"
-velocity_scale = "0.3 m/s"
-[gain]
-bounds = ["-10 N*s", "-0.01 N*s"]
-[constraints]
-excursion = "0.2 m"
 """
+SCENARIO = SENSOR + ENCOUNTER + '[constraints]\nexcursion = "0.2 m"\n'
 PAGE = "<html><head><title>report</title></head><body>{}</body></html>"
 
 

@@ -14,31 +14,24 @@ import pytest
 import pretouch as pt
 from pretouch.calibration import Calibration, rank_models
 from pretouch.calibration.fit import model_names
-from pretouch.config.sensor_sections import section_of_curve
 from pretouch.motion.inputs import sensor_inputs
 from pretouch.sensors import SensorModel, known_curves, parameter
+from scenario_text import ENCOUNTER
 
-FILE = """
+FILE = (
+    """
 [sensor]
 model = "two-sources"
 scale = 2.0
 spread = "20 mm"
 recess = "1 mm"
-[admittance]
-mass = "1 kg"
-natural_frequency = "5 rad/s"
-[obstacle]
-position = "42.2 mm"
-velocity = "-0.3 m/s"
-[objective]
-kind = "excursion"
-position_scale = "0.5 m"
-velocity_scale = "0.3 m/s"
-[gain]
-bounds = ["-10 N*s", "-0.01 N*s"]
+"""
+    + ENCOUNTER
+    + """\
 [uncertainty]
 sensor.spread = { normal = ["20 mm", "1 mm"] }
 """
+)
 
 
 def planted() -> type[SensorModel]:
@@ -69,7 +62,6 @@ def curve() -> Iterator[type[SensorModel]]:
     made = planted()
     yield made
     del made
-    section_of_curve.cache_clear()
     gc.collect()
 
 

@@ -17,9 +17,9 @@ import pretouch as pt
 from figure_checks import assert_legible
 from pretouch import load_scenario, sweep
 from pretouch._core.errors import InvalidInputError
-from pretouch.config.axis_text import read_axis
 from pretouch.design import Task
 from pretouch.report import plots
+from pretouch.sweep.axes import read_axis
 from sweep_samples import CURVED
 from sweep_samples import SCENARIO as ENCOUNTER
 

@@ -29,28 +29,10 @@ from pretouch.simulation import (
     sensor_part,
     timing_of,
 )
+from scenario_text import ENCOUNTER, SENSOR
 
 ROOT = Path(__file__).parents[2]
-ENCOUNTER = """\
-[sensor]
-model = "inverse-power"
-scale = "0.533 counts"
-distance_offset = "41.9 mm"
-exponent = 3.32
-[admittance]
-mass = "1 kg"
-damping = "10 N*s/m"
-stiffness = "25 N/m"
-[obstacle]
-position = "42.2 mm"
-velocity = "-0.3 m/s"
-[objective]
-kind = "excursion"
-position_scale = "0.5 m"
-velocity_scale = "0.3 m/s"
-[gain]
-bounds = ["-10 N*s", "-0.01 N*s"]
-"""
+SCENE = SENSOR.replace("1.30e-5", '"0.533 counts"') + ENCOUNTER
 CHAIN, CONTROLLER = '[chain]\npart = "VCNL4010"\n', '[controller]\nrate = "1 kHz"\n'
 # every key with a value that is no default
 ALL_OF = {
@@ -171,7 +153,7 @@ LOOP = ClosedLoop(
 
 @pytest.fixture
 def read(tmp_path):
-    def load(text, encounter=ENCOUNTER):
+    def load(text, encounter=SCENE):
         file = tmp_path / "loop.toml"
         file.write_text(encounter + text)
         return load_scenario(file)
@@ -282,7 +264,7 @@ def test_a_calibration_gives_noise_offset_steps_and_saturation(read, tmp_path):
     rows += [f"inf,{400 + round(6 * random.standard_normal())}" for _ in range(40)]
     (tmp_path / "sensor.csv").write_text("\n".join(["distance [mm],output [counts]", *rows]) + "\n")
     fitted = '[sensor]\ncalibration = "sensor.csv"\nmodel = "inverse-power"\nminimum_distance = "0 mm"\n'
-    encounter = fitted + ENCOUNTER[ENCOUNTER.index("[admittance]") :]
+    encounter = fitted + SCENE[SCENE.index("[admittance]") :]
     problem = read(CHAIN + CONTROLLER, encounter)
     best = problem.calibration.best
     chain, known = problem.loop.chain, chain_of_fit(best, rate=250.0)
@@ -297,7 +279,7 @@ def test_a_calibration_gives_noise_offset_steps_and_saturation(read, tmp_path):
     assert (own.noise, own.offset, own.relative_noise) == (9.0, 1.0, known.relative_noise)
     off = read(CHAIN + 'misfit = "2 %"\nmisfit_length = "5 mm"\n' + CONTROLLER, encounter).loop.chain
     assert (off.misfit, off.misfit_length) == (0.02, 0.005)
-    clipped = fitted + 'saturation = "18000 counts"\n' + ENCOUNTER[ENCOUNTER.index("[admittance]") :]
+    clipped = fitted + 'saturation = "18000 counts"\n' + SCENE[SCENE.index("[admittance]") :]
     assert read(CHAIN + CONTROLLER, clipped).loop.chain.highest == 18000.0
 
 
@@ -372,7 +354,7 @@ def test_a_file_without_a_loop_loads_no_simulation():
 
 def test_a_file_with_a_loop_loads_no_scipy(tmp_path):
     file = tmp_path / "loop.toml"
-    file.write_text(ENCOUNTER + CHAIN + CONTROLLER + "[loop]\nstability_margin = 2.0\n")
+    file.write_text(SCENE + CHAIN + CONTROLLER + "[loop]\nstability_margin = 2.0\n")
     code = f"import sys; from pretouch.config import load_scenario; load_scenario({str(file)!r}); print(*sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(answer.stdout.split())

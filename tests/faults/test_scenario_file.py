@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from scenario_text import ADMITTANCE, GAIN, OBJECTIVE, OBSTACLE, SENSOR, WHOLE, line_of, refusal, replaced, writer
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError
 from pretouch.config import load_scenario
+from scenario_text import ADMITTANCE, GAIN, OBJECTIVE, SENSOR, STILL, WHOLE, line_of, refusal, replaced, writer
 
 
 @pytest.fixture
@@ -137,7 +137,7 @@ def test_a_misspelt_key_is_not_called_missing_as_well(message):
     assert message(replaced("[gain]", "[gian]")).count("\n") == 0
 
 
-@pytest.mark.parametrize("section", [SENSOR, ADMITTANCE, OBSTACLE, OBJECTIVE, GAIN])
+@pytest.mark.parametrize("section", [SENSOR, ADMITTANCE, STILL, OBJECTIVE, GAIN])
 def test_a_missing_section_is_named_with_an_example(message, section):
     name = section.split("]")[0].strip("[")
     text = WHOLE.replace(section, "")

@@ -7,13 +7,15 @@ import re
 from pathlib import Path
 
 import pytest
-from scenario_text import ADMITTANCE, OBJECTIVE, SENSOR, WHOLE, line_of, refusal, replaced, writer
 
 import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
-from pretouch.config.schema import SECTIONS, quantity_of_key
+from pretouch.config.quantities import Quantity
+from pretouch.config.schema import SECTIONS, keys_of, variants
+from pretouch.config.section import REQUIRED
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, MittagLeffler, Recessed, Table
+from scenario_text import ADMITTANCE, OBJECTIVE, SENSOR, WHOLE, line_of, refusal, replaced, writer
 
 
 @pytest.fixture
@@ -167,23 +169,21 @@ def documented():
 
 
 def test_the_reference_lists_every_section_and_key_and_no_other():
-    takes = {name: {key for v in SECTIONS[name].values() for key in v.model_fields} for name in SECTIONS}
-    assert {name: set(keys) for name, keys in documented().items()} == takes
+    assert {name: set(keys) for name, keys in documented().items()} == {name: set(keys_of(name)) for name in SECTIONS}
 
 
-@pytest.mark.parametrize("section", list(SECTIONS))
+@pytest.mark.parametrize("section", SECTIONS)
 def test_the_reference_gives_every_unit_and_default(section):
     for key, (unit, default) in documented()[section].items():
         # a key that several variants take means the same in each; `model` is optional beside a calibration only
-        variant = next(v for v in SECTIONS[section].values() if key in v.model_fields)
-        field, quantity = variant.model_fields[key], quantity_of_key(variant, key)
-        if quantity is not None:
-            assert unit == (quantity.unit or "number"), key
+        field = next(v.keys[key] for v in variants(section).values() if key in v.keys)
+        if isinstance(field.read, Quantity):
+            assert unit == (field.read.unit or "number"), key
         elif key != "no_object":
             assert unit in {"text", "list", "table", "whole number", "number", "true or false"}, key
-        if field.is_required():
+        if field.default is REQUIRED:
             assert default == "required", key
-        elif field.default_factory or field.default is None:
+        elif field.default is None:
             assert default == "none", key
         elif isinstance(field.default, bool):
             assert default == str(field.default).lower(), key

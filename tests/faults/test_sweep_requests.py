@@ -12,9 +12,9 @@ import pytest
 
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, MissingExtraError
-from pretouch.cli.sweep import _Teller
-from pretouch.config.axis_text import read_axis
+from pretouch.cli import sweep as cli_sweep
 from pretouch.sweep import executors
+from pretouch.sweep.axes import read_axis
 from pretouch.sweep.executors import Progress
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, SCENARIO
 
@@ -164,10 +164,10 @@ def test_how_long_a_sweep_takes_is_said_when_it_is_known(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    teller = _Teller()
+    monkeypatch.setattr(cli_sweep, "_SECONDS", -math.inf)
+    tell = cli_sweep._telling()
     for computed in (0, 500):
-        teller._last = -math.inf
-        teller.tell(Progress(finished=1000, total=4000, seconds=2.0, computed=computed))
+        tell(Progress(finished=1000, total=4000, seconds=2.0, computed=computed))
     first, second = capsys.readouterr().err.splitlines()
     assert first == "pretouch: 1,000 of 4,000 encounters (25 %)"
     assert second == "pretouch: 1,000 of 4,000 encounters (25 %), about 12 s left"

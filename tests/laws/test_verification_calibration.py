@@ -17,25 +17,17 @@ from page_checks import assert_sound
 from page_rows import row
 from pretouch.cli import main
 from pretouch.report import report_html
+from scenario_text import ENCOUNTER
 from verification_samples import BOUNDS, OBJECTIVE, SCENARIO, SENSOR, loop_of, velocity_limit
 
-SCENE = """\
+SCENE = (
+    """\
 [sensor]
 calibration = "sensor.csv"
 maximum_distance = "45 mm"
-[admittance]
-mass = "1 kg"
-damping = "10 N*s/m"
-stiffness = "25 N/m"
-[obstacle]
-position = "42.2 mm"
-velocity = "-0.3 m/s"
-[objective]
-kind = "excursion"
-position_scale = "0.5 m"
-velocity_scale = "0.3 m/s"
-[gain]
-bounds = ["-10 N*s", "-0.01 N*s"]
+"""
+    + ENCOUNTER
+    + """\
 [constraints]
 relative_velocity = "0.1 m/s"
 [chain]
@@ -45,6 +37,7 @@ rate = "1 kHz"
 [loop]
 runs = 20
 """
+)
 ON_ITS_LIMIT = SCENE.replace("0.1 m/s", "0.075 m/s")
 
 

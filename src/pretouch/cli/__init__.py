@@ -1,4 +1,4 @@
-"""The command line of pretouch: one file per verb."""
+"""The command line of pretouch."""
 
 from .app import main
 

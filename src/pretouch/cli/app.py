@@ -5,15 +5,15 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from importlib import import_module
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
-__all__ = ["VERBS", "app", "main"]
+from .fit import fit
+from .sweep import sweep
+from .verbs import design, pareto, reproduce, robust, simulate, verify
 
-VERBS: Final = ("fit", "design", "sweep", "pareto", "robust", "simulate", "verify", "reproduce")
-"""In the order of the help; each is the function of its name in the file of its name."""
+__all__ = ["app", "main"]
 
 app = typer.Typer(
     name="pretouch",
@@ -23,8 +23,8 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-for _name in VERBS:
-    app.command(_name)(getattr(import_module(f".{_name}", __package__), _name))
+for _verb in (fit, design, sweep, pareto, robust, simulate, verify, reproduce):  # in the order of the help
+    app.command(_verb.__name__)(_verb)
 
 
 def _version(wanted: bool) -> None:

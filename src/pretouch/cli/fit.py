@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pretouch._core.errors import InvalidInputError, UnitError
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.json_text import as_json
 from pretouch._core.units import read_quantity
 
-from .terminal import Presentation, end, print_progress, print_text, verb
+from .terminal import Presentation, end, option, print_progress, print_text, verb
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
-    from pretouch.config.fitting import FitRequest, OutputValue
+    from pretouch.config.fitting import FitRequest
 
 __all__ = ["fit"]
 
@@ -27,40 +29,24 @@ def fit(
     shown: Presentation,
     *,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration (CSV).")],
-    offset: Annotated[
-        str, typer.Option(metavar="auto|fit|zero|VALUE", help="Where the level without an object comes from.")
-    ] = "auto",
-    no_object: Annotated[
-        str | None, typer.Option(metavar="FILE|VALUE", help="Readings without an object, beside those in FILE.")
-    ] = None,
-    select: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN=VALUE", help="Only curves with this label; repeatable.")
-    ] = None,
+    offset: Annotated[str, option("auto|fit|zero|VALUE", "Where the level without an object comes from.")] = "auto",
+    no_object: Annotated[str | None, option("FILE|VALUE", "Readings without an object, beside those in FILE.")] = None,
+    select: Annotated[list[str] | None, option("COLUMN=VALUE", "Only curves with this label; repeatable.")] = None,
     columns: Annotated[
         str | None,
-        typer.Option(
-            metavar="distance=COLUMN,output=COLUMN",
-            help='Which columns are meant, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
+        option(
+            "distance=COLUMN,output=COLUMN",
+            'Which columns are meant, by header, number (from 1) or unit, such as "distance=1,output=3 [V]".',
         ),
     ] = None,
     labels: Annotated[
         str | None,
-        typer.Option(
-            metavar="COLUMN,...|none", help="The columns that tell curves apart; all that are left where not given."
-        ),
+        option("COLUMN,...|none", "The columns that tell curves apart; all that are left where not given."),
     ] = None,
-    saturation: Annotated[
-        str, typer.Option(metavar="auto|none|VALUE", help="Output from which the sensor is clipped.")
-    ] = "auto",
-    near_field_peak: Annotated[
-        str, typer.Option(metavar="auto|none|DISTANCE", help="Where the near-field peak lies.")
-    ] = "auto",
-    model: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Choose among these models only; repeatable.")
-    ] = None,
-    floor_sigmas: Annotated[
-        float, typer.Option(metavar="NUMBER", help="Sigmas above the offset from which a signal is usable.")
-    ] = 3.0,
+    saturation: Annotated[str, option("auto|none|VALUE", "Output from which the sensor is clipped.")] = "auto",
+    near_field_peak: Annotated[str, option("auto|none|DISTANCE", "Where the near-field peak lies.")] = "auto",
+    model: Annotated[list[str] | None, option("NAME", "Choose among these models only; repeatable.")] = None,
+    floor_sigmas: Annotated[float, option("NUMBER", "Sigmas above the offset from which a signal is usable.")] = 3.0,
 ) -> None:
     """Fit sensor models to a calibration (CSV).
 
@@ -70,22 +56,25 @@ def fit(
 
     Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
     """
-    from pretouch.config.fitting import FitRequest  # noqa: PLC0415 - `pretouch --help` stays quick
+    from pretouch.config.fitting import FitRequest, read_no_object, read_output  # noqa: PLC0415 - `pretouch --help` stays quick
 
     request = FitRequest(
         path=file,
         select=_selected(select or []),
         columns=_columns(columns),
         labels=None if labels is None else _names(labels),
-        no_object=_no_object(no_object),
-        offset=_output_or(offset, ("auto", "fit", "zero"), "--offset"),
-        saturation=_output_or(saturation, ("auto", "none"), "--saturation"),
-        near_field_peak=near_field_peak
-        if near_field_peak in {"auto", "none"}
-        else read_quantity(near_field_peak, "m", name="--near-field-peak"),
+        no_object=None if no_object is None else read_no_object(no_object, Path(), name="--no-object"),
+        offset=_or(offset, ("auto", "fit", "zero"), read_output, "--offset"),
+        saturation=_or(saturation, ("auto", "none"), read_output, "--saturation"),
+        near_field_peak=_or(near_field_peak, ("auto", "none"), partial(read_quantity, unit="m"), "--near-field-peak"),
         models=tuple(model or ()),
         floor_sigmas=floor_sigmas,
     )
+    _show(request, shown)
+
+
+def _show(request: FitRequest, shown: Presentation) -> None:
+    """Fit the curves that are asked for, and show what was found."""
     curves = request.read()
     if not shown.json:
         _print_notes(curves[0], ())
@@ -102,11 +91,9 @@ def _print_notes(curve: Calibration, known: tuple[str, ...]) -> None:
             print_text(f"note: {note}")
 
 
-def _output_or(text: str, words: tuple[str, ...], name: str) -> str | OutputValue:
-    """Keep one of the words; read everything else as a sensor output."""
-    from pretouch.config.fitting import read_output  # noqa: PLC0415
-
-    return text if text in words else read_output(text, name=name)
+def _or(text: str, words: tuple[str, ...], read: Callable[..., Any], name: str) -> Any:
+    """Keep one of the words; read everything else."""
+    return text if text in words else read(text, name=name)
 
 
 def _columns(text: str | None) -> dict[str, str]:
@@ -134,20 +121,6 @@ def _selected(texts: list[str]) -> dict[str, str]:
         if not re.fullmatch(r"[^=]+=.+", text):
             raise InvalidInputError(f"--select: found {text!r}, expected COLUMN=VALUE, for example day=30")
     return {key.strip(): value.strip() for key, value in (text.split("=", 1) for text in texts)}
-
-
-def _no_object(text: str | None) -> Any:
-    """Read a value, or take the text as the path of a file."""
-    from pretouch.config.fitting import read_output  # noqa: PLC0415
-
-    if text is None:
-        return None
-    try:
-        return read_output(text, name="--no-object")
-    except UnitError:
-        if Path(text).exists() or Path(text).suffix:
-            return Path(text)
-        raise
 
 
 def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,10 +12,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
-from pretouch._core.json_text import as_json
 
-from .options import ScenarioFile, read_gain
-from .terminal import conclude, end, print_message, print_progress, print_text, reservations_about
+from .terminal import (
+    Presentation,
+    ScenarioFile,
+    conclude,
+    end,
+    option,
+    print_message,
+    print_progress,
+    print_text,
+    read_gain,
+    reservations_about,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,32 +44,30 @@ def sweep(
     *,
     axis: Annotated[
         list[str],
-        typer.Option(
-            metavar="NAME=START:STOP:COUNT",
-            help="An input and its values, such as obstacle.velocity=-1:-0.01:100; with :log for equal ratios, or a "
+        option(
+            "NAME=START:STOP:COUNT",
+            "An input and its values, such as obstacle.velocity=-1:-0.01:100; with :log for equal ratios, or a "
             "list NAME=VALUE,VALUE,...; values with units or bare in SI; repeatable.",
         ),
     ],
     result: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="A quantity to be computed, such as relative_velocity; repeatable."),
+        option("NAME", "A quantity to be computed, such as relative_velocity; repeatable."),
     ] = None,
-    gain: Annotated[
-        str | None, typer.Option(metavar="GAIN", help='The gain of all encounters, such as "-0.7 N*s".')
-    ] = None,
+    gain: Annotated[str | None, option("GAIN", 'The gain of all encounters, such as "-0.7 N*s".')] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="PATH", help="Where the dataset goes: NAME.zarr or NAME.nc."),
     ] = None,
     figure: Annotated[
         Path | None,
-        typer.Option(metavar="PATH", help="Draw the results over one or two axes: PNG, SVG or PDF."),
+        option("PATH", "Draw the results over one or two axes: PNG, SVG or PDF."),
     ] = None,
     dask: Annotated[
         str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Compute on the workers of this Dask scheduler, such as tcp://10.0.0.1:8786; they write the dataset.",
+        option(
+            "ADDRESS",
+            "Compute on the workers of this Dask scheduler, such as tcp://10.0.0.1:8786; they write the dataset.",
         ),
     ] = None,
     json: Annotated[
@@ -77,38 +86,43 @@ def sweep(
 
     Exit status: 0 some encounter ends in contact, or has an optimal gain, 1 none does, 2 a mistake in the request.
     """
+    shown = Presentation(json=json, output=output, report=False, force=force)
+    asked = partial(_sweep, shown, file, axis, results=result, gain=gain, figure=figure, dask=dask)
+    conclude(asked, json_wanted=json)
 
-    def run() -> None:
-        from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
-        from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
-        fixed = read_gain(gain)
-        task = load_scenario(file).replace(gain=fixed)
-        axes = _axes(task, axis)
-        if figure is not None:
-            _check_figure(figure, axes, force=force)
-        try:
-            found = run_sweep(
-                task,
-                axes,
-                results=result or None,
-                output=output,
-                overwrite=force,
-                dask=dask,
-                progress=_Teller().tell,
-            )
-        except KeyboardInterrupt:
-            if output is not None:
-                print_message("interrupted; the same command goes on from here")
-            raise
-        _present(found, reservations_about(task, task.replace(gain=None)), output, figure, json=json, force=force)
+def _sweep(
+    shown: Presentation,
+    file: Path,
+    axis: list[str],
+    *,
+    results: list[str] | None,
+    gain: str | None,
+    figure: Path | None,
+    dask: str | None,
+) -> None:
+    """Sweep, and show what came of it."""
+    from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
+    from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
-    conclude(run, json_wanted=json)
+    fixed = read_gain(gain)
+    task = load_scenario(file).replace(gain=fixed)
+    axes = _axes(task, axis)
+    if figure is not None:
+        _check_figure(figure, axes, force=shown.force)
+    ways: dict[str, Any] = {"results": results or None, "output": shown.output, "overwrite": shown.force, "dask": dask}
+    try:
+        found = run_sweep(task, axes, progress=_telling(), **ways)
+    except KeyboardInterrupt:
+        if shown.output is not None:
+            print_message("interrupted; the same command goes on from here")
+        raise
+    _present(found, reservations_about(task, task.replace(gain=None)), shown, figure)
 
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
     """Read the axes; which inputs there are depends on whether gains are designed."""
-    from pretouch.config.axis_text import read_axis  # noqa: PLC0415
+    from pretouch.sweep.axes import read_axis  # noqa: PLC0415
     from pretouch.sweep.inputs import inputs_of  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
@@ -133,32 +147,25 @@ def _check_figure(path: Path, axes: dict[str, Any], *, force: bool) -> None:
         raise OutputExistsError(f"{path}: this file exists and is not overwritten unasked; replace it with --force")
 
 
-class _Teller:
-    """Tells how far a sweep is, not too often."""
+def _telling() -> Callable[[Progress], None]:
+    """Return what tells how far a sweep is, not too often."""
+    last = time.monotonic()
 
-    def __init__(self) -> None:
-        self._last = time.monotonic()
-
-    def tell(self, progress: Progress) -> None:
+    def tell(progress: Progress) -> None:
+        nonlocal last
         now = time.monotonic()
-        if now - self._last >= _SECONDS and progress.finished < progress.total:
-            self._last = now
+        if now - last >= _SECONDS and progress.finished < progress.total:
+            last = now
             known = f", about {progress.remaining:.0f} s left" if progress.computed else ""
             print_progress(
                 f"{progress.finished:,} of {progress.total:,} encounters "
                 f"({100 * progress.finished / progress.total:.0f} %){known}"
             )
 
+    return tell
 
-def _present(
-    found: xr.Dataset,
-    reservations: Reservations | None,
-    output: Path | None,
-    figure: Path | None,
-    *,
-    json: bool,
-    force: bool,
-) -> None:
+
+def _present(found: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
     from pretouch.sweep.summary import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:
@@ -167,16 +174,12 @@ def _present(
 
         content = BytesIO()
         plots.sweep(found).savefig(content, format=figure.suffix[1:].lower())
-        write_bytes(figure, content.getvalue(), overwrite=force)
-    if json:
-        told = {**sweep_as_dict(found), "output": output, "figure": figure}
-        print_text(as_json(told if reservations is None else reservations.around_dict(told)))
-    else:
-        text = sweep_as_text(found)
-        print_text(text if reservations is None else reservations.around_text(text))
-        for what, path in (("Dataset", output), ("Figure", figure)):
-            if path is not None:
-                print_text(f"{what}: {path}")
+        write_bytes(figure, content.getvalue(), overwrite=shown.force)
+    places = {"output": shown.output, "figure": figure}
+    print_text(shown.told(reservations, lambda: {**sweep_as_dict(found), **places}, lambda: sweep_as_text(found)))
+    for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):
+        if path is not None:
+            print_text(f"{what}: {path}")
     first = next(iter(counts(found).values()))  # contact, or optimal
     found.close()
     end(good=first > 0)

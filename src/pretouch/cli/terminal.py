@@ -6,69 +6,98 @@ import inspect
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, TypeAlias
 
 import typer
 
 from pretouch._core.errors import PretouchError
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.json_text import as_json
-
-from .options import Force, Json, Output, Report
+from pretouch._core.units import read_quantity
 
 if TYPE_CHECKING:
     from pretouch.design import Task
     from pretouch.uncertainty import Reservations
 
 __all__ = [
-    "MISTAKE",
-    "NO_RESULT",
-    "OK",
     "Presentation",
+    "ScenarioFile",
     "conclude",
     "end",
-    "load",
+    "option",
     "print_message",
     "print_progress",
     "print_text",
+    "read_gain",
+    "reservations_about",
     "verb",
 ]
 
-OK = 0
-"""The run came to what was asked for."""
+ScenarioFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
+_OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
+    "json": (
+        Annotated[
+            bool,
+            typer.Option(
+                "--json", help="Print one JSON object, all SI, and nothing else; write a report only with --output."
+            ),
+        ],
+        False,
+    ),
+    "output": (
+        Annotated[Path | None, typer.Option("--output", "-o", metavar="PATH", help="Where the HTML report goes.")],
+        None,
+    ),
+    "report": (Annotated[bool, typer.Option("--report/--no-report", help="Write the HTML report.")], True),
+    "force": (
+        Annotated[
+            bool,
+            typer.Option(
+                "--force",
+                help="Overwrite whatever stands where the report goes; unasked, only an own, unchanged report is.",
+            ),
+        ],
+        False,
+    ),
+}
+"""How a result is shown: the options that all verbs share, each with its default."""
 
-NO_RESULT = 1
-"""The run ended well and its answer is no: infeasible, no contact, no usable signal, not reproduced."""
+_NO_RESULT: Final = 1  # the answer is no: infeasible, no contact, no usable signal, not reproduced
+_MISTAKE: Final = 2  # in a file or on the command line, or an output that would be overwritten
+_INTERRUPTED: Final = 130
+_BROKEN_PIPE: Final = 141
 
-MISTAKE = 2
-"""The request makes no sense: a mistake in a file or on the command line, or an output that would be overwritten."""
 
-_INTERRUPTED = 130
-_BROKEN_PIPE = 141
+def option(metavar: str, told: str, **more: Any) -> Any:
+    """Return an option of a verb with what it takes and what it does; its name is that of the argument."""
+    return typer.Option(metavar=metavar, help=told, **more)
+
+
+def read_gain(text: str | None) -> float | None:
+    """Read the gain of an option, where it is given."""
+    return None if text is None else read_quantity(text, "N*s", name="--gain")
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
-    """Run a verb and end with its exit code; mistakes become one message, everything unexpected keeps its traceback.
+    """Run a verb and end with its exit code; a mistake becomes one message, and with `json_wanted` an object on stdout.
 
-    Args:
-        run: the verb; one whose answer is no ends by `end`.
-        json_wanted: whether a mistake is printed as an object on stdout, too.
+    Everything unexpected keeps its traceback.
 
     Raises:
         Exit: always, with the exit code.
     """
     try:
-        code = OK
+        code = 0
         try:
             run()
         except typer.Exit as ended:
             code = ended.exit_code
         except PretouchError as error:
             print_message(str(error))
-            code = MISTAKE
+            code = _MISTAKE
             if json_wanted:
                 print_text(as_json({"status": "error", "message": str(error)}))
         sys.stdout.flush()
@@ -82,16 +111,9 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
 
 
 def end(*, good: bool) -> None:
-    """End a verb with the exit code of its answer.
-
-    Args:
-        good: whether the run came to what was asked for.
-
-    Raises:
-        Exit: where it did not.
-    """
+    """End a verb whose run did not come to what was asked for with the exit code of that."""
     if not good:
-        raise typer.Exit(NO_RESULT)
+        raise typer.Exit(_NO_RESULT)
 
 
 def print_text(text: str) -> None:
@@ -116,40 +138,6 @@ def _write(stream: Any, text: str) -> None:
     stream.flush()
 
 
-def load(file: Path, doing: str) -> Task:
-    """Load a scenario file, and tell what will be done with it.
-
-    Args:
-        file: the file.
-        doing: what a person waits for, such as `searching gains`.
-
-    Returns:
-        What the file asks for.
-    """
-    from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
-
-    task = load_scenario(file)
-    print_progress(f"{file}: {doing}")
-    return task
-
-
-def load_loop(file: Path, doing: str, *, gain: float | None, seed: int | None) -> Task:
-    """Load a scenario file with a loop, as `load` does.
-
-    Args:
-        file: the file.
-        doing: what a person waits for.
-        gain: D_p [N s] in the place of that of the file; None for that.
-        seed: of the noise, likewise.
-
-    Returns:
-        The task.
-    """
-    task = load(file, doing)
-    loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
-    return task.replace(loop=loop, gain=task.gain if gain is None else gain)
-
-
 def reservations_about(task: Task, answer: Any) -> Reservations | None:
     """Tell what the calibration of a sensor leaves open of an answer; None where the sensor is given by parameters."""
     if task.calibration is None:
@@ -160,25 +148,26 @@ def reservations_about(task: Task, answer: Any) -> Reservations | None:
 
 
 def verb(run: Callable[..., None]) -> Callable[..., None]:
-    """Make a verb of the command line of a function that shows one result.
+    """Make a verb of a function that shows one result: with its own options, which follow, those of how it is shown.
 
     Args:
         run: takes a `Presentation` and its own options, by name. Its docstring is the help.
 
     Returns:
-        The command: it has the options of `run`, and those of how a result is shown.
+        The command.
     """
 
     @wraps(run)
-    def command(*, json: bool, output: Path | None, report: bool, force: bool, **own: Any) -> None:
-        shown = Presentation(json=json, output=output, report=report, force=force)
-        conclude(lambda: run(shown, **own), json_wanted=json)
+    def command(**given: Any) -> None:
+        shown = Presentation(**{name: given.pop(name) for name in _OPTIONS})
+        conclude(lambda: run(shown, **given), json_wanted=shown.json)
 
     own = list(inspect.signature(run, eval_str=True).parameters.values())[1:]
-    ways = {"json": (Json, False), "output": (Output, None), "report": (Report, True), "force": (Force, False)}
     keyword = inspect.Parameter.KEYWORD_ONLY
-    common = [inspect.Parameter(name, keyword, annotation=a, default=default) for name, (a, default) in ways.items()]
-    parameters = [*own, *common]
+    shared = [
+        inspect.Parameter(name, keyword, annotation=a, default=default) for name, (a, default) in _OPTIONS.items()
+    ]
+    parameters = [*own, *shared]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
@@ -201,34 +190,28 @@ class Presentation:
     force: bool
 
     def show(self, result: Any, default: str, task: Task | None = None, *, good: bool) -> None:
-        """Print a result, write its report, and end with the exit code of its answer.
-
-        Args:
-            result: what one of the verbs returned: text for a person, an object (`to_dict`) for a program, and a page.
-            default: name of the report where none is given.
-            task: what it was computed from, with the calibration of its sensor.
-            good: whether the result is what was asked for.
-        """
+        """Print a result of a task, write its report, by default so named, and end with the exit code of its answer."""
         target = self.output or Path(default)
-        reservations = None if task is None else reservations_about(task, result)
-        if self.json:
-            found = result.to_dict()
-            text = as_json(found if reservations is None else reservations.around_dict(found))
-            if self.output is not None:
-                self._write(result, target, task)
-            print_text(text)
-        else:
-            print_text(str(result) if reservations is None else reservations.around_text(str(result)))
-            if self.report:
-                self._write(result, target, task)
-                print_text(f"\nReport with figures: {target}")
+        text = self.told(None if task is None else reservations_about(task, result), result.to_dict, result.__str__)
+        if self.json and self.output is not None:
+            self._write(result, target, task)
+        print_text(text)
+        if self.report and not self.json:
+            self._write(result, target, task)
+            print_text(f"\nReport with figures: {target}")
         end(good=good)
+
+    def told(
+        self, reservations: Reservations | None, as_dict: Callable[[], dict[str, Any]], as_text: Callable[[], str]
+    ) -> str:
+        """Return a result as it is asked for, an object or text, amid what its calibration leaves open."""
+        if self.json:
+            return as_json(as_dict() if reservations is None else reservations.around_dict(as_dict()))
+        return as_text() if reservations is None else reservations.around_text(as_text())
 
     def _write(self, result: Any, target: Path, task: Task | None) -> None:
         from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
-        known: dict[str, Any] = {}
-        if task is not None:
-            known = {"calibration": task.calibration, "source": task.source}
+        known: dict[str, Any] = {} if task is None else {"calibration": task.calibration, "source": task.source}
         print_progress(f"{target}: drawing the report")
         write_report(result, target, overwrite=self.force or is_own_unchanged(target), **known)

@@ -1,6 +1,277 @@
 """The scenario file: TOML with units, checked against a schema, to a task."""
 
-from .loading import load_scenario
-from .source import ScenarioSource
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from pretouch._core.errors import PretouchError, ScenarioFileError
+from pretouch._core.units import format_quantity
+from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
+from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
+from pretouch.design.task import Task
+from pretouch.motion.scenario import Scenario
+from pretouch.sensors import Recessed, SensorModel
+from pretouch.uncertainty.reservations import recess_in_words
+
+from .document import read_document
+from .fitting import FitRequest, fit_sensor_of, read_no_object, read_output
+from .quantities import KeyPath
+from .reading import Reading
+from .robust import robust_fields
+from .schema import FREE, LOOP_SECTIONS
+from .sensor_sections import CALIBRATION, FROM_SURFACE
+from .source import ScenarioSource, place
+
+if TYPE_CHECKING:
+    from pretouch.calibration import CalibrationReport
 
 __all__ = ["ScenarioSource", "load_scenario"]
+
+_SHORT: Final[Mapping[str, str]] = {
+    "position": "displacement",
+    "time": "time",
+    "velocity": "relative_velocity",
+    "force": "impact_force",
+}
+_ROUNDING: Final = 1e-9  # of a distance that is added and taken away again
+_PHYSICAL: Final = ("impact_force", "drive_force")
+
+
+def load_scenario(path: str | os.PathLike[str]) -> Task:
+    """Read a scenario file (TOML); docs/scenario-file.md lists its sections and keys.
+
+    A sensor that is given by its calibration is fitted here; the path of the calibration is relative to the file.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The task that every verb takes: `design_gain(load_scenario(path))`. Where the file has [uncertainty], also
+        what `design_robust_gain` needs; with [chain] and [controller] the sampled loop of `verify_gain`.
+
+    Raises:
+        ScenarioFileError: the file has mistakes. The message has one sentence for each: line, key, what was found,
+            what is expected.
+
+    Examples:
+        >>> import pathlib, tempfile
+        >>> text = '''
+        ... [sensor]
+        ... model = "exponential-1"
+        ... scale = 0.458
+        ... rate = "-61 1/m"
+        ... [admittance]
+        ... mass = "1 kg"
+        ... natural_frequency = "5 rad/s"
+        ... [obstacle]
+        ... position = "42.2 mm"
+        ... velocity = "-0.3 m/s"
+        ... [objective]
+        ... kind = "excursion"
+        ... position_scale = "0.5 m"
+        ... velocity_scale = "0.3 m/s"
+        ... [gain]
+        ... bounds = ["-10 N*s", "-0.01 N*s"]
+        ... '''
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = pathlib.Path(folder, "approach.toml")
+        ...     _ = file.write_text(text)
+        ...     task = load_scenario(file)
+        >>> task.scenario.distance, task.bounds
+        (0.0422, (-10.0, -0.01))
+    """
+    content, text, data = read_document(path)
+    source = ScenarioSource(path=Path(path), text=text, sha256=hashlib.sha256(content).hexdigest())
+    builder = _Builder(source, data)
+    task = _task(builder)
+    if task is None:
+        raise ScenarioFileError(source.listed(builder.unread + builder.mistakes))
+    return task
+
+
+def _task(builder: _Builder) -> Task | None:
+    """Build the task that a file asks for; None where the builder has found mistakes."""
+    scenario, objective, constraints = builder.scenario(), builder.objective(), builder.constraints()
+    asked = {"impact": builder.made("impact"), **builder.pareto(), **builder.freedom(), **builder.settings("motion")}
+    if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
+        return None  # not worth a fit
+    sensor, calibration = builder.sensor()
+    if sensor is not None and scenario is not None:
+        builder.check_range(sensor, scenario, calibration)
+    asked |= robust_fields(builder, scenario, sensor, calibration, constraints)
+    if any(name in builder.data for name in LOOP_SECTIONS):
+        from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
+
+        asked |= loop_fields(builder, scenario, sensor, calibration)
+    bounds = builder.values("gain")
+    if builder.unread or builder.mistakes or scenario is None or sensor is None or objective is None or bounds is None:
+        return None
+    low, high = bounds["bounds"]
+    source = replace(builder.source, supported=_supported(sensor, calibration))
+    return Task(scenario, sensor, objective, bounds=(low, high), **asked, calibration=calibration, source=source)
+
+
+def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
+    """Say where a calibration supports the curve."""
+    if calibration is None:
+        return ""
+    window, recess = calibration.window, getattr(sensor, "recess", 0.0)
+    near, far = (format_quantity(max(d - recess, 0.0), "m") for d in (window.l_min, window.l_max))
+    return (
+        f"the calibration supports it from {near} ({window.start_reason}) to {far} ({window.end_reason}): calibrate "
+        "over more distances, or extend the curve with minimum_distance or maximum_distance"
+    )
+
+
+class _Builder(Reading):
+    """Builds the parts of a task from a file; a part with a mistake is None."""
+
+    def sensor(self) -> tuple[SensorModel | None, CalibrationReport | None]:
+        """Build the sensor; fit it where the file names a calibration."""
+        given = self.values("sensor")
+        if given is None:
+            return None, None
+        if CALIBRATION in given:
+            return self._calibrated(given)
+        if "recess" not in given:
+            return self.made("sensor"), None
+        limits = {key: given[key] for key in FROM_SURFACE if key in given}
+        curve: Any = self.sections["sensor"][0].make
+        own = {key: value for key, value in given.items() if key not in {"recess", *FROM_SURFACE}}
+        return self.attempt("sensor", lambda: Recessed(sensor=curve(**own), recess=given["recess"], **limits)), None
+
+    def _calibrated(self, given: Mapping[str, Any]) -> tuple[SensorModel | None, CalibrationReport | None]:
+        found, folder = self.data["sensor"], self.source.path.parent
+        outputs: dict[str, Any] = {
+            key: given[key] if isinstance(given[key], str) else read_output(found[key], name=key)
+            for key in ("offset", "saturation")
+        }
+        try:
+            plain = ("select", "columns", "labels", "near_field_peak", "floor_sigmas")
+            request = FitRequest(
+                path=folder / given[CALIBRATION],
+                models=(given["model"],) if "model" in given else (),
+                no_object=read_no_object(found["no_object"], folder, name="no_object")
+                if "no_object" in found
+                else None,
+                **{key: given[key] for key in plain if key in given},
+                **outputs,
+            )
+            sensor, report = fit_sensor_of(request)
+        except PretouchError as error:
+            path, sentence = place(str(error), "sensor")
+            known = path in self.source.lines and len(path) == 2
+            self.refuse(path if known else ("sensor", CALIBRATION), sentence)
+            return None, None
+        limits = {key: given[key] for key in FROM_SURFACE if key in given}
+        return self.attempt("sensor", lambda: _extended(sensor, given.get("recess"), limits)), report
+
+    def scenario(self) -> Scenario | None:
+        """Build the encounter."""
+        parts = {
+            name: self.made(name, tuple(FREE))
+            for name in ("admittance", "obstacle", "plant", "reference")
+            if name in self.sections
+        }
+        if any(part is None for part in parts.values()) or not {"admittance", "obstacle"} <= set(parts):
+            return None
+        return self.attempt("obstacle", lambda: Scenario(**parts))
+
+    def freedom(self) -> dict[str, tuple[float, float]]:
+        """Return the bounds of natural frequency and damping ratio, where they are free."""
+        given = self.values("admittance") or {}
+        return {key.removesuffix("_bounds"): (given[key][0], given[key][1]) for key in FREE if key in given}
+
+    def pareto(self) -> dict[str, Any]:
+        """Return what is traded, and the choice that is marked."""
+        given = self.values("pareto") or {}
+        names = tuple(given.get("quantities", ("displacement", "relative_velocity")))  # L(20)'s two
+        for i, name in enumerate(names if "pareto" in self.sections else ()):
+            self._needs_impact(name, ("pareto", "quantities", i))
+        return {"quantities": names, "choice": given.get("choice")}
+
+    def objective(self) -> Objective | None:
+        """Build the objective."""
+        given = self.values("objective")
+        if given is None:
+            return None
+        still = (self.values("obstacle") or {}).get("velocity") == 0
+        terms = list(_terms(given))
+        for quantity_path, scale_path, term in terms:
+            self._needs_impact(term["quantity"], quantity_path)
+            if term["scale"] == OBSTACLE_SPEED and still:
+                self.refuse(scale_path, 'found "obstacle speed" for an obstacle at rest, expected a quantity in m/s')
+        kind = self.data["objective"]["kind"]
+        return self.attempt("objective", lambda: Objective(terms=tuple(Term(**t) for _, _, t in terms), name=kind))
+
+    def constraints(self) -> tuple[Constraint, ...]:
+        """Build the limits."""
+        limits = self.values("constraints") or {}
+        for name in limits:
+            self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
+        return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
+
+    def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
+        """Refuse an encounter that the sensor cannot follow from its start to contact; name the reason."""
+        low, high = sensor.valid_range
+        recess = getattr(sensor, "recess", 0.0)
+        window = None if calibration is None else calibration.window
+        told = "every answer then says first that no data support it there"
+        if low > 0:
+            cause, extending = "", 'extend the curve with minimum_distance = "0 mm" where the model allows it'
+            if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
+                cause = f", where the calibration supports it ({window.start_reason})"
+                extending = f"calibrate nearer, or {extending} (a table does not): {told}"
+            self.refuse(
+                ("sensor",),
+                f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface{cause}, expected "
+                f'it to reach contact: sink the sensor with recess = "{recess_in_words(recess + low)}", or {extending}',
+            )
+        if scenario.distance > high:
+            cause, extending = ", where the valid range of the sensor ends", ""
+            if window is not None and window.l_max <= (recess + high) * (1 + _ROUNDING):
+                cause = f", where the calibration ceases to support the curve ({window.end_reason})"
+                extending = (
+                    f", calibrate farther out, or extend the curve with maximum_distance = "
+                    f'"{1e3 * scenario.distance:.4g} mm" where the model allows it (a table does not): {told}'
+                )
+            self.refuse(
+                ("obstacle", "position"),
+                f"found a distance of {1e3 * scenario.distance:.4g} mm at the start, expected at most "
+                f"{1e3 * high:.4g} mm{cause}: start where the object enters it{extending}",
+            )
+
+    def _needs_impact(self, quantity: str, path: KeyPath) -> None:
+        if quantity in _PHYSICAL and "impact" not in self.data:
+            self.refuse(
+                path, f'found {quantity} without physical properties, expected [impact] with robot_mass = "4 kg"'
+            )
+
+
+def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:
+    """Sink a fitted curve, and extend or cut it to the distances that are asked for, from the contact surface."""
+    if recess is None:
+        return dataclasses.replace(sensor, **limits)
+    low, high = sensor.valid_range
+    low = min(low, limits.get("minimum_distance", low))  # whatever the recess, which may be uncertain
+    high = max(high, recess + limits.get("maximum_distance", -math.inf))
+    curve = dataclasses.replace(sensor, minimum_distance=low, maximum_distance=high)
+    return Recessed(sensor=curve, recess=recess, **limits)
+
+
+def _terms(given: Mapping[str, Any]) -> Iterator[tuple[KeyPath, KeyPath, dict[str, Any]]]:
+    """Lay out the terms of an objective, each with the keys that its quantity and its scale come from."""
+    for i, term in enumerate(given.get("terms", ())):
+        path: KeyPath = ("objective", "terms", i)
+        yield (*path, "quantity"), (*path, "scale"), term
+    for kind, quantity in _SHORT.items():
+        if f"{kind}_scale" in given:
+            path = ("objective", f"{kind}_scale")
+            yield path, path, {"quantity": quantity, "scale": given[path[1]], "weight": given[f"{kind}_weight"]}

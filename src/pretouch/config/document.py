@@ -1,4 +1,4 @@
-"""A TOML file as text, as data, and with the line of every key, so that every mistake can be placed."""
+"""A TOML file as text and as data; where it is neither, in which line, and what was probably meant."""
 
 from __future__ import annotations
 
@@ -6,103 +6,25 @@ import difflib
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import ScenarioFileError
 
-from .positions import KeyPath, key_lines
 from .quantities import printable
 
-__all__ = ["Document", "Mistake", "listed"]
+__all__ = ["read_document"]
 
 _PLACE: Final = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _TWICE: Final = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|already")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mistake:
-    """One mistake in a file.
-
-    Args:
-        line: the line, from 1.
-        key: the key with its section, such as `admittance.damping`; empty where no key is meant.
-        sentence: what was found and what is expected.
-    """
-
-    line: int
-    key: str
-    sentence: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Document:
-    """A scenario file that is valid TOML.
-
-    Args:
-        path: where it stands.
-        text: its text.
-        content: its bytes, for the hash.
-        data: what `tomllib` reads in it.
-        lines: the line of every key.
-    """
-
-    path: Path
-    text: str
-    content: bytes
-    data: Mapping[str, Any]
-    lines: Mapping[KeyPath, int]
-
-    @classmethod
-    def open(cls, path: str | os.PathLike[str]) -> Document:
-        """Read a file; raise ScenarioFileError where it cannot be read or is no valid TOML."""
-        place = Path(path)
-        content = _read(place)
-        text = _decode(place, content)
-        data = _parse(place, text)
-        return cls(path=place, text=text, content=content, data=data, lines=key_lines(text))
-
-    @property
-    def last_line(self) -> int:
-        """The last line that holds anything."""
-        return self.text.rstrip().count("\n") + 1
-
-    def mistake(self, path: KeyPath, sentence: str) -> Mistake:
-        """Place a mistake at a key, or at what holds it where the file has no such key."""
-        known = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in self.lines), None)
-        line = self.lines[known] if known else self.last_line
-        return Mistake(line=line, key=_dotted(path), sentence=sentence)
-
-
-def listed(path: Path, mistakes: Iterable[Mistake]) -> str:
-    """List the mistakes of a file, one sentence each, in the order of their lines.
-
-    Args:
-        path: the file.
-        mistakes: its mistakes.
-
-    Returns:
-        The message, one line for each mistake.
-
-    Examples:
-        >>> print(listed(Path("approach.toml"), [Mistake(line=9, key="admittance.damping", sentence="missing")]))
-        approach.toml, line 9: admittance.damping: missing
-    """
-    ordered = sorted(set(mistakes), key=lambda m: m.line)
-    return "\n".join(f"{path}, line {m.line}: {m.key}{': ' if m.key else ''}{m.sentence}" for m in ordered)
-
-
-def _dotted(path: KeyPath) -> str:
-    text = ""
-    for part in path:
-        if isinstance(part, int):
-            text += f"[{part}]"
-        else:
-            shown = part if re.fullmatch(r"[\w-]{1,60}", part) else repr(part[:60])
-            text += f".{shown}" if text else shown
-    return text
+def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, Any]]:
+    """Return bytes, text and data of a file; raise ScenarioFileError where it cannot be read or is no valid TOML."""
+    place = Path(path)
+    content = _read(place)
+    text = _decode(place, content)
+    return content, text, _parse(place, text)
 
 
 def _read(path: Path) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -16,18 +16,14 @@ from pretouch.sensors import SensorModel
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
 
-__all__ = ["FitRequest", "OutputValue", "fit_sensor_of", "read_output"]
+__all__ = ["FitRequest", "OutputValue", "fit_sensor_of", "read_no_object", "read_output"]
 
 OutputValue: TypeAlias = tuple[float, str]
 """A sensor output and its unit: V, counts, or the empty text where it is bare."""
 
 
 def read_output(value: float | str, *, name: str) -> OutputValue:
-    """Read a sensor output that may be bare, in V or in counts.
-
-    Args:
-        value: a number, or text such as `"110 mV"`.
-        name: what it is called in messages.
+    """Read a sensor output that may be bare, in V or in counts; messages call it by its name.
 
     Returns:
         The number, in V where it has that dimension, and its unit.
@@ -45,6 +41,17 @@ def read_output(value: float | str, *, name: str) -> OutputValue:
         except (UnitError, ArithmeticError):
             continue
     raise UnitError(f"{name}: found {value!r}, expected a number or text in V or counts")
+
+
+def read_no_object(value: float | str, folder: Path, *, name: str) -> OutputValue | Path:
+    """Read a no-object level; text that is no output is the file of such readings, beside what stands in a folder."""
+    try:
+        return read_output(value, name=name)
+    except UnitError:
+        path = folder / str(value)
+        if path.exists() or path.suffix:
+            return path
+        raise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,9 +72,9 @@ class FitRequest:
     """
 
     path: Path
-    select: Mapping[str, str] = field(default_factory=dict)
+    select: Mapping[str, str | int | float] = field(default_factory=dict)
     columns: Mapping[str, str | int] = field(default_factory=dict)
-    labels: tuple[str | int, ...] | None = None
+    labels: Sequence[str | int] | None = None
     no_object: OutputValue | Path | None = None
     offset: str | OutputValue = "auto"
     saturation: str | OutputValue = "auto"
@@ -76,14 +83,7 @@ class FitRequest:
     floor_sigmas: float = 3.0
 
     def read(self) -> tuple[Calibration, ...]:
-        """Read the curves of the file that the labels select.
-
-        Returns:
-            The curves, at least one.
-
-        Raises:
-            CalibrationDataError: the file cannot be read, or holds no such curve.
-        """
+        """Read the curves of the file that the labels select, at least one; raise CalibrationDataError for none."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
@@ -102,14 +102,7 @@ class FitRequest:
         return chosen
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
-        """Fit every model to one curve.
-
-        Args:
-            calibration: one of the curves that `read` returned.
-
-        Returns:
-            The report.
-        """
+        """Fit every model to one of the curves."""
         from pretouch.calibration import rank_models  # noqa: PLC0415
 
         chosen = {"models": self.models} if self.models else {}
@@ -150,17 +143,7 @@ def _in_unit_of(calibration: Calibration, value: OutputValue, name: str) -> floa
 
 
 def fit_sensor_of(request: FitRequest) -> tuple[SensorModel, CalibrationReport]:
-    """Fit the one curve that a request selects.
-
-    Args:
-        request: what is asked.
-
-    Returns:
-        The best sensor and the report that it comes from.
-
-    Raises:
-        InvalidInputError: several curves are selected, or none of the models fits a usable signal.
-    """
+    """Fit the one curve that a request selects; raise InvalidInputError where there are several, or no usable fit."""
     curves = request.read()
     if len(curves) > 1:
         raise InvalidInputError(

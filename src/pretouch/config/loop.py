@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -22,16 +22,15 @@ from pretouch.simulation import (
 )
 
 from .loop_law import controller_of, refuse_a_curve_below_the_floor
-from .loop_sections import CONTACTS, PLANTS, ChainSection, ControllerSection, KindSection, LoopSection
 from .output_units import refuse_mixed_units
-from .schema import LOOP_SECTIONS, SECTIONS
-from .section import nearest, one_of
-from .sensor_sections import CalibratedSensor
+from .schema import FREE, LOOP_SECTIONS
+from .section import one_of
+from .sensor_sections import CALIBRATION
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
-    from .building import Builder
+    from .reading import Reading
 
 __all__ = ["loop_fields"]
 
@@ -40,123 +39,88 @@ _NEEDED: Final = {"chain": 'part = "VCNL4010" or rate = "250 Hz"', "controller":
 
 
 def loop_fields(
-    builder: Builder,
-    *,
+    file: Reading,
     scenario: Scenario | None,
     sensor: SensorModel | None,
     calibration: CalibrationReport | None,
 ) -> dict[str, Any]:
-    """Build the loop; what contradicts itself becomes a mistake of the builder.
-
-    Args:
-        builder: the builder of the file.
-        scenario: the encounter; None where it has mistakes.
-        sensor: the sensor; None where it has mistakes.
-        calibration: the report of its fit, where it was fitted.
-
-    Returns:
-        The fields of the task that speak of the loop; none where it has mistakes.
-    """
-    _refuse_a_part_alone(builder)
-    plant, contact = _plant(builder), _contact(builder)
-    asked = cast("LoopSection", builder.sections.get("loop", LoopSection()))
-    if asked.stability_margin is not None and any(builder.freedom()):
-        builder.refuse(
+    """Return the fields of a task that speak of the loop; none where it has mistakes, which the file keeps."""
+    _refuse_a_part_alone(file)
+    plant, contact = _plant(file), _contact(file)
+    asked = file.settings("loop")
+    if "stability_margin" in asked and set(FREE) & set(file.values("admittance") or {}):
+        file.refuse(
             ("loop", "stability_margin"),
             "found a margin beside an admittance that is to be chosen, expected [admittance] without bounds: "
             "the limit of stability belongs to one admittance",
         )
-    if calibration is None and isinstance(builder.sections.get("sensor"), CalibratedSensor):
+    if calibration is None and CALIBRATION in (file.values("sensor") or {}):
         return {}  # the fit failed, and noise and offset with it
-    part = _part(builder)
-    refuse_mixed_units(builder, part, calibration)
-    chain = _chain(builder, part, calibration)
-    section = builder.sections.get("controller")
-    if chain is None or scenario is None or not isinstance(section, ControllerSection):
+    part = _part(file)
+    refuse_mixed_units(file, part, calibration)
+    chain = _chain(file, part, calibration)
+    given = file.values("controller")
+    if chain is None or scenario is None or given is None:
         return {}
-    controller = controller_of(builder, section, chain, scenario, isinstance(plant, PositionPlant))
+    controller = controller_of(file, given, chain, scenario, isinstance(plant, PositionPlant))
     if controller is None or plant is None:
         return {}
     if sensor is not None:
-        refuse_a_curve_below_the_floor(builder, sensor, controller.conditioning, part)
-    loop = ClosedLoop(
-        law=controller,
-        chain=chain,
-        plant=plant,
-        contact=contact,
-        seed=asked.seed,
-        horizon=asked.horizon,
-        follow=asked.follow,
-    )
-    asks = {"runs": asked.runs, "stability_margin": asked.stability_margin}
-    return {"loop": loop, "gain": section.gain, "part": part, **asks}
+        refuse_a_curve_below_the_floor(file, sensor, controller.conditioning, part)
+    ways = {name: asked.pop(name) for name in ("seed", "horizon", "follow")}
+    loop = ClosedLoop(law=controller, chain=chain, plant=plant, contact=contact, **ways)
+    return {"loop": loop, "gain": given.get("gain"), "part": part, **asked}
 
 
-def _refuse_a_part_alone(builder: Builder) -> None:
+def _refuse_a_part_alone(file: Reading) -> None:
     """A loop has a chain and a controller; all else of it may be left out."""
-    data, meant = builder.document.data, _meant(builder)
+    data = file.data
     first = next(name for name in LOOP_SECTIONS if name in data)
     for name, keys in _NEEDED.items():
-        if name not in data and name not in meant:
-            builder.refuse((first,), f"found no [{name}] beside it, expected [{name}] with {keys}")
+        if name not in data and name not in file.meant:
+            file.refuse((first,), f"found no [{name}] beside it, expected [{name}] with {keys}")
 
 
-def _meant(builder: Builder) -> set[str | None]:
-    """Return the sections that misspelt ones are taken for, which are mistakes already."""
-    return {nearest(name, tuple(SECTIONS)) for name in builder.document.data if name not in SECTIONS}
-
-
-def _plant(builder: Builder) -> PlantModel | None:
+def _plant(file: Reading) -> PlantModel | None:
     """Build the robot; None where it has a mistake."""
-    if "robot" not in builder.document.data:
+    if "robot" not in file.data:
         return IdealPlant()
-    section = builder.sections.get("robot")
-    if not isinstance(section, KindSection):
-        return None
-
-    def make() -> PlantModel:
-        plant = PLANTS[section.kind](**section.model_dump(exclude={"kind"}))
-        plant.coefficients()  # its checks of what does not go together
-        return plant
-
-    return builder.attempt("robot", make)
+    plant: PlantModel | None = file.made("robot")
+    # its checks of what does not go together
+    return None if plant is None or file.attempt("robot", plant.coefficients) is None else plant
 
 
-def _contact(builder: Builder) -> ContactModel | None:
+def _contact(file: Reading) -> ContactModel | None:
     """Build the contact; None where the file has none, or a mistake in it."""
-    section = builder.sections.get("contact")
-    robot = builder.document.data.get("robot", {} if "robot" in _meant(builder) else {"kind": "ideal"})
-    if "contact" in builder.document.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
-        builder.refuse(
+    robot = file.data.get("robot", {} if "robot" in file.meant else {"kind": "ideal"})
+    if "contact" in file.data and isinstance(robot, dict) and robot.get("kind") == "ideal":
+        file.refuse(
             ("contact",),
             "found a contact of an ideal robot, which has no mass that a force could act on, expected [robot] with "
             'kind = "impedance" or kind = "position"',
         )
-    if not isinstance(section, KindSection):
-        return None
-    kind = CONTACTS[section.kind]
-    return builder.attempt("contact", lambda: kind(**section.model_dump(exclude={"kind"})))
+    contact: ContactModel | None = file.made("contact")
+    return contact
 
 
-def _part(builder: Builder) -> SensorPart | None:
-    section = builder.sections.get("chain")
-    name = section.part if isinstance(section, ChainSection) else None
+def _part(file: Reading) -> SensorPart | None:
+    name = (file.values("chain") or {}).get("part")
     if name is not None and name not in PARTS:
-        builder.refuse(("chain", "part"), f'found "{name}", {one_of(name, tuple(PARTS))}')
+        file.refuse(("chain", "part"), f'found "{name}", {one_of(name, tuple(PARTS))}')
     return PARTS.get(name or "")
 
 
-def _chain(builder: Builder, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
+def _chain(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> SensorChain | None:
     """Build the chain: what the file says, then what the calibration knows, then what the part has."""
-    section = builder.sections.get("chain")
-    if not isinstance(section, ChainSection) or (section.part is not None and part is None):
+    given = file.values("chain")
+    if given is None or ("part" in given and part is None):
         return None
-    given: dict[str, Any] = section.model_dump(exclude_none=True, exclude={"part", "phase"})
     known = {} if part is None else {f.name: getattr(part.chain, f.name) for f in fields(SensorChain)}
     known |= _fitted(calibration, given.get("rate", known.get("rate"))) | given
-    random = isinstance(section.phase, str)
-    known |= {"random_phase": random, "phase": 0.0 if random else section.phase}
-    return builder.attempt("chain", lambda: SensorChain(**known))
+    random = isinstance(given["phase"], str)
+    known |= {"random_phase": random, "phase": 0.0 if random else given["phase"]}
+    known.pop("part", None)
+    return file.attempt("chain", lambda: SensorChain(**known))
 
 
 def _fitted(calibration: CalibrationReport | None, rate: Any) -> dict[str, float]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -12,10 +13,8 @@ from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import SensorChain, SensorPart
 
-from .loop_sections import ControllerSection
-
 if TYPE_CHECKING:
-    from .building import Builder
+    from .reading import Reading
 
 __all__ = ["controller_of", "refuse_a_curve_below_the_floor"]
 
@@ -27,30 +26,18 @@ _LAW: Final = ("approach_only", "release", "ramp_time")
 
 
 def controller_of(
-    builder: Builder, section: ControllerSection, chain: SensorChain, scenario: Scenario, positioned: bool
+    file: Reading, given: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
 ) -> Controller | None:
-    """Build the controller, checked together with the start of the encounter.
-
-    Args:
-        builder: the builder of the file, which takes the mistakes.
-        section: [controller].
-        chain: the sensor chain, from which floor, offset, saturation and the sensor's period follow.
-        scenario: the encounter, whose admittance is the controller's.
-        positioned: whether the robot is position-controlled, and feels no contact force itself.
-
-    Returns:
-        The controller, with a gain of 0 where the file names none; None where it has mistakes.
-    """
-    period = 1 / section.rate if section.rate is not None else float(section.period or 0.0)
-    sensing = _conditioning(builder, section, chain, period)
-    law = builder.attempt(
-        "controller", lambda: VirtualDamper(gain=section.gain or 0.0, **{key: getattr(section, key) for key in _LAW})
-    )
-    given = {name: getattr(section, f"largest_{name}") for name in _LIMITS}
-    limits = builder.attempt("controller", lambda: Limits(**given))
+    """Build the controller, with a gain of 0 where the file names none, checked with the start of the encounter."""
+    period = 1 / given["rate"] if "rate" in given else given["period"]
+    sensing = _conditioning(file, given, chain, period)
+    own = {key: given[key] for key in _LAW}
+    law = file.attempt("controller", lambda: VirtualDamper(gain=given.get("gain", 0.0), **own))
+    largest = {name: given.get(f"largest_{name}") for name in _LIMITS}
+    limits = file.attempt("controller", lambda: Limits(**largest))
     if sensing is None or law is None or limits is None:
         return None
-    virtual, gain = scenario.admittance, section.contact_gain
+    virtual = scenario.admittance
 
     def make() -> Controller:
         controller = Controller(
@@ -59,78 +46,68 @@ def controller_of(
             law=law,
             admittance=VirtualAdmittance(mass=virtual.mass, damping=virtual.damping, stiffness=virtual.stiffness),
             limits=limits,
-            contact_gain=(1.0 if positioned else 0.0) if gain is None else gain,
-            contact_threshold=section.contact_threshold,
+            # a robot that is position-controlled feels no contact force itself
+            contact_gain=given.get("contact_gain", 1.0 if positioned else 0.0),
+            contact_threshold=given["contact_threshold"],
         )
         start, reference = scenario.plant, scenario.reference
         controller.start(start.position - reference.position, start.velocity - reference.velocity)
         return controller
 
-    return builder.attempt("controller", make)
+    return file.attempt("controller", make)
 
 
-def _conditioning(
-    builder: Builder, section: ControllerSection, chain: SensorChain, period: float
-) -> Conditioning | None:
+def _conditioning(file: Reading, given: Mapping[str, Any], chain: SensorChain, period: float) -> Conditioning | None:
     if chain.period < period * (1 - _SAME):
-        given = "rate" if section.rate is not None else "period"
-        builder.refuse(
-            ("controller", given),
+        file.refuse(
+            ("controller", "rate" if "rate" in given else "period"),
             f"found {1 / period:g} Hz, slower than the sensor with its {chain.rate:g} Hz, expected at least that; "
             f'or read the sensor as often as the loop runs: [chain] with rate = "{1 / period:g} Hz"',
         )
     slower = chain.period > period * (1 + _SAME)
-    pedestal = chain.offset + chain.crosstalk
-    floor = _FLOOR * chain.noise if section.floor is None else section.floor
-    if section.floor is None and not floor > 0:
-        builder.refuse(
+    floor = given.get("floor", _FLOOR * chain.noise)
+    if "floor" not in given and not floor > 0:
+        file.refuse(
             ("controller", "floor"),
             "missing, expected a sensor output above drift and what the scene reflects, since the chain has no noise "
             f"that it could be {_FLOOR:g} times of; add, for example: floor = 30.0",
         )
     if chain.period < period * (1 - _SAME) or not floor > 0:
         return None
-    offset, saturation = pedestal if section.offset is None else section.offset, section.saturation
+    offset, saturation = given.get("offset", chain.offset + chain.crosstalk), given.get("saturation")
     if saturation is None and np.isfinite(chain.highest):
         saturation = chain.highest
         if saturation <= offset + floor:
-            builder.refuse(
+            file.refuse(
                 ("chain", "highest"),
                 f"found readings that saturate at {saturation:g}, expected more than the controller's offset and floor "
                 f"together, {offset + floor:g}",
             )
             return None
-    return builder.attempt(
+    return file.attempt(
         "controller",
         lambda: Conditioning(
             floor=floor,
             offset=offset,
             saturation=saturation,
             sensor_period=chain.period if slower else period,
-            **{key: getattr(section, key) for key in _CONDITIONING},
+            **{key: given[key] for key in _CONDITIONING if key in given},
         ),
     )
 
 
 def refuse_a_curve_below_the_floor(
-    builder: Builder, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
+    file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
 ) -> None:
-    """Refuse a curve whose scale is not that of the readings, on which a loop depends, unlike a design.
-
-    Args:
-        builder: the builder of the file.
-        sensor: the sensor curve.
-        conditioning: that of the controller.
-        part: the sensor part, where the file names one.
-    """
+    """Refuse a curve whose scale is not that of the readings, on which a loop depends, unlike a design."""
     if not sensor.contains(0.0):
         return  # which is a mistake of its own
     log_output = float(sensor.log_output(0.0))  # its exponential may be beyond all numbers
     if log_output > math.log(conditioning.floor):
         return
     unit = f" in {part.unit}, which {part.name} reports," if part is not None and part.unit else ""
-    key = next(k for k in ("scale", "outputs", "calibration") if k in builder.document.data["sensor"])
-    builder.refuse(
+    key = next(k for k in ("scale", "outputs", "calibration") if k in file.data["sensor"])
+    file.refuse(
         ("sensor", key),
         f"found an output of {math.exp(log_output):.4g} at contact, which the controller's floor of "
         f"{conditioning.floor:.4g} hides, expected outputs{unit} well above it: in a loop the scale of the curve "

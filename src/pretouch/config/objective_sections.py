@@ -2,99 +2,72 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Self
-
-from pydantic import ValidationInfo, field_validator, model_validator
+from collections.abc import Mapping
+from typing import Any, Final
 
 from pretouch.design.quantities import QUANTITY_UNITS
 
 from .quantities import Quantity, UnfitValueError
-from .section import WEIGHT, Section, list_of, name_of
+from .section import REQUIRED, TAG, WEIGHT, Key, Section, list_of, name_of
 
-__all__ = [
-    "OBJECTIVE_SECTIONS",
-    "CompromiseSection",
-    "CustomObjective",
-    "ExcursionObjective",
-    "TermSection",
-    "TimeObjective",
-]
+__all__ = ["OBJECTIVE_VARIANTS"]
 
 _OBSTACLE: Final = ("obstacle speed",)
-_SPEED: Final = Quantity(unit="m/s", example='"0.3 m/s"', sign="nonzero", words=_OBSTACLE)
 
 
-class CompromiseSection(Section):
-    """The second term that L(20) and L(22) share: what is left of the impact, as speed or as force."""
-
-    velocity_scale: Annotated[float | str | None, _SPEED] = None
-    velocity_weight: Annotated[float, WEIGHT] = 1.0
-    force_scale: Annotated[float | None, Quantity(unit="N", example='"100 N"', sign="nonzero")] = None
-    force_weight: Annotated[float, WEIGHT] = 1.0
-
-    @model_validator(mode="after")
-    def _one_of_two(self) -> Self:
-        given = self.model_fields_set
-        expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
-        if {"velocity_scale", "force_scale"} <= given:
-            raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
-        if not {"velocity_scale", "force_scale"} & given:
-            raise UnfitValueError(f"missing velocity_scale, {expected}")
-        for kind in ("velocity", "force"):
-            if f"{kind}_weight" in given and f"{kind}_scale" not in given:
-                raise UnfitValueError(
-                    f"found {kind}_weight without {kind}_scale, expected both or none", f"{kind}_weight"
-                )
-        return self
+def _one_of_two(given: Mapping[str, Any]) -> None:
+    """Hold the second term that L(20) and L(22) share: what is left of the impact, as speed or as force."""
+    expected = 'expected either velocity_scale = "0.3 m/s" or force_scale = "100 N"'
+    if {"velocity_scale", "force_scale"} <= set(given):
+        raise UnfitValueError(f"found both velocity_scale and force_scale, {expected}", "force_scale")
+    if not {"velocity_scale", "force_scale"} & set(given):
+        raise UnfitValueError(f"missing velocity_scale, {expected}")
+    for kind in ("velocity", "force"):
+        if f"{kind}_weight" in given and f"{kind}_scale" not in given:
+            raise UnfitValueError(f"found {kind}_weight without {kind}_scale, expected both or none", f"{kind}_weight")
 
 
-class ExcursionObjective(CompromiseSection):
-    """`kind = "excursion"`, L(20)."""
-
-    kind: str
-    position_scale: Annotated[float, Quantity(unit="m", example='"0.5 m"', sign="nonzero")]
-    position_weight: Annotated[float, WEIGHT] = 1.0
-
-
-class TimeObjective(CompromiseSection):
-    """`kind = "time"`, L(22)."""
-
-    kind: str
-    time_scale: Annotated[float, Quantity(unit="s", example='"1 s"', sign="nonzero")]
-    time_weight: Annotated[float, WEIGHT] = 1.0
-
-
-class TermSection(Section):
-    """One term weight * (quantity / scale)^2."""
-
-    quantity: Annotated[str, name_of(*QUANTITY_UNITS)]
-    scale: float | str
-    weight: Annotated[float, WEIGHT] = 1.0
-
-    @field_validator("scale", mode="plain")
-    @classmethod
-    def _in_its_unit(cls, value: Any, info: ValidationInfo) -> float | str:
-        """Read the scale in the unit of its quantity."""
-        name = info.data.get("quantity")
-        if name is None:  # the quantity is a mistake of its own
-            return 1.0
-        words = _OBSTACLE if "velocity" in name or "speed" in name else ()
-        return Quantity(unit=QUANTITY_UNITS[name], example="", sign="nonzero", words=words).read(value)
+def _compromise(first: str, unit: str, example: str) -> Section:
+    """Return the section of a compromise: a term of its own, with scale and weight, and the one that is shared."""
+    return Section(
+        {
+            "velocity_scale": Key(Quantity("m/s", '"0.3 m/s"', "nonzero", words=_OBSTACLE)),
+            "velocity_weight": WEIGHT,
+            "force_scale": Key(Quantity("N", '"100 N"', "nonzero")),
+            "force_weight": WEIGHT,
+            "kind": TAG,
+            f"{first}_scale": Key(Quantity(unit, example, "nonzero"), REQUIRED),
+            f"{first}_weight": WEIGHT,
+        },
+        _one_of_two,
+    )
 
 
-class CustomObjective(Section):
-    """`kind = "custom"`: any weighted combination of contact quantities."""
-
-    kind: str
-    terms: Annotated[
-        list[TermSection],
-        list_of(1, None, 'a list of terms such as { quantity = "time", scale = "1 s", weight = 1.0 }'),
-    ]
+def _scale(quantity: str | None) -> Any:
+    """Return what reads the scale of a quantity, in its unit."""
+    if quantity is None:  # which is a mistake of its own
+        return lambda _: 1.0
+    words = _OBSTACLE if "velocity" in quantity or "speed" in quantity else ()
+    return Quantity(QUANTITY_UNITS[quantity], "", "nonzero", words=words)
 
 
-OBJECTIVE_SECTIONS: Final[dict[str, type[Section]]] = {
-    "excursion": ExcursionObjective,
-    "time": TimeObjective,
-    "custom": CustomObjective,
+_TERM: Final = Section(
+    {
+        "quantity": Key(name_of(*QUANTITY_UNITS), REQUIRED, '"time"'),
+        "scale": Key(_scale(None), REQUIRED, '"1 s"', after=("quantity", _scale)),
+        "weight": WEIGHT,
+    },
+    example='{ quantity = "time", scale = "1 s" }',
+)
+"""One term weight * (quantity / scale)^2."""
+
+_TERMS: Final = 'a list of terms such as { quantity = "time", scale = "1 s", weight = 1.0 }'
+
+OBJECTIVE_VARIANTS: Final[dict[str, Section]] = {
+    "excursion": _compromise("position", "m", '"0.5 m"'),
+    "time": _compromise("time", "s", '"1 s"'),
+    "custom": Section(
+        {"kind": TAG, "terms": Key(list_of(_TERM, 1, None, _TERMS), REQUIRED, '[{ quantity = "time", scale = "1 s" }]')}
+    ),
 }
-"""The variant that each `kind` takes."""
+"""The variant that each `kind` takes: L(20), L(22), and any weighted combination of contact quantities."""

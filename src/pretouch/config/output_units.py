@@ -3,91 +3,60 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
-from pretouch._core.errors import UnitError
-from pretouch._core.units import to_si
-
-from .positions import KeyPath
+from .quantities import KeyPath, Quantity, output_unit
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
     from pretouch.simulation import SensorPart
 
-    from .building import Builder
+    from .reading import Reading
 
 __all__ = ["refuse_mixed_units"]
 
-_OUTPUTS: Final = {
-    "chain": ("noise", "offset", "crosstalk", "drift", "lowest", "highest", "resolution"),
-    "controller": ("floor", "offset", "saturation"),
-}
 
-
-def refuse_mixed_units(builder: Builder, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
-    """Refuse a part and outputs of the loop in another unit than the sensor's; bare numbers are in whichever it is.
-
-    Args:
-        builder: the builder of the file.
-        part: the sensor part, where the file names one.
-        calibration: the report of the fit, where the sensor was fitted.
-    """
-    path, unit = _of_sensor(builder, calibration)
+def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
+    """Refuse a part and outputs of the loop in another unit than the sensor's; bare numbers are in whichever it is."""
+    path, unit = _of_sensor(file, calibration)
     if part is not None and unit and part.unit not in {"", unit}:
-        builder.refuse(
+        file.refuse(
             ("chain", "part"),
-            f"found a part that reports {part.unit} beside a sensor in {unit} ({_named(builder, path)}), "
+            f"found a part that reports {part.unit} beside a sensor in {unit} ({_named(file, path)}), "
             f"expected one unit in the file: give the curve in {part.unit}, or choose a part that reports {unit}",
         )
         return
     if part is not None and not unit:
         path, unit = ("chain", "part"), part.unit
-    for key, found, other in _given(builder):
+    for key, found, other in _given(file):
         if not unit:
             path, unit = key, other
         elif other != unit:
-            builder.refuse(key, f'found "{found}", expected {unit}, the unit of {_named(builder, path)}')
+            file.refuse(key, f'found "{found}", expected {unit}, the unit of {_named(file, path)}')
 
 
-def _of_sensor(builder: Builder, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
+def _of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
     """Return where the unit of the sensor stands, and the unit; empty where its outputs are bare."""
     if calibration is not None:
         return ("sensor", "calibration"), calibration.calibration.unit
-    sensor = builder.document.data["sensor"] if "sensor" in builder.sections else {}
+    sensor = file.data["sensor"] if "sensor" in file.sections else {}
     if "outputs" in sensor:
-        units = [_unit_of(output) for output in sensor["outputs"]]
+        units = [output_unit(output) for output in sensor["outputs"]]
         return ("sensor", "outputs"), next(filter(None, units), "")
-    return ("sensor", "scale"), _unit_of(sensor.get("scale"))
+    return ("sensor", "scale"), output_unit(sensor.get("scale"))
 
 
-def _given(builder: Builder) -> Iterator[tuple[KeyPath, str, str]]:
+def _given(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
     """Return the outputs of the loop that name a unit, with their places and units."""
-    for section, keys in _OUTPUTS.items():
-        found = builder.document.data.get(section, {})
-        for key in found if section in builder.sections else ():
-            unit = _unit_of(found[key]) if key in keys else ""
+    for section in ("chain", "controller"):
+        keys = file.sections[section][0].keys if section in file.sections else {}
+        for key, value in file.data[section].items() if keys else ():
+            read = keys[key].read
+            unit = output_unit(value) if isinstance(read, Quantity) and read.unit.startswith("output") else ""
             if unit:
-                yield (section, key), found[key], unit
+                yield (section, key), value, unit
 
 
-def _unit_of(value: Any) -> str:
-    """Return V or counts where a value names it; empty where it is bare or no output."""
-    if not isinstance(value, str):
-        return ""
-    for unit, like in (("", ("", "1/s")), ("V", ("V", "V/s")), ("counts", ("counts", "counts/s"))):
-        if any(_is(value, one) for one in like):
-            return unit
-    return ""
-
-
-def _is(value: str, unit: str) -> bool:
-    try:
-        to_si(value, unit, name="")
-    except (UnitError, ArithmeticError):
-        return False
-    return True
-
-
-def _named(builder: Builder, path: KeyPath) -> str:
-    line = builder.document.lines.get(path)
+def _named(file: Reading, path: KeyPath) -> str:
+    line = file.source.lines.get(path)
     return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")

@@ -6,14 +6,14 @@ The scan trusts that `tomllib` has accepted the text, so it only has to find key
 from __future__ import annotations
 
 import bisect
-import json
 import re
+import tomllib
 from collections.abc import Mapping
-from typing import Final, TypeAlias
+from typing import Final
 
-__all__ = ["KeyPath", "key_lines"]
+from .quantities import KeyPath
 
-KeyPath: TypeAlias = tuple[str | int, ...]
+__all__ = ["key_lines"]
 
 _BLANK: Final = re.compile(r"[ \t]*")
 _BETWEEN: Final = re.compile(r"(?:[\s,]|#[^\n]*)*")
@@ -25,13 +25,10 @@ _PLAIN: Final = re.compile(r"[^,\]}#\n]*")
 
 
 def key_lines(text: str) -> Mapping[KeyPath, int]:
-    r"""Map every key of a valid TOML text to the line on which it stands.
-
-    Args:
-        text: TOML that `tomllib.loads` accepts.
+    r"""Map every key of a text that `tomllib.loads` accepts to the line on which it stands.
 
     Returns:
-        The line, from 1, by path: keys as text, elements of arrays by their index.
+        The line, from 1, by path.
 
     Examples:
         >>> lines = key_lines('[gain]\nbounds = [\n  "-10 N*s",\n  "-0.01 N*s",\n]\n')
@@ -141,12 +138,4 @@ class _Scan:
 
 
 def _plain_key(key: str) -> str:
-    if key.startswith("'"):
-        return key[1:-1]
-    if key.startswith('"'):
-        escaped = re.sub(r"\\U([0-9a-fA-F]{8})", lambda m: chr(int(m.group(1), 16)), key)
-        try:
-            return str(json.loads(escaped, strict=False))
-        except ValueError:
-            return key[1:-1]
-    return key
+    return next(iter(tomllib.loads(f"{key} = 0"))) if key[0] in "\"'" else key

@@ -6,20 +6,19 @@ import json
 import math
 import operator
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from typing import Any, Final, TypeAlias
 
-from pydantic import GetCoreSchemaHandler
-from pydantic_core import CoreSchema, core_schema
-
+from pretouch._core.declared import Sign
 from pretouch._core.errors import UnitError
 from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.units import parse_unit, to_si
 
-__all__ = ["Quantity", "Sign", "UnfitValueError", "printable", "shown"]
+__all__ = ["KeyPath", "Quantity", "UnfitValueError", "output_unit", "printable", "shown"]
 
-Sign: TypeAlias = Literal["any", "nonzero", "positive", "nonnegative", "negative"]
+KeyPath: TypeAlias = tuple[str | int, ...]
+"""Where something stands in a file: keys as text, elements of arrays by their index."""
 
 _HOLDS: Final[Mapping[str, Callable[[float, float], bool]]] = {
     "nonzero": operator.ne,
@@ -37,19 +36,23 @@ class UnfitValueError(ValueError):
 
     Args:
         sentence: says what is expected; what was found is put before it, unless it starts otherwise.
-        key: the key inside the section, where the whole section is checked.
+        path: the keys inside the value that it is about.
     """
 
-    def __init__(self, sentence: str, key: str | None = None) -> None:
+    def __init__(self, sentence: str, *path: str | int) -> None:
         super().__init__(sentence)
-        self.key = key
+        self.mistakes: list[tuple[KeyPath, str]] = [(path, sentence)]
+
+    @classmethod
+    def of(cls, mistakes: Iterable[tuple[KeyPath, str]]) -> UnfitValueError:
+        """Say several mistakes at once, each with its place inside the value."""
+        error = cls("")
+        error.mistakes = list(mistakes)
+        return error
 
 
 def shown(value: Any) -> str:
-    """Write a value much as it stands in the file, shortened where it is long.
-
-    Args:
-        value: what `tomllib` read.
+    """Write what `tomllib` read much as it stands in the file, shortened where it is long.
 
     Returns:
         The text for a message.
@@ -77,9 +80,6 @@ def shown(value: Any) -> str:
 def printable(text: str) -> str:
     r"""Escape what would break the line of a message or steer a terminal.
 
-    Args:
-        text: any text.
-
     Returns:
         The text on one line.
 
@@ -90,9 +90,9 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Quantity:
-    """The type of a field that holds one quantity: text with its unit, or a bare number in SI.
+    """Reads one quantity: text with its unit, or a bare number in SI.
 
     Args:
         unit: the SI unit that is expected; the empty text for a pure number; "output" for a sensor output, which
@@ -103,18 +103,15 @@ class Quantity:
         words: texts that may stand in its place and are kept as they are.
 
     Examples:
-        >>> Quantity(unit="m", example='"42.2 mm"').read("42.2 mm")
+        >>> Quantity("m", '"42.2 mm"')("42.2 mm")
         0.0422
     """
 
     unit: str
-    example: str
+    example: str = ""
     sign: Sign = "any"
     infinite: bool = False
     words: tuple[str, ...] = ()
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
 
     @property
     def expected(self) -> str:
@@ -129,20 +126,14 @@ class Quantity:
             text = f"a {adjective}quantity in {self.unit}" if self.unit else f"a {adjective}number"
         return text + "".join(f' or "{word}"' for word in self.words)
 
-    def read(self, value: Any) -> float | str:
-        """Turn what stands in the file into SI.
-
-        Args:
-            value: what `tomllib` read.
-
-        Returns:
-            The number in SI, or one of the words.
-
-        Raises:
-            UnfitValueError: the value is no such quantity.
-        """
+    def __call__(self, value: Any) -> float | str:
+        """Turn what `tomllib` read into SI, or into one of the words; raise UnfitValueError where it is neither."""
         if isinstance(value, str) and value in self.words:
             return value
+        if self.unit == "rad/s" and isinstance(value, str) and "Hz" in value:
+            raise UnfitValueError(
+                'expected an angular frequency in rad/s: Hz is ambiguous here, 1 Hz is 2*pi = "6.2832 rad/s"'
+            )
         number = self._number(value)
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
@@ -157,16 +148,26 @@ class Quantity:
             raise UnfitValueError(f"expected {self.expected}")
         if isinstance(value, str):
             value = re.sub(rf"^\s*({_NUMBER})\s*/", r"\1 1/", value)  # "-61 /m" is what people write for "-61 1/m"
-        units = _OUTPUT_UNITS.get(self.unit, (self.unit,))
-        for unit in units[:-1]:
-            try:
-                return to_si(value, unit, name="")
-            except UnitError:
-                continue
-        try:
-            return to_si(value, units[-1], name="")
-        except UnitError:
-            raise UnfitValueError(f"expected {self.expected}{_reason(value)}") from None
+        for unit in _OUTPUT_UNITS.get(self.unit, (self.unit,)):
+            number = _in_unit(value, unit)
+            if number is not None:
+                return number
+        raise UnfitValueError(f"expected {self.expected}{_reason(value)}")
+
+
+def _in_unit(value: float | str, unit: str) -> float | None:
+    try:
+        return to_si(value, unit, name="")
+    except (UnitError, ArithmeticError):
+        return None
+
+
+def output_unit(value: Any) -> str:
+    """Return V or counts where the text of a sensor output, or of its change, names it; empty for anything else."""
+    names = {"": ("", "1/s"), "V": ("V", "V/s"), "counts": ("counts", "counts/s")}
+    if not isinstance(value, str):
+        return ""
+    return next((unit for unit, both in names.items() if any(_in_unit(value, one) is not None for one in both)), "")
 
 
 def _reason(value: Any) -> str:

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.units import read_quantity
 from pretouch._core.values import Value
 from pretouch.design import Task
 
 from .inputs import ENCOUNTER_INPUTS, inputs_of
 
-__all__ = ["Axes", "Axis", "make_axes"]
+__all__ = ["Axes", "Axis", "make_axes", "read_axis"]
+
+_MOST: Final = 10_000_000  # values of one axis on the command line: 80 MB
+_DIGITS: Final = 20
+_FORM: Final = "expected NAME=START:STOP:COUNT, with :log for equal ratios, or NAME=VALUE,VALUE,..."
 
 Axes: TypeAlias = Mapping[str, ArrayLike | Mapping[str, ArrayLike]]
 """Input names and their values; or a free name and a mapping of inputs whose values belong together one by one."""
@@ -52,18 +58,7 @@ class Axis(Value):
 
 
 def make_axes(axes: Axes, held: Task) -> tuple[Axis, ...]:
-    """Check axes as they were given.
-
-    Args:
-        axes: what was given.
-        held: what they change.
-
-    Returns:
-        The axes in their order.
-
-    Raises:
-        InvalidInputError: an input is unknown or named twice, or values are missing, not finite or not in one row.
-    """
+    """Check axes as they were given; raise InvalidInputError where one is no input of the task, or has no values."""
     if not axes:
         raise InvalidInputError(
             'axes: found none, expected input names and values, such as {"obstacle.velocity": [-0.3, -0.2]}'
@@ -93,12 +88,60 @@ def _axis(name: str, given: Any, known: Mapping[str, str]) -> Axis:
 
 
 def _values(name: str, given: Any, known: Mapping[str, str]) -> FloatArray:
-    if name not in known:
-        near = get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
-        raise InvalidInputError(f"axes: found {name!r}, which is no input of this sweep; {hint}")
-    values = np.atleast_1d(finite(given, name, known[name]))
+    values = np.atleast_1d(finite(given, name, _unit(name, known, "axes")))
     if values.ndim != 1 or not len(values):
         raise InvalidInputError(f"{name}: found values of shape {values.shape}, expected one row of one value or more")
     values.setflags(write=False)
     return values
+
+
+def _unit(name: str, known: Mapping[str, str], told: str) -> str:
+    """Return the unit of an input, or say which inputs there are."""
+    if name not in known:
+        near = get_close_matches(name, known, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
+        raise InvalidInputError(f"{told}: found {name!r}, which is no input of this sweep; {hint}")
+    return known[name]
+
+
+def read_axis(text: str, units: Mapping[str, str]) -> tuple[str, FloatArray]:
+    """Read the name of an input and its values, as they are written on the command line.
+
+    Args:
+        text: `NAME=START:STOP:COUNT`, `NAME=START:STOP:COUNT:log` or `NAME=VALUE,VALUE,...`; values with their units,
+            or bare in SI. Both ends are among the values.
+        units: the SI unit of every input that may be named.
+
+    Returns:
+        The name and the values in SI.
+
+    Raises:
+        InvalidInputError: the text is not of that form, or the input is unknown.
+
+    Examples:
+        >>> name, values = read_axis("obstacle.velocity=-1 m/s:-1 cm/s:100", {"obstacle.velocity": "m/s"})
+        >>> len(values), float(values[0]), float(values[-1])
+        (100, -1.0, -0.01)
+    """
+    name, equals, given = (part.strip() for part in text.partition("="))
+    if not (name and equals and given):
+        raise InvalidInputError(f"--axis: found {text!r}, {_FORM}")
+    unit = _unit(name, units, "--axis")
+    parts = [part.strip() for part in given.split(":")]
+    if len(parts) == 1:
+        return name, np.array([read_quantity(part.strip(), unit, name=name) for part in given.split(",")])
+    if len(parts) not in {3, 4} or parts[3:] not in ([], ["log"]):
+        raise InvalidInputError(f"--axis: found {text!r}, {_FORM}")
+    start, stop = (read_quantity(part, unit, name=name) for part in parts[:2])
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        raise InvalidInputError(f"--axis: found {text!r}, expected finite ends")
+    count = int(parts[2]) if parts[2].isdecimal() and len(parts[2]) < _DIGITS else 0
+    if not 1 <= count <= _MOST:
+        raise InvalidInputError(
+            f"--axis: found {parts[2]!r} values of {name}, expected a whole number from 1 to {_MOST:,}"
+        )
+    if not parts[3:]:
+        return name, np.linspace(start, stop, count)
+    if not start * stop > 0:
+        raise InvalidInputError(f"--axis: found {text!r}, expected ends of one sign and not zero for equal ratios")
+    return name, np.geomspace(start, stop, count)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.extras import require
 
-from .executors import BlockRecord, regions_of, run_block, size_of
+from .executors import BlockRecord, run_block
 from .plan import Plan
 from .stores import ZarrStore
 
@@ -20,14 +19,6 @@ __all__ = ["connected", "run_on", "worker_count"]
 _WAITING: Final = 3  # blocks per thread of the cluster that are under way or wait at a worker
 _RETRIES: Final = 3  # of a block whose worker was lost; finished ones are never computed again
 _TIMEOUT: Final = "10 s"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Job:
-    """What a worker needs to know."""
-
-    plan: Plan
-    path: str
 
 
 @contextmanager
@@ -63,19 +54,11 @@ def worker_count(client: Any) -> int:
     return max(1, int(sum(client.nthreads().values())))
 
 
-def run_on(client: Any, plan: Plan, store: ZarrStore, blocks: list[int], report: Callable[[BlockRecord], None]) -> None:
-    """Compute blocks on the workers of a cluster.
-
-    Args:
-        client: a `distributed.Client`.
-        plan: the sweep.
-        store: the folder, which all workers must reach under the same path.
-        blocks: what is to be computed.
-        report: told of every block.
-    """
+def run_on(client: Any, store: ZarrStore, blocks: list[int], report: Callable[[BlockRecord], None]) -> None:
+    """Compute blocks on the workers of a cluster, which must reach the folder of the store under the same path."""
     distributed = require("distributed", extra="dask")
     # a task, not scattered data: what a lost worker held is then made again
-    opened = client.submit(_open, _Job(plan=plan, path=str(store.path.resolve())), pure=False)
+    opened = client.submit(_open, str(store.path.resolve()), store.plan, pure=False)
     pending = iter(blocks)
 
     def submit() -> Any:
@@ -91,18 +74,17 @@ def run_on(client: Any, plan: Plan, store: ZarrStore, blocks: list[int], report:
             waiting.add(following)
 
 
-def _open(job: _Job) -> ZarrStore:
+def _open(path: str, plan: Plan) -> ZarrStore:
     """Open the store on a worker; with it, the plan travels once and not with every block."""
-    _look(Path(job.path))
-    return ZarrStore(job.path, job.plan)
+    _look(Path(path))
+    return ZarrStore(path, plan)
 
 
 def _run(store: ZarrStore, block: int) -> BlockRecord:
     """Compute a block on a worker, unless that was done before the worker that did it was lost."""
     _look(store.path)  # what came from another machine would else make a folder of its own here
-    if store.is_finished(block):
-        count = sum(size_of(region) for region in regions_of(store.plan, store.chunks_per_block, block))
-        return BlockRecord(block=block, encounters=count, repeated=True)
+    if store.finished()[block]:
+        return BlockRecord(encounters=store.size(block), repeated=True)
     return run_block(store.plan, store, block)
 
 

@@ -12,24 +12,16 @@ from pretouch._core.extras import require
 from .inputs import inputs_of
 from .plan import Plan
 from .provenance import attributes_of
-from .results import STATUS, result_attributes
+from .results import result_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["make_dataset", "variable_attributes"]
+__all__ = ["make_dataset"]
 
 
 def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
-    """Put results on their axes.
-
-    Args:
-        plan: the sweep.
-        columns: results by name, of the shape of the grid; none for the axes alone.
-
-    Returns:
-        The dataset.
-    """
+    """Put results, of the shape of the grid, on their axes; without results, return the axes alone."""
     xarray = require("xarray")
     coords: dict[str, Any] = {}
     units = inputs_of(plan.held)
@@ -39,10 +31,7 @@ def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
         for name, values in axis.columns.items():
             words = name.replace(".", " ").replace("_", " ")
             coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
-    data = {name: (plan.dims, column, variable_attributes(plan)[name]) for name, column in columns.items()}
+    data = {
+        name: (plan.dims, column, result_attributes(name, designs=plan.designs)) for name, column in columns.items()
+    }
     return xarray.Dataset(data, coords=coords, attrs=attributes_of(plan))
-
-
-def variable_attributes(plan: Plan) -> dict[str, dict[str, Any]]:
-    """Return the attributes of every result by name, the status first."""
-    return {name: result_attributes(name, designs=plan.designs) for name in (STATUS, *plan.results)}

@@ -15,7 +15,7 @@ from pretouch.motion.inputs import scenario_with
 from .axes import Axis
 from .inputs import ENCOUNTER_INPUTS
 from .plan import Plan, Region, held_at
-from .results import DESIGN_CODES, DESIGN_UNITS, STATUS, is_known_without_contact, read
+from .results import ALWAYS, DESIGN_CODES, OF_DESIGNS, STATUS, read
 
 __all__ = ["Columns", "evaluate"]
 
@@ -24,15 +24,7 @@ Columns: TypeAlias = dict[str, NDArray[Any]]
 
 
 def evaluate(plan: Plan, region: Region) -> Columns:
-    """Compute a part of the grid.
-
-    Args:
-        plan: the sweep.
-        region: the part.
-
-    Returns:
-        The status and every result, of the region's shape; NaN where there is no contact or no optimal gain.
-    """
+    """Return status and results of a part of the grid, of its shape; NaN where there is no contact or no optimum."""
     axes = [axis.at(part) for axis, part in zip(plan.axes, region, strict=True)]
     shape = tuple(map(len, axes))
     looped = [k for k, axis in enumerate(axes) if axis.looped]
@@ -80,11 +72,11 @@ def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict
             status[words == word] = code
         found = {STATUS: status, "gain": design.gain, "objective": design.objective}
         good = status == DESIGN_CODES["optimal"]
-        if set(plan.results) - set(DESIGN_UNITS):
+        if set(plan.results) - set(OF_DESIGNS):
             contact = find_contact(scenario, held.sensor, np.where(good, design.gain, 0.0), **options)
     for name in plan.results:
         if name not in found:
             column = read(name, contact, held.impact)
-            known = good.all() or (held.objective is None and is_known_without_contact(name))
+            known = good.all() or (held.objective is None and name in ALWAYS)
             found[name] = np.asarray(column if known else np.where(good, column, np.nan), dtype=np.float64)
     return {name: found[name] for name in (STATUS, *plan.results)}

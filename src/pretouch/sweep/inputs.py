@@ -15,14 +15,7 @@ ENCOUNTER_INPUTS: Final = {"gain": "N*s", **SCENARIO_INPUTS}
 
 
 def inputs_of(task: Task) -> dict[str, str]:
-    """Return every input of a task that may be an axis, with its SI unit; without an objective, contacts are found.
-
-    Args:
-        task: what is swept.
-
-    Returns:
-        Units by the names of the inputs.
-    """
+    """Return every input of a task that may be an axis, with its SI unit; without an objective, contacts are found."""
     found = {**ENCOUNTER_INPUTS, **sensor_inputs(task.sensor)}
     if task.impact is not None:
         found |= {f"impact.{f.name}": _IMPACT_UNITS.get(f.name, "") for f in fields(task.impact)}
@@ -45,16 +38,7 @@ _IMPACT_UNITS: Final = {
 
 
 def with_input(held: Task, name: str, value: float) -> Task:
-    """Change an input that one call of the solver takes once: of the sensor, the impact, a limit or the objective.
-
-    Args:
-        held: what is changed.
-        name: the input, such as `sensor.exponent`.
-        value: its new value in SI.
-
-    Returns:
-        The changed copy.
-    """
+    """Change an input that one call of the solver takes once: of the sensor, the impact, a limit or the objective."""
     part, _, rest = name.partition(".")
     if part == "sensor":
         return replace(held, sensor=sensor_with(held.sensor, {rest: value}))

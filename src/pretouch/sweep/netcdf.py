@@ -25,11 +25,6 @@ _ENGINE = "h5netcdf"
 def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
     """Write a dataset, one variable in memory at a time.
 
-    Args:
-        dataset: a sweep.
-        path: where it goes; its folder must exist.
-        overwrite: whether a file that stands there may be replaced.
-
     Raises:
         OutputExistsError: a file stands there and `overwrite` is false.
         InvalidInputError: the folder cannot be written.
@@ -54,14 +49,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
 
 
 def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
-    """Open a sweep that was written as NetCDF; numbers are read when they are used.
-
-    Args:
-        path: the file.
-
-    Returns:
-        The dataset; None where the file is no sweep of pretouch.
-    """
+    """Open a sweep that was written as NetCDF, numbers when they are used; None where the file is no sweep of ours."""
     xarray = require("xarray")
     require(_ENGINE)
     require("h5py")

@@ -20,7 +20,7 @@ from .axes import Axes, Axis, make_axes
 from .inputs import ENCOUNTER_INPUTS, with_input
 from .results import WHOLE_MOTION, check_results
 
-__all__ = ["Plan", "Region", "held_at", "make_plan", "part_of", "part_shape"]
+__all__ = ["Plan", "Region", "held_at", "make_plan", "part_shape"]
 
 Region: TypeAlias = tuple[slice, ...]
 """A part of the grid: one slice per axis."""
@@ -80,7 +80,7 @@ class Plan:
     @property
     def chunk_grid(self) -> tuple[int, ...]:
         """How many chunks there are along each dimension."""
-        return _counts(self.shape, self.chunk)
+        return tuple(-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
 
     @property
     def chunk_count(self) -> int:
@@ -89,17 +89,11 @@ class Plan:
 
     def region(self, index: int) -> Region:
         """Return the part of the grid that a chunk covers; chunks count along the last dimension first."""
-        return part_of(self.shape, self.chunk, index)
+        place = zip(np.unravel_index(index, self.chunk_grid), self.chunk, self.shape, strict=True)
+        return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in place)
 
     def thinned(self, most: int) -> Plan:
-        """Return a plan over a few values of every axis, evenly spread.
-
-        Args:
-            most: how many encounters there may be.
-
-        Returns:
-            The plan, of one chunk.
-        """
+        """Return a plan of one chunk over a few values of every axis, evenly spread: `most` encounters at most."""
         axes: list[tuple[int, Axis]] = []
         room = most
         for left, axis in sorted(enumerate(self.axes), key=lambda item: len(item[1])):
@@ -113,21 +107,7 @@ class Plan:
 def make_plan(
     held: Task, axes: Axes, *, results: Sequence[str] | None, seed: int | None = None, chunk_size: int | None = None
 ) -> Plan:
-    """Check a request and cut it into chunks.
-
-    Args:
-        held: what holds where no axis says otherwise.
-        axes: inputs and their values.
-        results: what is asked for; a few quantities where None.
-        seed: what the values were drawn from.
-        chunk_size: encounters per chunk at most; chosen by what is computed where None.
-
-    Returns:
-        The plan.
-
-    Raises:
-        InvalidInputError: the request makes no sense.
-    """
+    """Check a request, and cut it into chunks of `chunk_size` encounters at most; None: chosen by what is computed."""
     if held.scenario.shape != ():
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {held.scenario.shape}, expected one; arrays go to axes"
@@ -165,12 +145,8 @@ def _chunk_size(held: Task, results: tuple[str, ...]) -> int:
 def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
     """Cut a grid: take whole rows from the last axis on, and equal parts of the first axis that does not fit.
 
-    Args:
-        shape: of the grid.
-        most: how many encounters a part may have.
-
     Returns:
-        The shape of a part.
+        The shape of a part, of `most` encounters at most.
 
     Examples:
         >>> part_shape((100, 30, 10), 1000), part_shape((100, 30, 10), 100)
@@ -184,25 +160,6 @@ def part_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
         chunk[k] = shape[k]
         room //= shape[k]
     return tuple(chunk)
-
-
-def part_of(shape: tuple[int, ...], part: tuple[int, ...], index: int) -> Region:
-    """Return one part of a grid; parts count along the last axis first.
-
-    Args:
-        shape: of the grid.
-        part: shape of a part.
-        index: the number of the part.
-
-    Returns:
-        Its slices.
-    """
-    place = np.unravel_index(index, _counts(shape, part))
-    return tuple(slice(int(i) * c, min((int(i) + 1) * c, n)) for i, c, n in zip(place, part, shape, strict=True))
-
-
-def _counts(shape: tuple[int, ...], part: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(-(-n // c) for n, c in zip(shape, part, strict=True))
 
 
 def _check_values(plan: Plan) -> None:

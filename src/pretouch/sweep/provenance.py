@@ -20,7 +20,7 @@ from pretouch.sensors import SensorModel
 
 from .plan import Plan
 
-__all__ = ["DIGEST", "attributes_of", "differing_parts", "inputs_of"]
+__all__ = ["DIGEST", "attributes_of", "differing_parts"]
 
 DIGEST: Final = "digest"
 _PACKAGES: Final = ("pretouch", "numpy", "scipy")
@@ -30,16 +30,9 @@ _PROBES: Final = 17
 
 
 def attributes_of(plan: Plan) -> dict[str, Any]:
-    """Return the attributes of a dataset: everything that its numbers follow from.
-
-    Args:
-        plan: the sweep.
-
-    Returns:
-        `title`, `inputs` and `versions` (as JSON), `seed` (-1 for none) and `digest`.
-    """
+    """Return the attributes of a dataset, everything that its numbers follow from: `seed` is -1 for none."""
     found = {package: version(package) for package in _PACKAGES}
-    inputs = inputs_of(plan)
+    inputs = _asked(plan)
     names = ", ".join(plan.dims)
     return {
         "title": f"pretouch sweep of {'optimal gains' if plan.designs else 'contacts'} over {names}",
@@ -50,15 +43,8 @@ def attributes_of(plan: Plan) -> dict[str, Any]:
     }
 
 
-def inputs_of(plan: Plan) -> dict[str, Any]:
-    """Return what a sweep was asked, numbers in SI; long columns by their ends and a hash.
-
-    Args:
-        plan: the sweep.
-
-    Returns:
-        An object for JSON.
-    """
+def _asked(plan: Plan) -> dict[str, Any]:
+    """Return what a sweep was asked, numbers in SI, as an object for JSON; long columns by their ends and a hash."""
     held = plan.held
     parts = ("admittance", "obstacle", "plant", "reference")
     return {
@@ -78,20 +64,12 @@ def inputs_of(plan: Plan) -> dict[str, Any]:
 
 
 def differing_parts(attributes: dict[str, Any], plan: Plan) -> str:
-    """Say in which inputs a dataset differs from a plan.
-
-    Args:
-        attributes: those of the dataset.
-        plan: the sweep that was asked for.
-
-    Returns:
-        Names for a message; what else may differ where all inputs are the same.
-    """
+    """Say in which inputs a dataset of these attributes differs from a plan; what else may, where all are the same."""
     try:
         found = json.loads(attributes["inputs"])
     except (KeyError, ValueError, TypeError):
         return "inputs"
-    wanted = json.loads(as_json(inputs_of(plan)))
+    wanted = json.loads(as_json(_asked(plan)))
     return ", ".join(k for k in wanted if found.get(k) != wanted[k]) or "seed or version of pretouch"
 
 

@@ -11,13 +11,12 @@ from pretouch.design import DesignStatus, ImpactModel, quantity_of
 from pretouch.motion import ContactResult, ContactState, ContactStatus
 
 __all__ = [
-    "CONTACT_UNITS",
+    "ALWAYS",
     "DESIGN_CODES",
-    "DESIGN_UNITS",
+    "OF_DESIGNS",
     "STATUS",
     "WHOLE_MOTION",
     "check_results",
-    "is_known_without_contact",
     "read",
     "result_attributes",
 ]
@@ -26,18 +25,16 @@ STATUS: Final = "status"
 """The result that every sweep has."""
 
 _PHYSICAL: Final = ("drive_force", "impact_force")
-_ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
+ALWAYS: Final = ("closest_distance", "settling_distance", "impulse_residual")  # known of runs without contact, too
 
-CONTACT_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in (*ContactState.names(), *_PHYSICAL, *_ALWAYS)}
-"""Contact quantities with their SI units."""
-
-DESIGN_UNITS: Final[dict[str, str]] = {name: unit_of(name) for name in ("gain", "objective")}
+_OF_CONTACTS: Final = (*ContactState.names(), *_PHYSICAL, *ALWAYS)
+OF_DESIGNS: Final = ("gain", "objective")
 """What only a design gives."""
 
 DESIGN_CODES: Final[dict[str, int]] = {status.value: code for code, status in enumerate(DesignStatus)}
 """The number of each status of a design, 0 for optimal."""
 
-WHOLE_MOTION: Final = frozenset(name for name in CONTACT_UNITS if QUANTITIES[name].whole)
+WHOLE_MOTION: Final = frozenset(name for name in _OF_CONTACTS if QUANTITIES[name].whole)
 """Quantities that need the whole motion, not only its end: an encounter takes longer."""
 
 _DEFAULT_CONTACTS: Final = ("time", "relative_velocity", "displacement")
@@ -45,25 +42,13 @@ _DEFAULT_DESIGNS: Final = ("gain", "objective", "relative_velocity")
 
 
 def check_results(results: Sequence[str] | None, *, designs: bool, impact: ImpactModel | None) -> tuple[str, ...]:
-    """Check the names of results; choose them where none are given.
-
-    Args:
-        results: what was asked for.
-        designs: whether gains are designed.
-        impact: physical properties, where given.
-
-    Returns:
-        The names, without the status, which is always there.
-
-    Raises:
-        InvalidInputError: a result is unknown, or needs what is not given.
-    """
+    """Return the names of results without the status, which is always there; a few where none are given."""
     if results is None:
         return _DEFAULT_DESIGNS if designs else _DEFAULT_CONTACTS
     names = (results,) if isinstance(results, str) else tuple(results)
-    known = {**(DESIGN_UNITS if designs else {}), **CONTACT_UNITS}
+    known = (*(OF_DESIGNS if designs else ()), *_OF_CONTACTS)
     for name in names:
-        if name in DESIGN_UNITS and not designs:
+        if name in OF_DESIGNS and not designs:
             raise InvalidInputError(f"results: found {name!r}, which needs designs; give an objective and bounds")
         if name not in known and name != STATUS:
             raise InvalidInputError(f"results: found {name!r}, expected one of {', '.join(known)}")
@@ -75,34 +60,16 @@ def check_results(results: Sequence[str] | None, *, designs: bool, impact: Impac
 
 
 def read(name: str, result: ContactResult, impact: Any) -> Any:
-    """Read a contact quantity of a result; NaN is put elsewhere where there is no contact.
-
-    Args:
-        name: a key of CONTACT_UNITS.
-        result: the result.
-        impact: physical properties, where the quantity needs them.
-
-    Returns:
-        The quantity in SI.
-    """
-    if name in _ALWAYS:
+    """Read a contact quantity of a result in SI; NaN is put elsewhere where there is no contact."""
+    if name in ALWAYS:
         return getattr(result, name)
     if name in ContactState.names():
         return getattr(result.end, name)
     return quantity_of(name, result.end, impact)
 
 
-def is_known_without_contact(name: str) -> bool:
-    """Tell whether a quantity means something for a run that does not end in contact."""
-    return name in _ALWAYS
-
-
 def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
     """Return the attributes of a variable: unit and name in words, or what each status means.
-
-    Args:
-        name: of the result.
-        designs: whether gains are designed.
 
     Returns:
         Attributes as the CF conventions have them.
@@ -115,5 +82,5 @@ def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
         ways = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
         meanings = " ".join(ways)
         return {"long_name": "how it ended", "flag_values": list(range(len(ways))), "flag_meanings": meanings}
-    words = f"optimal {name}" if name in DESIGN_UNITS else f"{words_for(name)}{', optimal gain' if designs else ''}"
+    words = f"optimal {name}" if name in OF_DESIGNS else f"{words_for(name)}{', optimal gain' if designs else ''}"
     return {"long_name": words, "units": unit_of(name) or "1"}

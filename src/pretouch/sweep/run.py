@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import nullcontext
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from pretouch.design.task import placed
 
 from .axes import Axes
 from .cluster import connected, run_on, worker_count
-from .executors import BlockRecord, Progress, chunks_per_block, regions_of, run_here, size_of
+from .executors import BlockRecord, Progress, chunks_per_block, run_block
 from .netcdf import open_netcdf, write_netcdf
 from .plan import Plan, make_plan
 from .provenance import DIGEST, attributes_of, differing_parts
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["sweep"]
+
+S = TypeVar("S", bound=Store)
 
 _NETCDF: Final = (".nc", ".nc4")
 _ZARR: Final = ".zarr"
@@ -109,7 +113,8 @@ def sweep(
             raise InvalidInputError(
                 "dask: found no output, expected output='NAME.zarr' in a folder that all workers reach: they write it"
             )
-        return _in_memory(plan, progress)
+        refuse_beyond_memory(plan)
+        return _complete(MemoryStore(plan, chunks_per_block(plan)), progress).dataset()
     if target.suffix in _NETCDF:
         return _to_netcdf(plan, target, overwrite=overwrite, dask=dask, progress=progress)
     if target.suffix != _ZARR:
@@ -146,45 +151,35 @@ def _one(gain: Any) -> float:
     return value
 
 
-@dataclass(slots=True)
-class _Account:
-    """Adds blocks up and tells how far the sweep is."""
+def _complete(
+    store: S, progress: Callable[[Progress], object] | None, elsewhere: Callable[..., None] | None = None
+) -> S:
+    """Compute the blocks that are left, here where nothing else is said, and tell how far the sweep is."""
+    begun, finished = time.perf_counter(), store.finished()
+    before = sum(store.size(int(block)) for block in np.flatnonzero(finished))
+    at = Progress(finished=before, total=store.plan.size, seconds=0.0)
 
-    total: int
-    progress: Callable[[Progress], object] | None
-    finished: int = 0
-    computed: int = 0
-    computing: float = 0.0
-    writing: float = 0.0
-    begun: float = field(default_factory=time.perf_counter)
+    def report(record: BlockRecord) -> None:
+        nonlocal at
+        at = replace(
+            at,
+            finished=at.finished + record.encounters,
+            computed=at.computed + (0 if record.repeated else record.encounters),
+            computing=at.computing + record.computing,
+            writing=at.writing + record.writing,
+            seconds=time.perf_counter() - begun,
+        )
+        if progress is not None:
+            progress(at)
 
-    def add(self, record: BlockRecord) -> None:
-        self.finished += record.encounters
-        self.computed += 0 if record.repeated else record.encounters
-        self.computing += record.computing
-        self.writing += record.writing
-        self.tell()
-
-    def tell(self) -> None:
-        if self.progress is not None:
-            self.progress(
-                Progress(
-                    finished=self.finished,
-                    total=self.total,
-                    seconds=time.perf_counter() - self.begun,
-                    computed=self.computed,
-                    computing=self.computing,
-                    writing=self.writing,
-                )
-            )
-
-
-def _in_memory(plan: Plan, progress: Callable[[Progress], object] | None) -> xr.Dataset:
-    refuse_beyond_memory(plan)
-    store = MemoryStore(plan, chunks_per_block(plan))
-    account = _Account(plan.size, progress)
-    run_here(plan, store, _pending(plan, store, account), account.add)
-    return store.dataset()
+    report(BlockRecord(encounters=0))
+    blocks = [int(block) for block in np.flatnonzero(~finished)]
+    if elsewhere is not None:
+        elsewhere(blocks, report)
+        return store
+    for block in blocks:
+        report(run_block(store.plan, store, block))
+    return store
 
 
 def _to_zarr(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> ZarrStore:
@@ -192,16 +187,13 @@ def _to_zarr(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: 
     require("zarr")
     if overwrite and target.exists() and not _holds(target, plan):
         replace_sweep(target)
-    if dask is not None:
-        with connected(dask) as client:
-            store = _opened(plan, target, workers=worker_count(client))
-            account = _Account(plan.size, progress)
-            run_on(client, plan, store, _pending(plan, store, account), account.add)
-            return store
-    store = _opened(plan, target, workers=1)
-    account = _Account(plan.size, progress)
-    run_here(plan, store, _pending(plan, store, account), account.add)
-    return store
+    with nullcontext() if dask is None else connected(dask) as client:
+        if target.exists():
+            store = ZarrStore(target, plan)
+        else:
+            workers = 1 if client is None else worker_count(client)
+            store = ZarrStore.create(target, plan, chunks_per_block(plan, workers=workers))
+        return _complete(store, progress, None if client is None else partial(run_on, client, store))
 
 
 def _holds(target: Path, plan: Plan) -> bool:
@@ -210,21 +202,6 @@ def _holds(target: Path, plan: Plan) -> bool:
     except OutputExistsError:
         return False
     return True
-
-
-def _opened(plan: Plan, target: Path, *, workers: int) -> ZarrStore:
-    if target.exists():
-        return ZarrStore(target, plan)
-    return ZarrStore.create(target, plan, chunks_per_block(plan, workers=workers))
-
-
-def _pending(plan: Plan, store: Store, account: _Account) -> list[int]:
-    """Return the blocks that are left, and count the others as finished."""
-    finished = store.finished()
-    for block in np.flatnonzero(finished):
-        account.finished += sum(size_of(r) for r in regions_of(plan, store.chunks_per_block, int(block)))
-    account.tell()
-    return [int(block) for block in np.flatnonzero(~finished)]
 
 
 def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:

@@ -6,11 +6,12 @@ of one byte. Whatever ends the process in between costs the blocks under way, ne
 
 from __future__ import annotations
 
+import math
 import os
 import secrets
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,10 @@ from pretouch._core.errors import InvalidInputError, OutputExistsError
 from pretouch._core.extras import require
 from pretouch._core.numbers import BoolArray
 
-from .dataset import make_dataset, variable_attributes
+from .dataset import make_dataset
 from .plan import Plan, Region
 from .provenance import DIGEST, attributes_of, differing_parts
-from .results import STATUS
+from .results import STATUS, result_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,33 +35,8 @@ _PER_BLOCK: Final = "chunks_per_block"
 _MOST_BYTES: Final = 4_000_000_000  # of results in memory
 
 
-class Store(Protocol):
-    """Takes the results of chunks, and keeps account of blocks of them."""
-
-    chunks_per_block: int
-
-    def finished(self) -> BoolArray:
-        """Tell which blocks are finished."""
-
-    def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Keep a part of the grid."""
-
-    def finish(self, block: int) -> None:
-        """Enter a block into the ledger."""
-
-    def dataset(self) -> xr.Dataset:
-        """Return everything."""
-
-
 def refuse_beyond_memory(plan: Plan) -> None:
-    """Refuse a sweep whose results do not fit into memory, before anything is allocated or computed.
-
-    Args:
-        plan: the sweep.
-
-    Raises:
-        InvalidInputError: they take more than 4 GB.
-    """
+    """Refuse a sweep whose results do not fit into memory, before anything is allocated or computed."""
     each = 1 + 8 * len(plan.results)
     if plan.size * each > _MOST_BYTES:
         raise InvalidInputError(
@@ -69,39 +45,56 @@ def refuse_beyond_memory(plan: Plan) -> None:
         )
 
 
-class MemoryStore:
-    """Results in arrays of this process.
+class Store:
+    """Takes the results of chunks, and keeps account of blocks of them.
 
     Args:
         plan: the sweep.
         chunks_per_block: how many chunks make a block.
+        arrays: ledger, status and every result by name: arrays of this process, or of Zarr.
     """
 
-    def __init__(self, plan: Plan, chunks_per_block: int) -> None:
-        self.plan, self.chunks_per_block = plan, chunks_per_block
-        self._finished = np.zeros(-(-plan.chunk_count // chunks_per_block), dtype=bool)
-        self._columns: dict[str, NDArray[Any]] = {STATUS: np.empty(plan.shape, dtype=np.int8)}
-        self._columns |= {name: np.empty(plan.shape) for name in plan.results}
+    def __init__(self, plan: Plan, chunks_per_block: int, arrays: dict[str, Any]) -> None:
+        self.plan, self.chunks_per_block, self._arrays = plan, chunks_per_block, arrays
+
+    def regions(self, block: int) -> list[Region]:
+        """Return the chunks of a block."""
+        first = block * self.chunks_per_block
+        return [self.plan.region(i) for i in range(first, min(first + self.chunks_per_block, self.plan.chunk_count))]
+
+    def size(self, block: int) -> int:
+        """Count the encounters of a block."""
+        return sum(math.prod(part.stop - part.start for part in region) for region in self.regions(block))
 
     def finished(self) -> BoolArray:
-        """Tell which blocks are finished."""
-        return self._finished.copy()
+        """Tell which blocks are finished, as of now."""
+        return np.asarray(self._arrays[LEDGER][:] == 1)
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Keep a part of the grid."""
+        """Keep a part of the grid, whole chunks only."""
         for name, column in columns.items():
-            self._columns[name][region] = column
+            self._arrays[name][region] = column
 
     def finish(self, block: int) -> None:
-        """Enter a block into the ledger."""
-        self._finished[block] = True
+        """Enter a block into the ledger, once its data are written."""
+        self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
         """Return everything."""
-        return make_dataset(self.plan, self._columns)
+        return make_dataset(self.plan, {name: a for name, a in self._arrays.items() if name != LEDGER})
 
 
-class ZarrStore:
+class MemoryStore(Store):
+    """Results in arrays of this process."""
+
+    def __init__(self, plan: Plan, chunks_per_block: int) -> None:
+        arrays = {name: np.empty(plan.shape) for name in plan.results}
+        ledger = np.zeros(-(-plan.chunk_count // chunks_per_block), dtype=np.uint8)
+        status = np.empty(plan.shape, dtype=np.int8)
+        super().__init__(plan, chunks_per_block, {LEDGER: ledger, STATUS: status, **arrays})
+
+
+class ZarrStore(Store):
     """Results in a Zarr folder, which this and other processes may write at the same time.
 
     Args:
@@ -113,7 +106,7 @@ class ZarrStore:
     """
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
-        self.path, self.plan = Path(path), plan
+        self.path = Path(path)
         found = _attributes(self.path)
         if found is None:
             raise OutputExistsError(
@@ -127,8 +120,8 @@ class ZarrStore:
         zarr = require("zarr")
         with zarr.config.set({"array.write_empty_chunks": True}):  # not worth a look at every number
             group = zarr.open_group(str(path), mode="r+")
-            self._arrays = {name: group[name] for name in (LEDGER, STATUS, *plan.results)}
-        self.chunks_per_block = int(self._arrays[LEDGER].attrs[_PER_BLOCK])
+            arrays = {name: group[name] for name in (LEDGER, STATUS, *plan.results)}
+        super().__init__(plan, int(arrays[LEDGER].attrs[_PER_BLOCK]), arrays)
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: Plan, chunks_per_block: int) -> ZarrStore:
@@ -153,7 +146,7 @@ class ZarrStore:
         try:
             make_dataset(plan, {}).to_zarr(str(temporary), mode="w-", zarr_format=3, consolidated=False)
             group = zarr.open_group(str(temporary), mode="r+")
-            for name, attributes in variable_attributes(plan).items():
+            for name in (STATUS, *plan.results):
                 status = name == STATUS
                 group.create_array(
                     name,
@@ -163,7 +156,7 @@ class ZarrStore:
                     fill_value=-1 if status else np.nan,
                     compressors="auto" if status else None,  # numbers that differ in every bit are not worth it
                     dimension_names=plan.dims,
-                    attributes=attributes,
+                    attributes=result_attributes(name, designs=plan.designs),
                 )
             group.create_array(
                 LEDGER,
@@ -183,23 +176,6 @@ class ZarrStore:
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         return cls(path, plan)
-
-    def finished(self) -> BoolArray:
-        """Tell which blocks are finished."""
-        return np.asarray(self._arrays[LEDGER][:] == 1)
-
-    def is_finished(self, block: int) -> bool:
-        """Tell whether a block is finished, as of now."""
-        return bool(self._arrays[LEDGER][block] == 1)
-
-    def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
-        """Write a part of the grid, whole chunks only."""
-        for name, column in columns.items():
-            self._arrays[name][region] = column
-
-    def finish(self, block: int) -> None:
-        """Enter a block into the ledger, once its data are written."""
-        self._arrays[LEDGER][block] = 1
 
     def dataset(self) -> xr.Dataset:
         """Open everything; numbers are read when they are used."""
@@ -226,14 +202,7 @@ def is_sweep(path: Path) -> bool:
 
 
 def replace_sweep(path: Path) -> None:
-    """Remove a sweep of ours, or refuse to remove anything else.
-
-    Args:
-        path: the folder.
-
-    Raises:
-        OutputExistsError: what stands there is no sweep of ours.
-    """
+    """Remove a sweep of ours, or refuse to remove anything else."""
     if not is_sweep(path):
         raise OutputExistsError(
             f"{path}: holds no sweep of pretouch and is not removed; choose another name for the output"

@@ -22,15 +22,7 @@ _MOST_READ: Final = 10**7  # encounters whose results are read back from a store
 
 
 def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return a sweep as one object for JSON, all SI.
-
-    Args:
-        dataset: what `sweep` returned.
-
-    Returns:
-        Encounters, how many ended in which way, axes and results with their units and ranges; their values, too, for
-        up to 10,000 encounters; inputs, versions and seed.
-    """
+    """Return a sweep as one object for JSON, all SI: with the values of up to 10,000 encounters."""
     status = dataset[STATUS]
     size = int(np.prod(status.shape))
     axes = {}
@@ -59,14 +51,7 @@ def sweep_as_dict(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def sweep_as_text(dataset: xr.Dataset) -> str:
-    """Write a sweep for a person.
-
-    Args:
-        dataset: what `sweep` returned.
-
-    Returns:
-        A few lines.
-    """
+    """Write a sweep for a person, in a few lines."""
     size = int(np.prod(dataset[STATUS].shape))
     ended = ", ".join(f"{count:,} {word}" for word, count in counts(dataset).items() if count)
     lines = [f"{size:,} encounters: {ended}", ""]
@@ -85,14 +70,7 @@ def sweep_as_text(dataset: xr.Dataset) -> str:
 
 
 def counts(dataset: xr.Dataset) -> dict[str, int]:
-    """Count how the encounters ended.
-
-    Args:
-        dataset: what `sweep` returned.
-
-    Returns:
-        The number of each status by its word.
-    """
+    """Count how the encounters ended, by the word of each status."""
     words = dataset[STATUS].attrs["flag_meanings"].split()
     found = np.bincount(np.asarray(dataset[STATUS].values).ravel(), minlength=len(words))
     return dict(zip(words, map(int, found), strict=True))

@@ -1,4 +1,4 @@
-"""The scenario file of the issue in its sections, for the tests that damage it."""
+"""A scenario file in its sections, for the tests that read, damage and run it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ OBSTACLE = """\
 [obstacle]
 position = "42.2 mm"
 velocity = "-0.3 m/s"
-acceleration = "0 m/s^2"
 """
 OBJECTIVE = """\
 [objective]
@@ -38,6 +37,7 @@ GAIN = """\
 [gain]
 bounds = ["-10 N*s", "-0.01 N*s"]
 """
+ENCOUNTER = ADMITTANCE + OBSTACLE + OBJECTIVE + GAIN
 REST = """\
 [plant]
 position = "0 m"
@@ -47,7 +47,8 @@ position = "0 m"
 [constraints]
 excursion = "0.2 m"
 """
-WHOLE = SENSOR + ADMITTANCE + OBSTACLE + OBJECTIVE + GAIN + REST
+STILL = OBSTACLE + 'acceleration = "0 m/s^2"\n'
+WHOLE = SENSOR + ADMITTANCE + STILL + OBJECTIVE + GAIN + REST
 
 
 def replaced(old, new, text=WHOLE):

@@ -160,6 +160,10 @@ class VirtualDamper:
         release: with `approach_only`, by how much ln xi must fall before a rise counts anew; wider than the noise of
             ln xi, it keeps noise from being taken for approaches.
         ramp_time: time [s] in which the gain rises from 0 once an object is detected, and falls when it is gone.
+
+    Examples:
+        >>> VirtualDamper(gain=-0.7).numbers(1e-4)
+        DamperNumbers(gain=-0.7, release=0.0, ramp_step=1.0, approach_only=0)
     """
 
     gain: float = quantity("N*s", example='"-0.7 N*s"')

@@ -58,6 +58,11 @@ class Conditioning:
             periods; 0: at once.
         largest_rate: largest |d ln xi/dt| that can be [1/s], the steepest |g| times the fastest approach; a reading
             that would need more is not used. None: no check.
+
+    Examples:
+        >>> letter = Conditioning(floor=1e-3, median_window=10, low_pass_order=5, cutoff=500.0)
+        >>> letter.numbers(1e-4).timeout
+        0.001
     """
 
     floor: float = quantity(OUTPUT, sign="positive", example="30.0")
@@ -170,6 +175,10 @@ class VirtualAdmittance:
         mass: M_a > 0 [kg].
         damping: D_a >= 0 [N s/m].
         stiffness: K_a >= 0 [N/m].
+
+    Examples:
+        >>> VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
+        VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
     """
 
     mass: float = quantity("kg", sign="positive")
@@ -241,6 +250,10 @@ class Limits:
         speed: largest |x_v' - x_d'| [m/s].
         acceleration: largest |x_v'' - x_d''| [m/s^2], as the mean over a period.
         excursion: largest |x_v - x_d| [m].
+
+    Examples:
+        >>> Limits(force=20.0, speed=0.5)
+        Limits(force=20.0, speed=0.5, acceleration=None, excursion=None)
     """
 
     force: float | None = quantity("N", None, sign="positive")

@@ -59,6 +59,10 @@ class SensorChain:
             into xi by the sensor curve. Exposure, noise and resolution of the distance then come before xi.
         distance_noise: standard deviation of such a distance [m].
         distance_resolution: step of such distances [m]; 0 for none.
+
+    Examples:
+        >>> SensorChain(rate=100.0, exposure=0.002, delay=0.001).latency
+        0.002
     """
 
     rate: float = quantity("Hz", sign="positive", example='"1 kHz"')
@@ -198,6 +202,10 @@ class LoopTiming:
         exposure: over which time a reading averages [s], at most one period.
         sections: second-order sections of a digital filter that runs at `rate`, as SciPy gives them, one tuple of six
             numbers each; none by default.
+
+    Examples:
+        >>> LoopTiming(rate=100.0, delay=0.005).period
+        0.01
     """
 
     rate: float = quantity("Hz", sign="positive")

@@ -48,6 +48,29 @@ class ClosedLoop:
         first_run: which run's noise the first encounter meets; the others meet those that follow.
         horizon: how long to wait for contact [s].
         follow: how long to go on after the first contact [s].
+
+    Examples:
+        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import InversePower
+        >>> loop = ClosedLoop(
+        ...     law=Controller(
+        ...         period=1e-3,
+        ...         conditioning=Conditioning(floor=1e-3, sensor_period=4e-3),
+        ...         law=VirtualDamper(gain=0.0),
+        ...         admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     ),
+        ...     chain=SensorChain(rate=250.0, exposure=170e-6, delay=120e-6),
+        ... )
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ... )
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> round(loop.run(scenario, sensor, -0.7).relative_velocity, 3)  # -0.0815 in continuous time
+        -0.082
+        >>> loop(scenario, sensor, [-0.7, -1.0]).contact.relative_velocity.round(3)
+        array([-0.082, -0.069])
     """
 
     law: TunableLaw

@@ -67,6 +67,10 @@ class HuntCrossley(ContactModel):
         stiffness: k > 0 [N/m^n].
         dissipation: a >= 0 [s/m]; 0 for an elastic contact.
         exponent: n >= 1; 3/2 for a sphere, after Hertz.
+
+    Examples:
+        >>> HuntCrossley(stiffness=1e6, dissipation=1.5).exponent
+        1.5
     """
 
     kind: ClassVar[str] = "hunt-crossley"
@@ -103,6 +107,10 @@ class SpringDamper(ContactModel):
         obstacle_mass: mass of the obstacle [kg]; infinite where it is driven.
         stiffness: k > 0 [N/m].
         damping: c >= 0 [N s/m].
+
+    Examples:
+        >>> SpringDamper(stiffness=1e4).damping
+        0.0
     """
 
     kind: ClassVar[str] = "spring-damper"

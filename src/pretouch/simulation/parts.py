@@ -49,6 +49,10 @@ def sensor_part(name: str) -> SensorPart:
 
     Raises:
         InvalidInputError: there is no such part.
+
+    Examples:
+        >>> sensor_part("VCNL4010").chain.rate
+        250.0
     """
     if name not in PARTS:
         raise InvalidInputError(f"name: found {name!r}, expected one of {', '.join(PARTS)}")

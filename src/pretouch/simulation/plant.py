@@ -100,6 +100,10 @@ class ImpedancePlant(PlantModel):
         coulomb_friction: friction that only changes its sign with the motion [N].
         friction_speed: speed at which three quarters of it act [m/s]: it grows as tanh(x' / friction_speed).
         feedforward: whether the controller adds m x_v''.
+
+    Examples:
+        >>> ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0).mass
+        2.0
     """
 
     kind: ClassVar[str] = "impedance"
@@ -148,6 +152,10 @@ class PositionPlant(PlantModel):
         mass: the physical reflected mass at the contact point m > 0 [kg].
         bandwidth: w / (2 pi) > 0 of the position loop [Hz].
         damping_ratio: zeta > 0.
+
+    Examples:
+        >>> PositionPlant(mass=2.0, bandwidth=20.0).damping_ratio
+        1.0
     """
 
     kind: ClassVar[str] = "position"

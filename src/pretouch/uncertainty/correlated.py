@@ -31,6 +31,15 @@ class CorrelatedNormal(JointDistribution):
         names: the inputs, such as `sensor.exponent`.
         mean: their estimates, in SI.
         covariance: their covariance, in the order of the names; rows of numbers.
+
+    Examples:
+        >>> both = CorrelatedNormal(
+        ...     names=("sensor.exponent", "sensor.distance_offset"),
+        ...     mean=(3.32, 0.0419),
+        ...     covariance=((1e-2, 2e-4), (2e-4, 5e-6)),
+        ... )
+        >>> both.root.shape
+        (2, 2)
     """
 
     names: tuple[str, ...]
@@ -115,6 +124,15 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     Raises:
         InvalidInputError: the readings do not bound a parameter, the curve has none, or four standard errors lead to
             values that no such curve has.
+
+    Examples:
+        >>> from pretouch.calibration import Calibration, fit_sensor
+        >>> distance = np.linspace(0.0, 0.08, 33)
+        >>> noise = 1e-3 * np.sin(1e4 * distance)
+        >>> measured = Calibration(distances=distance, outputs=np.exp(-61.0 * distance) + noise, unit="V")
+        >>> known = parameter_distribution(fit_sensor(measured, "exponential-1", offset="zero"))
+        >>> known.names, round(known.mean[0])
+        (('sensor.rate',), -61)
     """
     names = [name for name in fit.parameters if name != "scale"]
     if not names:

@@ -165,6 +165,10 @@ class Interval(Distribution):
     Args:
         low: the smallest value, in SI.
         high: the largest value.
+
+    Examples:
+        >>> Interval(low=0.03, high=0.05).mean
+        0.04
     """
 
     low: float = quantity("")
@@ -205,6 +209,10 @@ class Uniform(Interval):
     Args:
         low: the smallest value, in SI.
         high: the largest value.
+
+    Examples:
+        >>> Uniform(low=-0.5, high=-0.1).support
+        (-0.5, -0.1)
     """
 
     _words: ClassVar[str] = "uniform"
@@ -217,6 +225,10 @@ class Normal(Distribution):
     Args:
         mean: mu, in SI.
         deviation: the standard deviation sigma > 0.
+
+    Examples:
+        >>> round(Normal(mean=0.0, deviation=1.0).quantile(0.975), 4)
+        1.96
     """
 
     mean: float = quantity("")

@@ -170,6 +170,20 @@ def make_ensemble(
 
     Raises:
         InvalidInputError: an input is unknown, a value is impossible, or there are not as many of each.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle
+        >>> from pretouch.sensors import InversePower
+        >>> several = make_ensemble(
+        ...     Scenario(
+        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...         obstacle=Obstacle(position=0.0422, velocity=-0.3),
+        ...     ),
+        ...     InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32),
+        ...     {"sensor.exponent": [3.0, 3.5], "obstacle.velocity": [-0.3, -0.25]},
+        ... )
+        >>> several.contacts(-0.7).contact.relative_velocity.round(3)
+        array([-0.085, -0.071])
     """
     if scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {scenario.shape}, expected one")

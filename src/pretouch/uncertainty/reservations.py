@@ -173,6 +173,23 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
 
     Returns:
         The reservations.
+
+    Examples:
+        >>> from pretouch.calibration import Calibration, rank_models
+        >>> from pretouch.motion import Admittance
+        >>> distances = [0.002 * i for i in range(1, 16)]
+        >>> readings = Calibration(distances=distances, outputs=[2 * np.exp(-60 * d) for d in distances], unit="V")
+        >>> report = rank_models(readings, models=("exponential-1",), offset="zero")
+        >>> class Answer:
+        ...     scenario = Scenario(
+        ...         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...         obstacle=Obstacle(position=0.03, velocity=-0.3),
+        ...     )
+        ...     sensor = replace(report.best.sensor, minimum_distance=0.0)
+        ...     gain = -0.8
+        >>> found = reservations_of(report, Answer())
+        >>> found.supported, round(found.share_nearer, 3), found.speed < found.speed_without_force
+        ((0.002, 0.03), 0.067, True)
     """
     sensor, scenario = answer.sensor, answer.scenario
     recess = getattr(sensor, "recess", 0.0)

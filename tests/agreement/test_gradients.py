@@ -18,7 +18,8 @@ from mpmath import mp, mpf
 from encounters import CURVES, KINDS, Encounters, random_encounters
 from gradient_scales import scales_of, sizes_of
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
-from pretouch.motion.gradient_rows import RELATIVE_INPUTS, GradientRows
+from pretouch.motion.gradient_rows import GradientRows
+from pretouch.motion.layout import RELATIVE_INPUTS
 from pretouch.motion.request import make_request
 from pretouch.motion.solution import Solution
 from pretouch.sensors import ExponentialFirstOrder, Recessed, SensorModel

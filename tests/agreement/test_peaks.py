@@ -106,8 +106,8 @@ def test_demands_do_not_depend_on_what_the_other_lanes_hold() -> None:
     def solve(which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         c, n = [x[which] for x in columns], len(which)
         out, peaks, status = np.empty((6, n)), np.empty((5, n)), np.empty(n, dtype=np.int8)
-        inputs = (*c[:8], batch.gain[which])
-        lane_times(inputs, alone(windows), 20.0, out, status, reference=c[8:10], peaks=peaks)
+        inputs = (*c[:8], batch.gain[which], *c[8:])
+        lane_times(inputs, alone(windows), 20.0, out, status, peaks=peaks)
         return peaks, status
 
     whole, status = solve(np.arange(37))

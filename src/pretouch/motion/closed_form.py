@@ -16,25 +16,14 @@ from numpy.typing import NDArray
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel, rows_of, shaped
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .layout import COLUMNS, PEAKS, STATES
-from .request import Request, Which
+from .layout import COLUMNS, INPUTS, PEAKS, STATES
 
-__all__ = [
-    "OPEN",
-    "find_contacts",
-    "respond_many",
-    "solve_closed_form",
-    "solve_linear",
-    "trace_closed_form",
-]
+__all__ = ["OPEN", "find_contacts", "respond_many", "solve_linear"]
 
 OPEN: Final = -1
 """The status of an encounter that is left to other ways."""
 
-_INPUTS: Final = 9
-_ALL_INPUTS: Final = 11  # with those of the reference
-_VALUES: Final = 10
-_RESPONSE: Final = 7  # M, D, K, y(0), y'(0) and the force
+_BY: Final = INPUTS + 1  # derivatives: by g as well
 _STATUS: Final = np.dtype(np.int8)
 _INT: Final = np.dtype(np.int64)
 
@@ -61,26 +50,24 @@ def find_contacts(
     What is filled beside times and statuses has no numbers where the status is OPEN.
 
     Args:
-        inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
-            [m/s^2] of the obstacle relative to the reference, and D_p [N s]; for peaks, velocity [m/s] and acceleration
-            [m/s^2] of the reference after them: nine or eleven arrays, (n,) or (1,), contiguous.
+        inputs: the columns of layout.Relative: the first nine, for peaks all eleven, (n,) or (1,), contiguous.
         slope: g [1/m], one number.
         horizon: latest time of contact [s].
         time: filled with the times of contact [s], shape (n,).
         status: filled with 0 (contact, proved to be the first, to 2e-11 of its time) or OPEN, shape (n,), int8.
         given: whether time and status are what an earlier call has found, and only the rest is filled.
         approach: where wanted, filled with l' [m/s] at contact, shape (n,).
-        states: where wanted, filled with x~ [m], x~' [m/s], x~'' [m/s^2], l' [m/s] and the integral of x~ over [0, t]
-            [m s], layout.STATES after the time, shape (5, n): any part of an array whose last axis is contiguous.
+        states: where wanted, filled with layout.STATES after the time, shape (5, n): any part of an array whose last
+            axis is contiguous.
         gradients: where wanted, filled with the derivatives of time, x~ and l' at contact by the nine inputs and g in
             SI, shape (3, 10, n).
-        peaks: where wanted, filled with layout.PEAKS, max |x~| [m], |x - x(0)| [m], |x'| [m/s], |x''| [m/s^2] and
-            |F_p| [N], also without numbers where not settled, shape (5, n): any part, as states.
+        peaks: where wanted, filled with layout.PEAKS, also without numbers where not settled, shape (5, n): any part,
+            as states.
 
     Raises:
         TypeError: a kernel would misread one of them.
     """
-    n, expected = time.size, _INPUTS if peaks is None else _ALL_INPUTS
+    n, expected = time.size, INPUTS if peaks is None else INPUTS + 2
     if len(inputs) < expected:
         raise TypeError(f"a kernel takes {expected} columns, not {len(inputs)}")
     wanted = pack(
@@ -90,7 +77,7 @@ def find_contacts(
         given,
         0 if approach is None else shaped(approach, (n,)),
         *((0, 0) if states is None else rows_of(states, (len(STATES) - 1, n))),
-        *((0, 0) if gradients is None else (shaped(gradients, (3, 10, n)), n)),
+        *((0, 0) if gradients is None else (shaped(gradients, (3, _BY, n)), n)),
         *((0, 0) if peaks is None else rows_of(peaks, (len(PEAKS), n))),
     )
     _contacts(columns(inputs[:expected], n), n, slope, horizon, wanted)
@@ -116,7 +103,7 @@ def solve_linear(
         status: filled with the numbers of ContactStatus, shape (n,), int64.
     """
     n = len(values)
-    encounters = shaped(values, (n, _VALUES)), n, slope, shaped(gains, (n,))
+    encounters = shaped(values, (n, 10)), n, slope, shaped(gains, (n,))
     _solve(*encounters, *limits, shaped(rows, (n, len(COLUMNS))), shaped(status, (n,), _INT))
 
 
@@ -132,24 +119,4 @@ def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
     n, m = times.shape
     count = min(out.shape[-1], 5)
     into = rows_of(out, (n, m, count))
-    _respond(shaped(rows, (n, _RESPONSE)), n, address(times), m, *into, count)
-
-
-def solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by L(10)-(13), their contact as the first zero of l.
-
-    Args:
-        request: the encounters, with a curve of constant slope.
-        which: those to solve, m of them.
-        rows: filled with layout.COLUMNS, shape (m, 15).
-        status: filled with the numbers of ContactStatus, shape (m,).
-    """
-    values, gain = request.part(which)
-    solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
-
-
-def trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Fill trace with x~, x~' and x~'' of L(10)-(13) in its last three columns at given times, shape (n, times, 4)."""
-    v, coupling = request.values, request.slope * request.gain
-    rows = np.column_stack([v[:, 0], v[:, 1] + coupling, v[:, 2:5], coupling * v[:, 6], coupling * v[:, 7]])
-    respond_many(rows, times, trace[..., 1:])
+    _respond(shaped(rows, (n, 7)), n, address(times), m, *into, count)

@@ -29,7 +29,7 @@ class Change(NamedTuple):
 
 def _obstacle_velocity(s: Solution) -> Any:
     """Return the velocity of the obstacle relative to the reference at contact."""
-    return s.request.columns[6] + s.request.columns[7] * s.raw("time")
+    return s.request.relative.v + s.request.relative.a * s.raw("time")
 
 
 def _displacement(s: Solution, _: str, c: Change) -> Any:
@@ -42,24 +42,24 @@ def _displacement(s: Solution, _: str, c: Change) -> Any:
 def _displacement_velocity(s: Solution, c: Change) -> Any:
     """Differentiate x~' = x_o' - l'."""
     own = c.inputs.get("v", 0.0) + c.inputs.get("a", 0.0) * s.raw("time")
-    return own + s.request.columns[7] * c.time - c.speed
+    return own + s.request.relative.a * c.time - c.speed
 
 
 def _virtual_force(s: Solution, _: str, c: Change) -> Any:
     """Differentiate D_p g(0) l'."""
-    slope, gain, speed = float(s.request.sensor.log_slope(0.0)), s.request.columns[10], s.raw("relative_velocity")
+    slope, gain, speed = float(s.request.sensor.log_slope(0.0)), s.request.relative.gain, s.raw("relative_velocity")
     return slope * (gain * c.speed + c.inputs.get("gain", 0.0) * speed) + c.slope * (gain * speed)
 
 
 def _displacement_acceleration(s: Solution, by: str, c: Change) -> Any:
     """Differentiate x~'' = (F_p - D x~' - K x~) / M."""
-    mass, damping, stiffness = s.request.columns[:3]
-    total = _virtual_force(s, by, c) - damping * _displacement_velocity(s, c) - stiffness * _displacement(s, by, c)
+    r = s.request.relative
+    total = _virtual_force(s, by, c) - r.damping * _displacement_velocity(s, c) - r.stiffness * _displacement(s, by, c)
     own = {"mass": "displacement_acceleration", "damping": "displacement_velocity", "stiffness": "displacement"}
     for name, quantity in own.items():
         if name in c.inputs:
             total = total - (s.settled_acceleration if name == "mass" else s.raw(quantity))
-    return total / mass
+    return total / r.mass
 
 
 def _position(s: Solution, by: str, c: Change) -> Any:

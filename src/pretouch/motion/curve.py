@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
 
-__all__ = ["AT_PROBES", "NODES", "PROBES", "TO_COEFFICIENTS", "curve_pieces", "curve_reach"]
+__all__ = ["AT_PROBES", "NODES", "PROBES", "TO_COEFFICIENTS", "curve_pieces", "curve_reach", "curve_tops"]
 
 _DEGREE: Final = 9
 _TOLERANCE: Final = 1e-13  # of the largest slope on the piece
@@ -21,6 +22,7 @@ _ROUNDING: Final = 1e-9  # of the largest slope from there outward: a larger err
 _IN_VAIN: Final = 3  # halvings
 _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0
+_FARTHEST: Final = 1e12
 
 NODES: Final = chebyshev_nodes(_DEGREE + 1)
 """Where a piece is interpolated, in z."""
@@ -144,6 +146,27 @@ def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> f
             high = max(start, high / 2 if found.culprit is None else _last_finite(sensor, start, found.culprit))
         else:
             return high
+
+
+def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
+    """Yield how far out a curve is to be followed, each time farther, for motions that outgrow it and may come back.
+
+    Args:
+        sensor: the curve.
+        low: where it is needed from [m], inside the valid range.
+        start: how far it is needed at least [m].
+        reach: how far it is wanted at first [m].
+
+    Yields:
+        A distance [m], and whether the curve may go on beyond it.
+    """
+    end, goes_on = sensor.valid_range[1], True
+    while goes_on and reach <= _GROWTH * _FARTHEST:
+        wanted = min(end, reach)
+        top = curve_reach(sensor, low, min(wanted, max(reach / _GROWTH, start)), wanted)
+        goes_on = top == wanted < end
+        yield top, goes_on
+        reach *= _GROWTH
 
 
 def _last_finite(sensor: SensorModel, good: float, bad: float) -> float:

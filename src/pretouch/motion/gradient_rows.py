@@ -17,28 +17,22 @@ from pretouch._core.values import Travels
 from pretouch.sensors.change import SlopeChange
 
 from .closed_form import OPEN, find_contacts
-from .curve import curve_reach
+from .curve import curve_tops
 from .curve_changes import changed_pieces
-from .native_lanes import contact_times
+from .fast_path import fill_by_lanes
+from .layout import RELATIVE_INPUTS, ContactStatus
 from .native_series import follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF, Solution
-from .status import ContactStatus
 from .windows import alone, curve_windows, farthest, reach_of
 
-__all__ = ["RELATIVE_INPUTS", "GradientRows"]
-
-RELATIVE_INPUTS: Final = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "gain")
-"""The inputs of L(8) and L(9): the admittance, the plant and the obstacle relative to the reference, and D_p."""
+__all__ = ["GradientRows"]
 
 _KEPT: Final = 1 << 20  # encounters up to which all rows are kept: 150 MB
 _BLOCK: Final = 1 << 12  # encounters of which a kernel's whole output is held at a time
 _LEAST_LINEAR: Final = 8192  # encounters that are worth a thread
-_LEAST_SERIES: Final = 512
 _LEAST_FOLLOWED: Final = 16
 _MOST_FOLLOWED: Final = 256
-_FARTHEST: Final = 1e12
-_GROWTH: Final = 64.0
 _STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
 
 
@@ -116,23 +110,24 @@ class GradientRows(Travels):
     def _decays(self) -> FloatArray:
         """Return how many times the fastest decay of each motion passes until its end."""
         request = self._solution.request
-        mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
-        held = damping + gain * request.sensor.log_slope(0.0)
-        return np.asarray(held / mass * self._solution.raw("time"))
+        r = request.relative
+        held = r.damping + r.gain * request.sensor.log_slope(0.0)
+        return np.asarray(held / r.mass * self._solution.raw("time"))
 
     def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what has a closed form; return what is left."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
-        mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
-        total = damping + slope * gain
-        status = np.where(
-            left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), np.int8(OPEN)
-        )
+        r = request.relative
+        total = r.damping + slope * r.gain
+        over_damped = (total > 0) & (total * total >= 4 * r.mass * r.stiffness)
+        status = np.where(left & over_damped & (r.a == 0), np.int8(0), np.int8(OPEN))
 
         def run(start: int, stop: int) -> None:
-            inputs, out, part = request.inputs(start, stop), np.empty((3, 10, stop - start)), slice(start, stop)
-            find_contacts(inputs, slope, request.horizon, time[part], status[part], given=True, gradients=out)
+            out, part = np.empty((3, len(RELATIVE_INPUTS) + 1, stop - start)), slice(start, stop)
+            find_contacts(
+                request.some(part), slope, request.horizon, time[part], status[part], given=True, gradients=out
+            )
             rows[:, :, part] = out[::2, kept]
 
         for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
@@ -143,18 +138,14 @@ class GradientRows(Travels):
         request = self._solution.request
         curves = alone(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(left)
-        whole = len(where) == request.size
+        which = None if len(where) == request.size else where
+
+        def take(part: slice, _: FloatArray, out: FloatArray) -> None:
+            rows[:, :, part if which is None else where[part]] = out[::2, kept]
+
         status = np.empty(len(where), dtype=np.int8)
-
-        def run(start: int, stop: int) -> None:
-            part = where[start:stop]
-            c = request.block(start, stop) if whole else [x if len(x) == 1 else x[part] for x in request.columns]
-            state, out = np.empty((6, stop - start)), np.empty((3, 9, stop - start))
-            inputs = (*c[:8], c[10])
-            contact_times(inputs, curves, request.horizon, state, status[start:stop], gradients=out)
-            rows[:, :, slice(start, stop) if whole else part] = out[::2, kept]
-
-        for_stretches(run, len(where), least=_LEAST_SERIES, most=_BLOCK)
+        by = (3, len(RELATIVE_INPUTS))
+        fill_by_lanes(request, which, curves, status, take, most=_BLOCK, gradients=by)
         left = left.copy()
         left[where] = np.isnan(rows[0, 0, where])  # OPEN, or its derivatives not smooth enough
         return left
@@ -166,11 +157,9 @@ class GradientRows(Travels):
         sensor = request.sensor
         found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
         status = np.ones(len(where), dtype=np.int8)
-        start = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
-        reach = 4 * reach_of(request.scenario)
-        while (status == 1).any():
-            wanted = min(reach, sensor.valid_range[1])
-            top = curve_reach(sensor, 0.0, min(wanted, start), wanted)
+        r = request.some(where)
+        tops = curve_tops(sensor, 0.0, float(np.max(r.p - r.x0, initial=0.0)), 4 * reach_of(request.scenario))
+        for top, _ in tops:  # a motion may have gone beyond the pieces, and come back
             pieces, terms = changed_pieces(sensor, slopes, top)
             open_ones = np.flatnonzero(status == 1)
 
@@ -181,7 +170,6 @@ class GradientRows(Travels):
                 found[part], status[part] = out, ended
 
             for_stretches(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
-            if top < wanted or top == sensor.valid_range[1] or reach > _FARTHEST:
+            if (status != 1).all():
                 break
-            reach *= _GROWTH  # a motion may have gone beyond the pieces, and come back
         return found[:, :, kept].transpose(1, 2, 0)

@@ -26,10 +26,10 @@ from pretouch.sensors.change import CurveChange, curve_change
 
 from .contact_algebra import DERIVATIVES, Change
 from .curve_changes import bend_at_contact
-from .gradient_rows import RELATIVE_INPUTS, GradientRows
+from .gradient_rows import GradientRows
 from .inputs import SCENARIO_INPUTS
+from .layout import RELATIVE_INPUTS, ContactStatus
 from .solution import Solution
-from .status import ContactStatus
 
 __all__ = ["ContactGradients", "ManyGradients", "input_names"]
 
@@ -58,7 +58,6 @@ _RELATIVE: Final[dict[str, dict[str, float]]] = {
 }
 _INPUTS: Final = {name: {"gain": "N*s", **SCENARIO_INPUTS}[name] for name in _RELATIVE}
 _LENGTHS: Final = ("x0", "u0", "p", "v", "a", "gain")  # what grows with the unit of length, D_p among it
-_COLUMNS: Final = {name: i if i < 8 else 10 for i, name in enumerate(RELATIVE_INPUTS)}  # in Request.columns
 
 
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
@@ -90,7 +89,7 @@ def gradients_of(columns: Any) -> Any:
         columns.derivatives = (
             ContactGradients(columns)
             if many is None
-            else ManyGradients([ContactGradients(Solution(many.alone(columns.request, i))) for i in range(len(many))])
+            else ManyGradients([ContactGradients(Solution(columns.request.alone(i))) for i in range(len(many))])
         )
     return columns.derivatives
 
@@ -215,10 +214,10 @@ class ContactGradients(Value):
         """Return the derivatives of time and l' by a change of the curve that is known by its three factors."""
         solution = self.solution
         found = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
-        columns = solution.request.columns
+        relative = solution.request.relative
         with np.errstate(divide="ignore", invalid="ignore"):  # l' is 0 where a run ends without contact
             if change.output:
-                found = found + change.output * self._weighted({"gain": columns[10]})
+                found = found + change.output * self._weighted({"gain": relative.gain})
             if change.shift:
                 speed = solution.raw("relative_velocity")
                 earlier = 1 / speed
@@ -226,7 +225,7 @@ class ContactGradients(Value):
                     self._weighted({"p": 1.0}) + np.stack([earlier, _bend(solution) * earlier])
                 )
             if change.stretch:
-                whole = self._weighted({name: columns[_COLUMNS[name]] for name in _LENGTHS})
+                whole = self._weighted({name: getattr(relative, name) for name in _LENGTHS})
                 whole[1] -= solution.raw("relative_velocity")
                 found = found + change.stretch * whole
         return found
@@ -268,12 +267,12 @@ def _bracketed(unit: str) -> str:
 
 def _distance(solution: Solution) -> FloatArray:
     """Return l at the start of every run, shape (n,)."""
-    return np.asarray(solution.request.column(5) - solution.request.column(3))
+    return np.broadcast_to(solution.request.relative.p - solution.request.relative.x0, solution.request.size)
 
 
 def _bend(solution: Solution) -> FloatArray:
     """Return l'' at the end of every run."""
-    return np.asarray(solution.request.columns[7] - solution.settled_acceleration)
+    return np.asarray(solution.request.relative.a - solution.settled_acceleration)
 
 
 def _slope_change(solution: Solution, factors: CurveChange, change: CurveChange) -> float:

@@ -13,9 +13,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
 from .images import find_images
-from .inputs import map_fields
 from .many_windows import ManyWindows, windows_of_images, windows_side_by_side
-from .request import Request, make_request
 from .scenario import Scenario
 from .windows import reach_of
 
@@ -90,20 +88,6 @@ class ManyCurves:
             Whether that is known.
         """
         return self.windows(reach_of(scenario)).falling
-
-    def alone(self, request: Request, index: int) -> Request:
-        """Return the encounters of one curve.
-
-        Args:
-            request: the encounters of all of them.
-            index: of the curve, along the last axis of the request.
-
-        Returns:
-            Those, of the shape of the others less its last axis.
-        """
-        scenario = map_fields(request.scenario, lambda v: v[index] if np.ndim(v) else v)
-        gain = request.gain.reshape(request.shape)[..., index]
-        return make_request(scenario, self.sensors[index], gain, request.method, request.horizon)
 
     def slope_at_contact(self) -> FloatArray:
         """Return g [1/m] of each curve at l = 0, shape (n,)."""

@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel, shaped
 from pretouch._core.numbers import FloatArray, IntArray
 
+from .layout import INPUTS, PEAKS, STATES
 from .windows import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
 
 __all__ = ["CONTACT", "OPEN", "contact_times", "of_core"]
@@ -26,7 +27,6 @@ OPEN: Final = -1
 _STATUS: Final = np.dtype(np.int8)
 _INDEX: Final = np.dtype(np.int64)
 _WIDTHS: Final = frozenset(TERMS + 1 + degree for degree in (0, 1, LOW_DEGREE, HIGH_DEGREE))
-_INPUTS: Final = 9
 
 
 class _CurvesOfCore(Structure):
@@ -54,45 +54,34 @@ def contact_times(
     status: NDArray[np.int8],
     *,
     gradients: FloatArray | None = None,
-    reference: Sequence[FloatArray] = (),
     peaks: FloatArray | None = None,
 ) -> None:
     """Find the first contact of encounters, where that can be proved.
 
     Args:
-        inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
-            [m/s^2] of the obstacle relative to the reference, and D_p [N s]: nine arrays, (n,) or (1,), contiguous.
-        curves: windows of all curves as `curve_windows` gives them, from l = 0 upward; where those of each curve start
-            there, and where the last ends; and which curve is that of each encounter, (n,) or (1,).
+        inputs: the columns of layout.Relative: the first nine, for peaks all eleven, (n,) or (1,), contiguous.
+        curves: from l = 0 upward.
         horizon: the latest contact of interest [s].
-        out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
+        out: filled with layout.STATES, shape (6, n); nan where open.
         status: filled with CONTACT or OPEN, shape (n,).
-        gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs in the order above,
-            shape (3, 9, n); nan where open.
-        reference: for the peaks, its velocity [m/s] and acceleration [m/s^2], (n,) or (1,) each.
-        peaks: without gradients, filled with max |x~|, |x - x(0)|, |x'|, |x''| and |F_p|, shape (5, n); nan where open
-            or not settled.
+        gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs, shape (3, 9, n); nan
+            where open.
+        peaks: without gradients, filled with layout.PEAKS, shape (5, n); nan where open or not settled.
+
+    Raises:
+        TypeError: there are too few columns.
     """
-    filled = [(out, (6,))] + [(a, s) for a, s in ((gradients, (3, _INPUTS)), (peaks, (5,))) if a is not None]
-    count = _INPUTS + (0 if peaks is None else 2)
-    n = _size((*inputs, *reference), count, status, *filled)
-    more = [None if array is None else address(array) for array in (gradients, peaks)]
-    own = columns(reference) if reference else None
-    found = address(out), *more, address(status, _STATUS)
-    _contacts(columns(inputs), own, n, byref(of_core(curves, n)), horizon, *found)
-
-
-def _size(
-    inputs: Sequence[FloatArray], count: int, status: NDArray[np.int8], *filled: tuple[FloatArray, tuple[int, ...]]
-) -> int:
-    """Return how many encounters there are, having checked that every array has room for them."""
     n = len(status)
-    if len(inputs) != count or not all(len(x) in {1, n} and x.ndim == 1 for x in inputs):
-        raise ValueError(f"expected {count} inputs of length 1 or {n}, found lengths {[len(x) for x in inputs]}")
-    for array, shape in filled:
-        if array.shape != (*shape, n):
-            raise ValueError(f"an array that is filled has shape {array.shape}, expected {(*shape, n)}")
-    return n
+    filled = (
+        shaped(out, (len(STATES), n)),
+        None if gradients is None else shaped(gradients, (3, INPUTS, n)),
+        None if peaks is None else shaped(peaks, (len(PEAKS), n)),
+        address(status, _STATUS),
+    )
+    if len(inputs) < INPUTS + (0 if peaks is None else 2):
+        raise TypeError(f"a kernel takes {INPUTS} columns, or two more for the peaks, not {len(inputs)}")
+    reference = None if peaks is None else columns(inputs[INPUTS:], n)
+    _contacts(columns(inputs[:INPUTS], n), reference, n, byref(of_core(curves, n)), horizon, *filled)
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:

@@ -4,21 +4,35 @@ from __future__ import annotations
 
 from ctypes import POINTER as POINTER_TO
 from ctypes import Structure, byref
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel, shaped
 from pretouch._core.numbers import FloatArray, IntArray
 
-__all__ = ["FOLLOWED", "follow_gradients", "solve_series"]
+from .layout import COLUMNS, INPUTS, TRACE_COLUMNS
 
-FOLLOWED: Final = 9
-"""How many inputs there are before those of the curve: M, D, K, x~(0), x~'(0), p, v, a, D_p."""
+__all__ = ["Extent", "follow_gradients", "solve_series"]
 
 _INTEGER: Final = np.dtype(np.int64)
 _SHORT: Final = np.dtype(np.int8)
 _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
+
+
+class Extent(NamedTuple):
+    """Where a motion ends.
+
+    Args:
+        horizon: when to give up [s].
+        ends_in_contact: whether the lowest border of the pieces is the contact.
+        open_ended: whether the curve goes on beyond the pieces.
+    """
+
+    horizon: float
+    ends_in_contact: bool
+    open_ended: bool
 
 
 class _PiecesOfCore(Structure):
@@ -53,23 +67,20 @@ def solve_series(
         values: relative quantities of Scenario.relative, shape (n, 10).
         gains: D_p [N s], shape (n,).
         pieces: middle [m], half width [m] and coefficients of g in z [1/m] of each piece, shape (p, 2 + degree).
-        limits: horizon [s], whether the lowest border is the contact, whether the curve goes on beyond the pieces.
+        limits: see Extent.
         rows: filled with layout.COLUMNS, shape (n, 15).
         status: filled with the numbers of ContactStatus, shape (n,).
         course: ascending times [s], shape (n, m), and what is filled with layout.TRACE_COLUMNS at them, shape
             (n, m, 4); what comes after the end of an encounter is left as it is.
     """
     n = len(values)
-    _check(rows, (n, 15))
-    _check(status, (n,))
     traced: tuple[int | None, int, int | None] = (None, 0, None)
     if course is not None:
         times, trace = course
-        _check(times, (n, *times.shape[1:]))
-        _check(trace, (n, times.shape[1], 4))
-        traced = address(times), times.shape[1], address(trace)
-    encounters = _encounters(values, gains, pieces, limits)
-    _solve(*encounters, limits[0], address(rows), address(status, _INTEGER), *traced)
+        m = times.shape[1]
+        traced = shaped(times, (n, m)), m, shaped(trace, (n, m, len(TRACE_COLUMNS)))
+    filled = shaped(rows, (n, len(COLUMNS))), shaped(status, (n,), _INTEGER)
+    _solve(*_encounters(values, gains, pieces, limits), limits[0], *filled, *traced)
 
 
 def follow_gradients(
@@ -79,7 +90,7 @@ def follow_gradients(
     terms: FloatArray,
     horizon: float,
     found: FloatArray,
-    status: Any,
+    status: NDArray[np.int8],
 ) -> None:
     """Follow encounters that end in contact, and find how time and l' there depend on the inputs.
 
@@ -90,16 +101,15 @@ def follow_gradients(
         terms: for each piece the coefficients of rho = dg/d(parameter) in z of m parameters of the curve, one at most,
             shape (p, m, degree).
         horizon: when to give up [s].
-        found: filled with the derivatives of time and l' by the nine inputs and the parameter, shape (n, 2, 9 + m);
-            nan where no contact is reached.
-        status: filled with 0 where the contact was reached, 1 where l went beyond the pieces, else 2, shape (n,), int8.
+        found: filled with the derivatives of time and l' by layout.RELATIVE_INPUTS and the parameter, shape
+            (n, 2, 9 + m); nan where no contact is reached.
+        status: filled with 0 where the contact was reached, 1 where l went beyond the pieces, else 2, shape (n,).
     """
     n, many = len(values), min(terms.shape[1], 1)
-    _check(terms, (len(pieces), many, pieces.shape[1] - 2))
-    _check(found, (n, 2, FOLLOWED + many))
-    _check(status, (n,))
-    encounters = _encounters(values, gains, pieces, (horizon, True, False))
-    _follow(*encounters, address(terms) if many else None, horizon, address(found), address(status, _SHORT))
+    known = shaped(terms, (len(pieces), many, pieces.shape[1] - 2))
+    filled = shaped(found, (n, 2, INPUTS + many)), shaped(status, (n,), _SHORT)
+    encounters = _encounters(values, gains, pieces, Extent(horizon, ends_in_contact=True, open_ended=False))
+    _follow(*encounters, known if many else None, horizon, *filled)
 
 
 def _encounters(
@@ -107,13 +117,7 @@ def _encounters(
 ) -> tuple[int, int, int, Any]:
     """Return what the kernels take of the encounters and of their curve."""
     n, (count, width) = len(values), pieces.shape
-    _check(values, (n, 10))
-    _check(gains, (n,))
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(f"a curve has pieces of up to {_WIDEST} numbers, not {pieces.shape}")
-    return address(values), n, address(gains), byref(_PiecesOfCore(address(pieces), count, width, *limits[1:]))
-
-
-def _check(array: Any, shape: tuple[int, ...]) -> None:
-    if array.shape != shape:
-        raise TypeError(f"a kernel takes an array of shape {shape} here, not {array.shape}")
+    curve = byref(_PiecesOfCore(address(pieces), count, width, *limits[1:]))
+    return shaped(values, (n, 10)), n, shaped(gains, (n,)), curve

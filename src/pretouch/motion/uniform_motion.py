@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 
-from .layout import COLUMNS
-from .status import ContactStatus
+from .layout import COLUMNS, ContactStatus, named
+from .request import Request, Which
 
-__all__ = ["second_order_parameters", "solve_uniform_motion", "uniform_motion"]
+__all__ = ["solve_uniform_motion", "trace_uniform_motion", "uniform_motion"]
 
 
-def second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
-    """Read b_2 and c_2 from a curve whose slope is linear in the distance.
-
-    Args:
-        sensor: the curve; one with constant slope has b_2 = 0.
-
-    Returns:
-        b_2 [1/m^2] and c_2 [1/m].
-
-    Raises:
-        InvalidInputError: the slope is not linear in the distance.
-    """
+def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
+    """Read b_2 [1/m^2] and c_2 [1/m] from a curve whose slope is linear in the distance; a constant one has b_2 = 0."""
     if sensor.constant_log_slope is not None:
         return 0.0, sensor.constant_log_slope
     low, high = sensor.valid_range
@@ -65,9 +53,8 @@ def uniform_motion(
     Raises:
         InvalidInputError: the obstacle accelerates relative to the reference, or K_a is zero.
     """
-    damping, stiffness = values[:, 1], values[:, 2]
-    position, speed = values[:, 5], values[:, 6]
-    if np.any(values[:, 7] != 0):
+    _, damping, stiffness, _, _, position, speed, acceleration, _, _ = values.T
+    if np.any(acceleration != 0):
         raise InvalidInputError("method: the uniform motion L(16)-(19) needs an obstacle without acceleration")
     if np.any(stiffness == 0):
         raise InvalidInputError("method: the uniform motion L(16)-(19) needs a stiffness above 0 N/m")
@@ -80,47 +67,43 @@ def uniform_motion(
     return a, b
 
 
-def solve_uniform_motion(
-    values: FloatArray, sensor: SensorModel, gain: FloatArray, rows: FloatArray, status: IntArray
-) -> tuple[Any, Any]:
-    """Fill the columns of the encounter by the uniform motion L(16)-(19), up to its contact l = 0; return A and B.
-
-    Args:
-        values: relative quantities of Scenario.relative, shape (n, 10).
-        sensor: a curve whose slope is linear in the distance.
-        gain: D_p [N s], shape (n,).
-        rows: filled with layout.COLUMNS, shape (n, 15).
-        status: filled with the numbers of ContactStatus, shape (n,).
-
-    Returns:
-        A [m/s] and B [m].
-    """
-    curvature, rate = second_order_parameters(sensor)
+def solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Fill rows and statuses of some encounters, up to their contact l = 0."""
+    curvature, rate = _second_order_parameters(request.sensor)
+    values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)
-    position, speed = values[:, 5], values[:, 6]
+    _, _, _, x0, _, position, speed, _, drift, pull = values.T
     exists = np.isfinite(a) & (b >= 0)
-    a_safe, b_safe = np.where(exists, a, 1.0), np.where(exists, b, 0.0)
-    time = -b_safe / a_safe
-    columns = dict.fromkeys(COLUMNS, np.zeros(len(values)))
-    columns["time"] = time
-    columns["displacement"] = position + speed * time
-    columns["displacement_velocity"] = speed - a_safe
-    columns["relative_velocity"] = a_safe
-    columns["virtual_force"] = gain * rate * a_safe
-    start = position - b_safe
-    columns["largest_excursion"] = np.maximum(np.abs(start), np.abs(columns["displacement"]))
-    reference = values[:, 8]
-    columns["largest_travel"] = np.abs(columns["displacement"] - start + (reference + values[:, 9] * time / 2) * time)
-    speeds = np.abs(columns["displacement_velocity"] + reference)
-    columns["largest_speed"] = np.maximum(
-        speeds, np.abs(columns["displacement_velocity"] + reference + values[:, 9] * time)
-    )
-    columns["largest_acceleration"] = np.abs(values[:, 9])
-    slopes = np.maximum(np.abs(rate), np.abs(rate + 2 * curvature * b_safe))
-    columns["largest_virtual_force"] = np.abs(gain * a_safe) * slopes
-    columns["settling_distance"] = np.full(len(values), np.inf)
-    rows[:] = np.column_stack([np.where(exists, columns[name], 0.0) for name in COLUMNS])
-    rows[~exists, COLUMNS.index("distance")] = values[~exists, 5] - values[~exists, 3]
-    rows[~exists, COLUMNS.index("closest_distance")] = values[~exists, 5] - values[~exists, 3]
+    a, b = np.where(exists, a, 1.0), np.where(exists, b, 0.0)
+    time, start = -b / a, position - b
+    displacement, own_speed = position + speed * time, speed - a
+    steepest = np.maximum(np.abs(rate), np.abs(rate + 2 * curvature * b))
+    found = {
+        "time": time,
+        "displacement": displacement,
+        "displacement_velocity": own_speed,
+        "relative_velocity": a,
+        "virtual_force": gain * rate * a,
+        "largest_excursion": np.maximum(np.abs(start), np.abs(displacement)),
+        "largest_travel": np.abs(displacement - start + (drift + pull * time / 2) * time),
+        "largest_speed": np.maximum(np.abs(own_speed + drift), np.abs(own_speed + drift + pull * time)),
+        "largest_acceleration": np.abs(pull),
+        "largest_virtual_force": np.abs(gain * a) * steepest,
+        "settling_distance": np.full(len(values), np.inf),
+    }
+    nothing, end = np.zeros(len(values)), named(rows)
+    for name in COLUMNS:
+        end[name][:] = np.where(exists, found.get(name, nothing), 0.0)
+    for name in ("distance", "closest_distance"):
+        end[name][~exists] = (position - x0)[~exists]
     status[:] = np.where(exists, ContactStatus.CONTACT, ContactStatus.NO_UNIFORM_MOTION)
-    return a, b
+
+
+def trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    """Fill trace with distance and speed of l = A t + B, or of a start at rest where there is none."""
+    r = request.relative
+    values, gain = request.part(slice(None))
+    a, b = (x[:, None] for x in uniform_motion(values, *_second_order_parameters(request.sensor), gain))
+    trace[...] = 0.0
+    trace[..., 0] = np.where(np.isnan(a), (r.p - r.x0)[:, None], b) + np.nan_to_num(a) * times
+    trace[..., 2] = r.v[:, None] - np.nan_to_num(a)

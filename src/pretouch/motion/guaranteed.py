@@ -1,0 +1,153 @@
+"""The guaranteed way of each method: every encounter alone, whatever it is like, to its end and in between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pretouch._core.numbers import FloatArray, IntArray
+
+from .closed_form import respond_many, solve_linear
+from .curve import curve_pieces, curve_tops
+from .layout import COLUMNS, ContactStatus, named
+from .many_curves import ManyCurves
+from .native_series import Extent, solve_series
+from .parallel import for_stretches
+from .request import Request, Which
+from .uniform_motion import solve_uniform_motion, trace_uniform_motion
+
+__all__ = ["solve_guaranteed", "trace_guaranteed"]
+
+_BLOCK: Final = 16
+_LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
+_MOST: Final = 16_384
+
+
+def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Solve encounters of a request by its method.
+
+    Args:
+        request: the encounters.
+        which: the indices of those to solve, m of them; None for all.
+
+    Returns:
+        Rows of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).
+    """
+    if request.many is not None:
+        return _curve_by_curve(request, request.many, np.arange(request.size) if which is None else which)
+    count = request.size if which is None else len(which)
+    rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
+    solve = _WAYS[request.method][0]
+
+    def run(start: int, stop: int) -> None:
+        part = slice(start, stop) if which is None else which[start:stop]
+        solve(request, part, rows[start:stop], status[start:stop])
+
+    for_stretches(run, count, least=_LEAST, most=_MOST)
+    _hold_overflow(request, which, rows, status)
+    return rows, status.astype(np.int8)
+
+
+def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    """Fill trace with layout.TRACE_COLUMNS at ascending times until each run's end, shape (n, times, 4)."""
+    _WAYS[request.method][1](request, times, trace)
+
+
+def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Solve encounters of which each has a curve of its own."""
+    rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int8)
+    place, curve = np.divmod(which, len(many))
+    for index in np.unique(curve):
+        own = np.flatnonzero(curve == index)
+        rows[own], status[own] = solve_guaranteed(request.alone(int(index)), place[own])
+    return rows, status
+
+
+def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
+    """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
+    bad = np.flatnonzero(~np.isfinite(rows[:, _ALWAYS_FINITE]).all(axis=1))
+    if len(bad):
+        r = request.some(bad if which is None else which[bad])
+        start = np.zeros((len(bad), len(COLUMNS)))
+        end = named(start)
+        end["distance"][:] = end["closest_distance"][:] = r.p - r.x0
+        end["displacement"][:], end["displacement_velocity"][:], end["relative_velocity"][:] = r.x0, r.u0, r.v - r.u0
+        end["largest_excursion"][:], end["largest_speed"][:] = np.abs(r.x0), np.abs(r.u0 + r.reference_velocity)
+        end["settling_distance"][:] = np.inf
+        rows[bad], status[bad] = start, ContactStatus.UNRESOLVED
+
+
+_ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
+
+
+def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Solve some encounters by L(10)-(13), their contact as the first zero of l."""
+    values, gain = request.part(which)
+    solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
+
+
+def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    r, rows = request.relative, np.empty((request.size, 7))
+    coupling = request.slope * r.gain
+    terms = (r.mass, r.damping + coupling, r.stiffness, r.x0, r.u0, coupling * r.v, coupling * r.a)
+    for i, term in enumerate(terms):
+        rows[:, i] = term
+    respond_many(rows, times, trace[..., 1:])
+    p, v, a = (x[:, None] for x in (r.p, r.v, r.a))
+    trace[..., 0] = p + (v + a * times / 2) * times - trace[..., 1]
+
+
+def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Integrate L(1) with L(2) for some encounters, again with more pieces of the curve for those that outgrow them.
+
+    With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14).
+    """
+    values, gain = given = request.part(which)
+    out, ended, again = rows, status, np.arange(0)
+    for top, pieces, limits in _stages(request):
+        for start in range(0, len(out), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
+            part = slice(start, start + _BLOCK)
+            solve_series(values[part], gain[part], pieces, limits, out[part], ended[part])
+        if out is not rows:
+            rows[again], status[again] = out, ended
+        if not limits.open_ended:
+            return
+        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (named(rows)["distance"] >= top))
+        if not len(again):
+            return
+        values, gain = (x[again] for x in given)
+        out, ended = np.empty((len(again), len(COLUMNS))), np.empty(len(again), dtype=np.int64)
+
+
+def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    which = np.arange(request.size)
+    trace[...] = np.nan
+    for _, pieces, limits in _stages(request):
+        part = np.full((len(which), *trace.shape[1:]), np.nan)
+        rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int64)
+        solve_series(*request.part(which), pieces, limits, rows, status, (times[which], part))
+        trace[which] = part
+        which = which[np.isnan(part).any(axis=(1, 2))]  # the others would end a rounding earlier on other pieces
+        if not len(which):
+            return
+
+
+def _stages(request: Request) -> Iterator[tuple[float, FloatArray, Extent]]:
+    """Yield how far the curve is known, its pieces and the limits that go with them, each time farther out."""
+    r, sensor = request.relative, request.sensor
+    low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
+    farthest = float(np.max(r.p - r.x0, initial=0.0))
+    for top, goes_on in curve_tops(sensor, bottom, farthest, 2.0 ** math.ceil(math.log2(4 * farthest))):
+        yield top, curve_pieces(sensor, bottom, top), Extent(request.horizon, low <= 0, goes_on)
+
+
+_WAYS: Final = {
+    "closed-form": (_solve_closed_form, _trace_closed_form),
+    "integration": (_integrate, _trace_integration),
+    "uniform-motion": (solve_uniform_motion, trace_uniform_motion),
+}
+"""By the method: what solves encounters, and what samples their motions."""

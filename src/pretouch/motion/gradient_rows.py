@@ -54,14 +54,7 @@ class GradientRows(Travels):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives by some of RELATIVE_INPUTS.
-
-        Args:
-            which: their places there.
-
-        Returns:
-            Of time and of l', shape (2, k, n); NaN where there is no contact, or a touch.
-        """
+        """Return the derivatives of time and l' by RELATIVE_INPUTS at places, (2, k, n); NaN where there are none."""
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
             kept = everything if self._solution.request.size <= _KEPT else which
@@ -72,15 +65,7 @@ class GradientRows(Travels):
         return self._rows[:, list(which)]
 
     def of_slope(self, name: str, slope: SlopeChange) -> FloatArray:
-        """Return the derivatives by a parameter that changes the slope of the curve.
-
-        Args:
-            name: of the parameter.
-            slope: dg / d(parameter) of the distance.
-
-        Returns:
-            Of time and of l', shape (2, n); NaN where there is no contact, or a touch.
-        """
+        """Return the derivatives of time and l', (2, n), by a parameter that changes the slope by a function of l."""
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
             where = np.flatnonzero(self._differentiable())
@@ -227,14 +212,10 @@ def _binomial(n: int, k: int) -> float:
 
 
 def bend_at_contact(sensor: SensorModel) -> float:
-    """Return dg/dl at l = 0.
+    """Return dg/dl [1/m^2] at l = 0 of a curve that is valid there.
 
-    Args:
-        sensor: the curve, valid down to l = 0.
-
-    Returns:
-        The derivative [1/m^2], of the polynomial that meets g beside the surface; good to some 1e-11 of g over the
-        distance in which the curve changes.
+    It is that of the polynomial that meets g beside the surface; good to some 1e-11 of g over the distance in which the
+    curve changes.
     """
     if sensor.constant_log_slope is not None:
         return 0.0

@@ -12,8 +12,7 @@ from pretouch._core.errors import OutOfRangeError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
-from .images import find_images
-from .many_windows import ManyWindows, windows_of_images, windows_side_by_side
+from .many_windows import ManyWindows, find_images, windows_of_images, windows_side_by_side
 from .scenario import Scenario
 from .windows import reach_of
 
@@ -41,14 +40,7 @@ class ManyCurves:
         return len(self.sensors)
 
     def windows(self, reach: float) -> ManyWindows:
-        """Return the windows of all curves, made when they are first asked for.
-
-        Args:
-            reach: up to which distance they are needed [m]; a curve that ends before has them as far as it goes.
-
-        Returns:
-            The windows.
-        """
+        """Return the windows of all curves up to a distance [m], or as far as a curve goes; made when first asked."""
         if reach not in self._made:
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
             images = find_images(self.sensor, self.values)
@@ -59,10 +51,7 @@ class ManyCurves:
         return self._made[reach]
 
     def check(self, scenario: Scenario) -> None:
-        """Refuse encounters that start where their curve says nothing.
-
-        Args:
-            scenario: the encounters, of a shape that broadcasts with (n,).
+        """Refuse encounters, of a shape that broadcasts with (n,), that start where their curve says nothing.
 
         Raises:
             OutOfRangeError: one does.
@@ -79,14 +68,7 @@ class ManyCurves:
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Tell whether ln xi of every curve falls with the distance, from contact to where encounters start.
-
-        Args:
-            scenario: the encounters.
-
-        Returns:
-            Whether that is known.
-        """
+        """Tell whether ln xi of every curve is known to fall with the distance, from contact to all starts."""
         return self.windows(reach_of(scenario)).falling
 
     def slope_at_contact(self) -> FloatArray:

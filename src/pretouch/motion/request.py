@@ -70,14 +70,7 @@ class Request(Value):
         return Relative._make(c if len(c) == 1 else c[which] for c in self.columns)
 
     def part(self, which: Which) -> tuple[FloatArray, FloatArray]:
-        """Return what the guaranteed kernels take of some encounters, contiguous.
-
-        Args:
-            which: a stretch of encounters, or the indices of some.
-
-        Returns:
-            Relative quantities as Scenario.relative has them, shape (m, 10), and gains D_p [N s], shape (m,).
-        """
+        """Return relative quantities as Scenario.relative, (m, 10), and gains, (m,), of some encounters, contiguous."""
         count = len(range(self.size)[which]) if isinstance(which, slice) else len(which)
         given, values, gains = self.some(which), np.empty((count, 10)), np.empty(count)
         for i, column in enumerate((*given[:8], *given[9:])):

@@ -99,43 +99,19 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
 
 
 def alone(table: FloatArray) -> Curves:
-    """Return the one curve of all encounters.
-
-    Args:
-        table: its windows, as `curve_windows` gives them.
-
-    Returns:
-        The curve as the block kernel reads it.
-    """
+    """Return the one curve of all encounters as the block kernel reads it, of windows as from `curve_windows`."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
 def line_windows(slope: float, top: float) -> FloatArray:
-    """Return the one window of a constant slope.
-
-    Args:
-        slope: g [1/m].
-        top: the largest distance at which it holds [m], which may be infinite.
-
-    Returns:
-        One row as in `curve_windows`, with two coefficients of ln xi in l.
-    """
+    """Return the one window, as in `curve_windows`, of a constant slope [1/m] up to a distance [m] or infinity."""
     row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
     row.setflags(write=False)
     return row
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return the one window of a curve whose 1 / g is linear in l.
-
-    Args:
-        sensor: the curve.
-        low: where the window starts [m].
-        high: where it ends [m].
-
-    Returns:
-        One row as in `curve_windows`, with a single coefficient; None where 1 / g is not linear.
-    """
+    """Return the one window of a curve whose 1 / g is linear in l between two distances [m]; None for others."""
     if any(low < k < high for k in sensor.knots):
         return None
     distance = low + (high - low) * np.concatenate([[0.0], np.sin(np.pi / 4 * np.linspace(0, 1, 65)) ** 4, [1.0]])

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .closed_form import find_contacts
 from .layout import PEAKS, STATES
-from .native_lanes import contact_times
+from .native_lanes import contact_times, find_contacts
 from .parallel import for_stretches
 from .request import Request
 from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of

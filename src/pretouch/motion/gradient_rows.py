@@ -17,11 +17,10 @@ from pretouch._core.values import Travels
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import SlopeChange
 
-from .closed_form import OPEN, find_contacts
 from .curve import AT_PROBES, NODES, PROBES, TO_COEFFICIENTS, curve_pieces, curve_reach, curve_tops
 from .fast_path import fill_by_lanes
 from .layout import RELATIVE_INPUTS, ContactStatus
-from .native_series import follow_gradients
+from .native_lanes import OPEN, find_contacts, follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF, Solution
 from .windows import MIDDLE, TERMS, alone, curve_windows, farthest, reach_of

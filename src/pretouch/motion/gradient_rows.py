@@ -8,6 +8,7 @@ algebra on these two rows (`gradients`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import comb
 from typing import Any, Final
 
 import numpy as np
@@ -17,13 +18,23 @@ from pretouch._core.values import Travels
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import SlopeChange
 
-from .curve import AT_PROBES, NODES, PROBES, TO_COEFFICIENTS, curve_pieces, curve_reach, curve_tops
 from .fast_path import fill_by_lanes
 from .layout import RELATIVE_INPUTS, ContactStatus
 from .native_lanes import OPEN, find_contacts, follow_gradients
 from .parallel import for_stretches
 from .solution import STIFF, Solution
-from .windows import MIDDLE, TERMS, alone, curve_windows, farthest, reach_of
+from .windows import (
+    MIDDLE,
+    TERMS,
+    alone,
+    curve_pieces,
+    curve_reach,
+    curve_tops,
+    curve_windows,
+    farthest,
+    interpolate,
+    reach_of,
+)
 
 __all__ = ["GradientRows", "bend_at_contact"]
 
@@ -35,7 +46,7 @@ _MOST_FOLLOWED: Final = 256
 _STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
 _TOLERANCE: Final = 1e-10  # of the largest change of slope: one taken by differences is not smoother
 _HALVINGS: Final = 12
-_COUNT: Final = len(NODES)  # coefficients of a piece
+_COUNT: Final = 10  # coefficients of a piece
 
 
 class GradientRows(Travels):
@@ -68,7 +79,7 @@ class GradientRows(Travels):
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
             where = np.flatnonzero(self._differentiable())
-            rows[:, where] = self._follow(where, [len(RELATIVE_INPUTS)], (slope,))[:, 0]
+            rows[:, where] = self._follow(where, [len(RELATIVE_INPUTS)], slope)[:, 0]
             self._followed[name] = rows
         return self._followed[name]
 
@@ -91,7 +102,7 @@ class GradientRows(Travels):
         rows[:, :, left] = np.nan
         where = np.flatnonzero(left & (decays <= _STIFFEST))
         if len(where):
-            rows[:, :, where] = self._follow(where, kept, ())
+            rows[:, :, where] = self._follow(where, kept)
         return rows
 
     def _decays(self) -> FloatArray:
@@ -137,17 +148,17 @@ class GradientRows(Travels):
         left[where] = np.isnan(rows[0, 0, where])  # OPEN, or its derivatives not smooth enough
         return left
 
-    def _follow(self, where: IntArray, kept: list[int], slopes: tuple[SlopeChange, ...]) -> FloatArray:
+    def _follow(self, where: IntArray, kept: list[int], slope: SlopeChange | None = None) -> FloatArray:
         """Follow some encounters along the guaranteed path; NaN where that does not come to the contact."""
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
-        found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
+        found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)))
         status = np.ones(len(where), dtype=np.int8)
         r = request.some(where)
         tops = curve_tops(sensor, 0.0, float(np.max(r.p - r.x0, initial=0.0)), 4 * reach_of(request.scenario))
         for top, _ in tops:  # a motion may have gone beyond the pieces, and come back
-            pieces, terms = _changed_pieces(sensor, slopes, top)
+            pieces, terms = _changed_pieces(sensor, slope, top)
             open_ones = np.flatnonzero(status == 1)
 
             def run(start: int, stop: int, which: IntArray = open_ones, p: Any = pieces, t: Any = terms) -> None:
@@ -162,52 +173,38 @@ class GradientRows(Travels):
         return found[:, :, kept].transpose(1, 2, 0)
 
 
-def _changed_pieces(sensor: SensorModel, slopes: tuple[SlopeChange, ...], high: float) -> tuple[FloatArray, FloatArray]:
-    """Approximate the slope of a curve and changes of it on common pieces.
-
-    Args:
-        sensor: the curve, valid down to l = 0.
-        slopes: changes of its slope, functions of the distance.
-        high: where the pieces end [m], inside the valid range.
+def _changed_pieces(sensor: SensorModel, slope: SlopeChange | None, high: float) -> tuple[FloatArray, FloatArray]:
+    """Approximate the slope of a curve and a change of it on common pieces from l = 0 up to a distance [m].
 
     Returns:
-        Pieces as `curve_pieces` has them, from 0 upward, and the coefficients of the changes in the same variable,
-        shape (pieces, changes, 10); they meet the changes to 1e-10 of their largest value.
+        Pieces as `curve_pieces` has them, and the coefficients of the change in the same variable, shape (pieces, 1,
+        10), or (pieces, 0, 10) where there is none; they meet the change to 1e-10 of its largest value.
     """
     pieces = curve_pieces(sensor, 0.0, high)
-    if not slopes:
+    if slope is None:
         return pieces, np.zeros((len(pieces), 0, _COUNT))
+
+    def look(distance: FloatArray) -> FloatArray:
+        return np.asarray(slope(np.clip(distance, *sensor.valid_range)), dtype=np.float64)[:, None]
+
     for _ in range(_HALVINGS):
-        middle, half = pieces[:, :1], pieces[:, 1:2]
-        values = _sampled(sensor, slopes, middle + half * NODES)
-        terms = values @ TO_COEFFICIENTS.T
-        error = np.abs(terms @ AT_PROBES.T - _sampled(sensor, slopes, middle + half * PROBES)).max(axis=2)
-        poor = (error > _TOLERANCE * np.abs(values).max(axis=(0, 2))).any(axis=1)
+        values, terms, error = interpolate(look, pieces[:, 0], pieces[:, 1])
+        poor = error[:, 0] > _TOLERANCE * np.abs(values).max()
         if not poor.any():
             break
         pieces = _halved(pieces, poor)
     return pieces, np.ascontiguousarray(terms)
 
 
-def _sampled(sensor: SensorModel, slopes: tuple[SlopeChange, ...], distance: FloatArray) -> FloatArray:
-    low, high = sensor.valid_range
-    inside = np.clip(distance, low, high)
-    return np.stack([np.asarray(slope(inside), dtype=np.float64) for slope in slopes], axis=1)
-
-
 def _halved(pieces: FloatArray, poor: BoolArray) -> FloatArray:
     """Cut pieces in two; their polynomials stay what they are."""
     parts = [pieces[~poor]]
     for side in (-0.5, 0.5):
-        change = np.array([[_binomial(j, i) * side ** (j - i) * 0.5**i for j in range(_COUNT)] for i in range(_COUNT)])
+        change = np.array([[comb(j, i) * side ** (j - i) * 0.5**i for j in range(_COUNT)] for i in range(_COUNT)])
         old = pieces[poor]
         parts.append(np.column_stack([old[:, 0] + side * old[:, 1], old[:, 1] / 2, old[:, 2:] @ change.T]))
     both = np.concatenate(parts)
     return both[np.argsort(both[:, 0])]
-
-
-def _binomial(n: int, k: int) -> float:
-    return float(np.prod([(n - i) / (i + 1) for i in range(k)])) if k <= n else 0.0
 
 
 def bend_at_contact(sensor: SensorModel) -> float:

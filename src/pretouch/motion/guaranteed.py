@@ -16,12 +16,12 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 
-from .curve import curve_pieces, curve_tops
 from .layout import COLUMNS, ContactStatus, named
 from .many_curves import ManyCurves
 from .native_lanes import respond_many, solve_linear, solve_series
 from .parallel import for_stretches
 from .request import Request, Which
+from .windows import curve_pieces, curve_tops
 
 __all__ = ["solve_guaranteed", "trace_guaranteed", "uniform_motion"]
 

@@ -13,7 +13,6 @@ from pretouch.motion import (
     ContactResult,
     Obstacle,
     Scenario,
-    fast_path,
     find_contact,
     solution,
 )
@@ -140,7 +139,7 @@ def test_a_batch_certifies_itself() -> None:
 def test_memory_is_that_of_input_and_output(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside them: one copy of the gains, which keeps a later reading true, and blocks of a fixed size."""
     monkeypatch.setattr(solution, "_KEPT", 1000)
-    monkeypatch.setattr(fast_path, "_MOST", 10_000)
+    monkeypatch.setattr(solution, "_MOST", 10_000)
     n = 200_000
     rng = np.random.default_rng(6)
     scenario = Scenario(

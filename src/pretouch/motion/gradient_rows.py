@@ -18,11 +18,10 @@ from pretouch._core.values import Travels
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import SlopeChange
 
-from .fast_path import fill_by_lanes
 from .layout import RELATIVE_INPUTS, ContactStatus
 from .native_lanes import OPEN, find_contacts, follow_gradients
 from .parallel import for_stretches
-from .solution import STIFF, Solution
+from .solution import STIFF, Solution, fill_by_lanes
 from .windows import (
     MIDDLE,
     TERMS,

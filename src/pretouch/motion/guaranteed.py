@@ -26,6 +26,7 @@ from .windows import curve_pieces, curve_tops
 __all__ = ["solve_guaranteed", "trace_guaranteed", "uniform_motion"]
 
 _BLOCK: Final = 16
+_DISTANCE: Final = COLUMNS.index("distance")
 _LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
 _MOST: Final = 16_384
 
@@ -119,7 +120,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
             rows[again], status[again] = out, ended
         if not limits[-1]:
             return
-        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (named(rows)["distance"] >= top))
+        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, _DISTANCE] >= top))
         if not len(again):
             return
         values, gain = (x[again] for x in given)

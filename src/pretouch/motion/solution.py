@@ -1,4 +1,4 @@
-"""One call of the solver, solved as far as what is read of it needs."""
+"""One call of the solver, solved as far as what is read of it needs: fast where that can be proved, in stretches."""
 
 from __future__ import annotations
 
@@ -11,17 +11,23 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .fast_path import fill_by_form, peaks_in_lanes, solve_in_lanes
 from .guaranteed import solve_guaranteed
 from .layout import COLUMNS, PEAKS, STATES
+from .native_lanes import contact_times, find_contacts
+from .parallel import for_stretches
 from .request import Request
+from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of
 
-__all__ = ["STIFF", "Solution"]
+__all__ = ["STIFF", "Solution", "fill_by_lanes"]
 
 STIFF: Final = 500.0
 """Time over that of the damping at contact, from which l'' is a difference of much larger numbers."""
 
 _LANES: Final = 8  # below, all that is asked of a contact is solved at once
+_LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
+_LEAST: Final = 512
+_MOST: Final = 1 << 18
+_BEYOND: Final = 4.0  # how far beyond the farthest start an object may go before it is left to the guaranteed path
 _KEPT: Final = 1 << 22  # encounters up to which the states are kept that come with the times
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
@@ -71,7 +77,7 @@ class Solution(Value):
         if request.method == "closed-form":
             self._found = self._solve_by_form(kept)
         else:
-            self._found, self.status = solve_in_lanes(request, None, whole=kept)
+            self._found, self.status = _in_lanes(request, None, STATES if kept else STATES[:1])
         self._open = np.flatnonzero(self.status)
         if len(self._open):
             self._open_rows, ended = solve_guaranteed(request, self._open)
@@ -85,10 +91,10 @@ class Solution(Value):
         if kept:
             found["relative_velocity"] = wanted["approach"] = np.empty(request.size)
         self.status = self._by_form = np.empty(request.size, dtype=np.int8)
-        fill_by_form(request, found["time"], self.status, given=False, **wanted)
+        _fill_by_form(request, found["time"], self.status, given=False, **wanted)
         which = np.flatnonzero(self.status)
         if len(which):
-            states, status = solve_in_lanes(request, which, whole=kept)
+            states, status = _in_lanes(request, which, STATES if kept else STATES[:1])
             proved = status == 0
             self.status = self.status.copy()
             self.status[which] = status
@@ -145,26 +151,26 @@ class Solution(Value):
     def _states(self) -> dict[str, FloatArray]:
         request = self.request
         if self._by_form is None:
-            return solve_in_lanes(request, None)[0]
+            return _in_lanes(request, None)[0]
         rows, time = np.empty((len(STATES) - 1, request.size)), self._found["time"]
-        fill_by_form(request, time, self._by_form, given=True, states=rows)
+        _fill_by_form(request, time, self._by_form, given=True, states=rows)
         states = dict(zip(STATES, (time, *rows), strict=True))
         which, known = self._in_lanes
         if which is not None:
-            for name, values in (known or solve_in_lanes(request, which)[0]).items():
+            for name, values in (known or _in_lanes(request, which)[0]).items():
                 states[name][which] = values
         return states
 
     def _peaks(self) -> dict[str, FloatArray]:
         request = self.request
         if self._by_form is None:
-            return peaks_in_lanes(request, None)
+            return _in_lanes(request, None, PEAKS)[0]
         rows = np.empty((len(PEAKS), request.size))
-        fill_by_form(request, self._found["time"], self._by_form, given=True, peaks=rows)
+        _fill_by_form(request, self._found["time"], self._by_form, given=True, peaks=rows)
         peaks = dict(zip(PEAKS, rows, strict=True))
         which = np.flatnonzero(np.isnan(rows).any(axis=0) & self._proved())
         if len(which):
-            for name, values in peaks_in_lanes(request, which).items():
+            for name, values in _in_lanes(request, which, PEAKS)[0].items():
                 peaks[name][which] = np.where(np.isnan(peaks[name][which]), values, peaks[name][which])
         return peaks
 
@@ -196,23 +202,17 @@ class Solution(Value):
         Where hundreds of time constants have passed, it is a difference of much larger numbers, which lanes have to
         1e-7 only; derivatives need it better.
         """
-        name = "settled_acceleration"
+        name, request = "settled_acceleration", self.request
         if name not in self._known:
-            self._known[name] = self._find_settled_acceleration()
+            found, r = self.raw("displacement_acceleration"), request.relative
+            if self._rows is None and request.method != "closed-form":
+                decays = (r.damping + r.gain * request.sensor.log_slope(0.0)) / r.mass
+                which = np.flatnonzero(self._proved() & (decays * self.raw("time") > STIFF))
+                if len(which):
+                    found = found.copy()
+                    found[which] = solve_guaranteed(request, which)[0][:, _AT["displacement_acceleration"]]
+            self._known[name] = found
         return np.asarray(self._known[name])
-
-    def _find_settled_acceleration(self) -> FloatArray:
-        found, request = self.raw("displacement_acceleration"), self.request
-        if self._rows is not None or request.method == "closed-form":
-            return found
-        r = request.relative
-        slope = request.sensor.log_slope(max(request.sensor.valid_range[0], 0.0))
-        decays = (r.damping + r.gain * slope) / r.mass
-        which = np.flatnonzero(self._proved() & (decays * self.raw("time") > STIFF))
-        if len(which):
-            found = found.copy()
-            found[which] = solve_guaranteed(request, which)[0][:, _AT["displacement_acceleration"]]
-        return found
 
     def reference(self, derivative: int) -> FloatArray:
         """Return x_d, x_d' or x_d'' at the end of every run."""
@@ -222,6 +222,88 @@ class Solution(Value):
         if derivative == 1:
             return np.asarray(given.velocity + given.acceleration * time).reshape(-1)
         return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
+
+
+def _fill_by_form(
+    request: Request, time: FloatArray, status: NDArray[np.int8], *, given: bool, **wanted: FloatArray
+) -> None:
+    """Have `find_contacts` find the contacts of encounters with a constant slope, or fill more of those found."""
+    slope = request.slope
+
+    def run(start: int, stop: int) -> None:
+        part = slice(start, stop)
+        views = {name: array[..., part] for name, array in wanted.items()} if stop - start < request.size else wanted
+        find_contacts(request.some(part), slope, request.horizon, time[part], status[part], given=given, **views)
+
+    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
+
+
+def _in_lanes(
+    request: Request, which: IntArray | None, names: tuple[str, ...] = STATES
+) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
+    """Find and prove first contacts of some encounters or all, on curves that hold down to l = 0.
+
+    Returns:
+        Some of layout.STATES, or layout.PEAKS, nan where they are not settled, by name, shape (m,) each, and 0 where a
+        contact is proved, shape (m,).
+    """
+    size = request.size if which is None else len(which)
+    kept, status = np.empty((len(names), size)), np.empty(size, dtype=np.int8)
+
+    def take(part: slice, *found: FloatArray) -> None:
+        kept[:, part] = found[-1][: len(names)]
+
+    more = {"peaks": (len(PEAKS),)} if names is PEAKS else {}
+    fill_by_lanes(request, which, _curves(request, which), status, take, most=_MOST, **more)
+    return dict(zip(names, kept, strict=True)), status
+
+
+def fill_by_lanes(
+    request: Request,
+    which: IntArray | None,
+    curves: Curves,
+    status: NDArray[np.int8],
+    take: Callable[..., None],
+    *,
+    most: int,
+    **more: tuple[int, ...],
+) -> None:
+    """Have `contact_times` find contacts, stretch by stretch.
+
+    Args:
+        request: the encounters.
+        which: the indices of those to solve, m of them; None for all.
+        curves: theirs.
+        status: filled with 0 where a contact is proved, else another, shape (m,).
+        take: takes where a stretch of the m lies, its states, shape (6, k), and what else is wanted.
+        most: the longest stretch.
+        **more: what else is wanted by its name in `contact_times`, with its shape for one encounter.
+    """
+    table, starts, curve_of = curves
+
+    def run(start: int, stop: int) -> None:
+        part = slice(start, stop)
+        states = np.empty((len(STATES), stop - start))
+        filled: dict[str, Any] = {name: np.empty((*shape, stop - start)) for name, shape in more.items()}
+        own = table, starts, curve_of if len(curve_of) == 1 else curve_of[part]
+        some = request.some(part if which is None else which[part])
+        contact_times(some, own, request.horizon, states, status[part], **filled)
+        take(part, states, *filled.values())
+
+    for_stretches(run, len(status), least=_LEAST, most=most)
+
+
+def _curves(request: Request, which: IntArray | None) -> Curves:
+    """Return as much of the curves as the encounters need; few tables, so that they are kept."""
+    if request.many is not None:
+        windows = request.many.windows(reach_of(request.scenario))
+        curve_of = (np.arange(request.size) if which is None else which) % len(request.many)
+        return windows.table, windows.starts, curve_of
+    reach = farthest(request.scenario, request.sensor)
+    if request.method == "closed-form":
+        top = min(_BEYOND * reach, request.sensor.valid_range[1])
+        return alone(line_windows(request.slope, top))
+    return alone(curve_windows(request.sensor, 0.0, reach))
 
 
 def _settling(request: Request) -> FloatArray:

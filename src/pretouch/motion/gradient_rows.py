@@ -49,11 +49,7 @@ _COUNT: Final = 10  # coefficients of a piece
 
 
 class GradientRows(Travels):
-    """Derivatives of time and l' at contact by the relative inputs, found when they are first asked for.
-
-    Args:
-        solution: the encounters and their contacts.
-    """
+    """Derivatives of time and l' at contact by the relative inputs, found when they are first asked for."""
 
     __slots__ = ("_followed", "_rows", "_solution")
 

@@ -213,15 +213,7 @@ class ContactGradients(Value):
 
 
 class ManyGradients:
-    """The derivatives of encounters with a sensor curve each, side by side along the last axis.
-
-    Args:
-        parts: those of each curve.
-
-    Attributes:
-        quantities: as in ContactGradients.
-        inputs: likewise.
-    """
+    """The derivatives of encounters with a sensor curve each, side by side along the last axis, as ContactGradients."""
 
     __slots__ = ("inputs", "parts", "quantities")
 

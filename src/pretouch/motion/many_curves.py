@@ -86,12 +86,6 @@ def many_curves(
 ) -> ManyCurves | None:
     """Put curves together that may be solved together.
 
-    Args:
-        sensor: the one that they are made from.
-        values: the parameters that differ, shape (n,) each.
-        sensors: the curves.
-        method: how encounters are to be solved, as in `find_contact`.
-
     Returns:
         The curves; None where some are of constant slope or do not hold at contact, or another method is asked for.
     """

@@ -127,18 +127,13 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
 def windows_side_by_side(
     sensors: Sequence[SensorModel], values: Mapping[str, FloatArray], tops: FloatArray
 ) -> ManyWindows:
-    """Meet curves of one kind on common windows, and those that need others on their own, from l = 0 upward.
+    """Meet curves of one kind on common windows, and those that need others on their own.
 
     The windows are chosen for the curves with the smallest and the largest value of each parameter and one in the
     middle. All curves are then looked at where these were, and each must be met there.
 
-    Args:
-        sensors: the curves, n of them.
-        values: the parameters that differ, shape (n,) each.
-        tops: where the windows of each end [m], shape (n,).
-
     Returns:
-        Their windows.
+        Their windows, from l = 0 up to where those of each end [m].
     """
     places = [place for value in values.values() for place in (np.argmin(value), np.argmax(value))]
     chosen = [sensors[i] for i in dict.fromkeys([len(sensors) // 2, *map(int, places)])]

@@ -107,14 +107,7 @@ class Solution(Value):
         return (self.request,)
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run, a float for a single one.
-
-        Args:
-            name: of a field of ContactState or ContactResult.
-
-        Returns:
-            The quantity, of the broadcast shape.
-        """
+        """Return a quantity of ContactState or ContactResult, of the broadcast shape; a float for a single run."""
         if name not in self._known:
             found = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():

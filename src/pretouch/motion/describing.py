@@ -112,15 +112,10 @@ def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Cha
 
 
 def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> Chapter:
-    """Return the section of a page that says how its encounters were solved, and what that assumes.
+    """Return the section of a page that says how encounters were solved, by a key of METHODS or a method's own words.
 
-    Args:
-        method: a key of METHODS, or a method's own words.
-        solved_on: `motion`, that of L(1), `loop` or `other`, a function of the user's.
-        others: what a page has to say before.
-
-    Returns:
-        The section.
+    What that assumes is known of `motion`, L(1), and of `loop`, not of `other`, a function of the user's. What else a
+    page has to say comes before.
     """
     of = {"motion": _OF_THE_MOTION, "loop": _OF_THE_LOOP}.get(solved_on, _OF_A_FUNCTION)
     known = Paragraph(text=METHODS.get(method, method))

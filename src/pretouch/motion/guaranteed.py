@@ -32,11 +32,7 @@ _MOST: Final = 16_384
 
 
 def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters of a request by its method.
-
-    Args:
-        request: the encounters.
-        which: the indices of those to solve, m of them; None for all.
+    """Solve encounters of a request by its method: those of some indices, m of them, or all.
 
     Returns:
         Rows of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).

@@ -26,32 +26,19 @@ class Relative(NamedTuple):
 
     Each has one number that all encounters share, or one for each. The motion of the reference is only needed for what
     is absolute.
-
-    Args:
-        mass: M_a [kg].
-        damping: D_a [N s/m].
-        stiffness: K_a [N/m].
-        x0: x~(0) of the plant [m].
-        u0: x~'(0) of the plant [m/s].
-        p: x_o - x_d at t = 0 [m].
-        v: its velocity [m/s].
-        a: its acceleration [m/s^2].
-        gain: D_p [N s].
-        reference_velocity: x_d' at t = 0 [m/s].
-        reference_acceleration: x_d'' [m/s^2].
     """
 
-    mass: FloatArray
-    damping: FloatArray
-    stiffness: FloatArray
-    x0: FloatArray
-    u0: FloatArray
-    p: FloatArray
-    v: FloatArray
-    a: FloatArray
-    gain: FloatArray
-    reference_velocity: FloatArray
-    reference_acceleration: FloatArray
+    mass: FloatArray  # M_a [kg]
+    damping: FloatArray  # D_a [N s/m]
+    stiffness: FloatArray  # K_a [N/m]
+    x0: FloatArray  # x~(0) of the plant [m]
+    u0: FloatArray  # x~'(0) of the plant [m/s]
+    p: FloatArray  # x_o - x_d at t = 0 [m]
+    v: FloatArray  # its velocity [m/s]
+    a: FloatArray  # its acceleration [m/s^2]
+    gain: FloatArray  # D_p [N s]
+    reference_velocity: FloatArray  # x_d' at t = 0 [m/s]
+    reference_acceleration: FloatArray  # x_d'' [m/s^2]
 
 
 RELATIVE_INPUTS: Final = Relative._fields[:9]

@@ -108,11 +108,6 @@ class Request(Value):
 def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
     """Check that a curve holds where encounters start, and choose their method where that is left open.
 
-    Args:
-        scenario: the encounters.
-        sensor: the sensor curve.
-        method: one of METHODS.
-
     Returns:
         The method, never "auto".
 

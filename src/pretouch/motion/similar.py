@@ -115,12 +115,7 @@ class _RescaledGradients(Value):
 
 
 def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> Likeness | None:
-    """Find the one sensor that stands for many.
-
-    Args:
-        sensor: a sensor.
-        values: its parameters that differ, without `sensor.`, shape (n,) each, in SI.
-        distance: the distances at the start [m], of a shape that broadcasts with (n,).
+    """Find the one sensor that stands for many, whose parameters differ, (n,) each, from distances at the start [m].
 
     Returns:
         The likeness, or None where there is none, or where a curve does not hold from the start to contact.

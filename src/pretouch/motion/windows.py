@@ -223,12 +223,7 @@ class CurveError(InvalidInputError):
 
 @kept_by_curve(256)
 def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate the slope g of a curve by polynomials on pieces that are halved until they fit.
-
-    Args:
-        sensor: the curve.
-        low: where the pieces start [m], inside the valid range.
-        high: where they end [m], inside the valid range.
+    """Approximate the slope g of a curve between two of its distances [m] by polynomials on pieces, halved to fit.
 
     Returns:
         One row per piece, ascending: its middle [m], its half width [m] and the coefficients of g [1/m] in

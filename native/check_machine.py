@@ -20,11 +20,8 @@ import numpy as np
 import pretouch as pt
 from pretouch._core.native import address
 from pretouch.design.search.compiled import find_gains
-from pretouch.motion.closed_form import find_contacts
-from pretouch.motion.curve import curve_pieces
-from pretouch.motion.native_lanes import contact_times, of_core
-from pretouch.motion.native_series import solve_series
-from pretouch.motion.windows import alone, curve_windows
+from pretouch.motion.native_lanes import contact_times, find_contacts, of_core, solve_series
+from pretouch.motion.windows import alone, curve_pieces, curve_windows
 
 NATIVE = Path(__file__).resolve().parent
 N = 203

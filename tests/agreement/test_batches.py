@@ -11,12 +11,9 @@ from encounters import CURVES, KINDS, random_encounters
 from pretouch.motion import (
     Admittance,
     ContactResult,
-    ContactStatus,
     Obstacle,
     Scenario,
-    fast_path,
     find_contact,
-    lane_path,
     solution,
 )
 from pretouch.motion.request import Request, make_request
@@ -54,7 +51,7 @@ def test_a_batch_is_what_the_guaranteed_path_gives(kind: str, name: str) -> None
 
 def check_demands(found: ContactResult, sure: ContactResult, request: Request) -> None:
     """The largest demands agree to 1e-9, and to the rounding of what they are differences of on either path."""
-    mass, damping, stiffness, x_0, u_0, p, v, a, drift, pull = np.abs(request.values.T)
+    mass, damping, stiffness, x_0, u_0, p, v, a, drift, pull = np.abs(request.part(slice(None))[0].T)
     time = np.asarray(sure.end.time)
     speed = v + u_0 + a * time + drift + pull * time
     way = x_0 + p + speed * time
@@ -83,13 +80,13 @@ def test_the_largest_demands_until_a_contact_need_no_whole_motion(
     sure = ContactResult(Solution(request, whole=True), request.method)
     found = ContactResult(Solution(request), request.method)
     asked: list[int] = []
-    guaranteed = solution._guaranteed
+    guaranteed = solution.solve_guaranteed
 
     def counted(request: Request, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         asked.append(request.size if which is None else len(which))
         return guaranteed(request, which)
 
-    monkeypatch.setattr(solution, "_guaranteed", counted)
+    monkeypatch.setattr(solution, "solve_guaranteed", counted)
     np.testing.assert_array_equal(found.settling_distance, sure.settling_distance)
     check_demands(found, sure, request)
     # one in thirty of a quantity at most: two peaks in one step, and what is a difference of much larger numbers
@@ -113,13 +110,14 @@ def test_what_ends_without_contact_has_the_demands_of_the_guaranteed_path() -> N
 def test_a_constant_slope_takes_the_lanes_where_the_closed_form_leaves_a_contact_open(kind: str) -> None:
     batch = random_encounters(kind, 2000, seed=14)
     request = make_request(batch.scenario, SENSORS["exponential-1"], batch.gain, "auto", 20.0)
-    path = fast_path.FastPath(request)
+    path = Solution(request)
     sure = ContactResult(Solution(request, whole=True), request.method)
-    proved = path.status == ContactStatus.CONTACT
+    proved = path._proved()
     assert sure.reached[proved].all()
-    assert np.abs(path.known["time"] / sure.end.time - 1)[proved].max() < 1e-9
+    assert np.abs(path.raw("time") / sure.end.time - 1)[proved].max() < 1e-9
     assert proved[sure.reached].mean() > 0.95, "what is left is stiff, or starts with two motions that balance"
-    by_form = path.by_form
+    by_form = path._by_form
+    assert by_form is not None
     assert (by_form[proved] != 0).mean() > 0.01, "some are the work of the lanes"
     assert (proved | (by_form != 0)).all()
 
@@ -140,9 +138,8 @@ def test_a_batch_certifies_itself() -> None:
 @pytest.mark.parametrize("name", ["exponential-1", "inverse-power"])
 def test_memory_is_that_of_input_and_output(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside them: one copy of the gains, which keeps a later reading true, and blocks of a fixed size."""
-    monkeypatch.setattr(fast_path, "_KEPT", 1000)
-    monkeypatch.setattr(fast_path, "_MOST", 10_000)
-    monkeypatch.setattr(lane_path, "_MOST", 10_000)
+    monkeypatch.setattr(solution, "_KEPT", 1000)
+    monkeypatch.setattr(solution, "_MOST", 10_000)
     n = 200_000
     rng = np.random.default_rng(6)
     scenario = Scenario(

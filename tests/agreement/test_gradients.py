@@ -18,7 +18,8 @@ from mpmath import mp, mpf
 from encounters import CURVES, KINDS, Encounters, random_encounters
 from gradient_scales import scales_of, sizes_of
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
-from pretouch.motion.gradient_rows import RELATIVE_INPUTS, GradientRows
+from pretouch.motion.gradient_rows import GradientRows
+from pretouch.motion.layout import RELATIVE_INPUTS
 from pretouch.motion.request import make_request
 from pretouch.motion.solution import Solution
 from pretouch.sensors import ExponentialFirstOrder, Recessed, SensorModel
@@ -180,7 +181,7 @@ def rows_by_every_way(kind: str, sensor: SensorModel, count: int) -> Ways:
     reached = solution.status == ContactStatus.CONTACT
     where = np.flatnonzero(reached)
     followed = np.full((2, 9, count), np.nan)
-    followed[:, :, where] = rows._follow(where, everything, ())
+    followed[:, :, where] = rows._follow(where, everything)
     others = {}
     ways: dict[str, Callable[..., Any]] = {"lanes": rows._in_lanes}
     if sensor.constant_log_slope is not None:

@@ -10,8 +10,8 @@ import pytest
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import Admittance, ContactState, Obstacle, Plant, Reference, Scenario, find_contact
-from pretouch.motion.images import find_images
 from pretouch.motion.many_curves import ManyCurves
+from pretouch.motion.many_windows import find_images
 from pretouch.motion.windows import LOW, MIDDLE, TERMS, TOP
 from pretouch.sensors import CustomSensor, InversePower, MittagLeffler, Recessed, SensorModel, Table, parameter
 from pretouch.sensors.change import CurveChange

@@ -9,9 +9,8 @@ from test_linear_block import KINDS as LINEAR_KINDS
 
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
-from pretouch.motion.closed_form import find_contacts, solve_linear
 from pretouch.motion.layout import PEAKS
-from pretouch.motion.native_lanes import contact_times as lane_times
+from pretouch.motion.native_lanes import contact_times, find_contacts, solve_linear
 from pretouch.motion.windows import alone, curve_windows
 from pretouch.sensors import SensorModel
 
@@ -106,8 +105,8 @@ def test_demands_do_not_depend_on_what_the_other_lanes_hold() -> None:
     def solve(which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         c, n = [x[which] for x in columns], len(which)
         out, peaks, status = np.empty((6, n)), np.empty((5, n)), np.empty(n, dtype=np.int8)
-        inputs = (*c[:8], batch.gain[which])
-        lane_times(inputs, alone(windows), 20.0, out, status, reference=c[8:10], peaks=peaks)
+        inputs = (*c[:8], batch.gain[which], *c[8:])
+        contact_times(inputs, alone(windows), 20.0, out, status, peaks=peaks)
         return peaks, status
 
     whole, status = solve(np.arange(37))

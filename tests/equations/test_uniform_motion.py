@@ -14,7 +14,7 @@ from printed_letter import differences, distance_motion, exact
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
-from pretouch.motion.uniform_motion import uniform_motion
+from pretouch.motion.guaranteed import uniform_motion
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower
 
 EPS = np.finfo(float).eps

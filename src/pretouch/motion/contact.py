@@ -13,7 +13,7 @@ from pretouch._core.numbers import BoolArray
 from pretouch._core.values import Value
 
 from .gradients import ContactGradients, gradients_of
-from .status import ContactStatus
+from .layout import ContactStatus
 
 __all__ = ["Columns", "ContactResult", "ContactState", "ContactStatus"]
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from operator import attrgetter
 from typing import Any, Final, Protocol
 
 from pretouch._core.blocks import Block, Cell, Chapter, Listing, Measured, Paragraph, Rows
 from pretouch._core.vocabulary import words_for
 from pretouch.sensors import SensorModel
 
+from .inputs import SCENARIO_INPUTS
 from .scenario import Scenario
 
 __all__ = ["METHODS", "inputs_section", "method_section", "scenario_rows", "sensor_rows", "solved_on"]
@@ -78,48 +80,31 @@ def solved_on(answer: _Answer) -> str:
 
 def scenario_rows(scenario: Scenario) -> Iterator[Row]:
     """Yield every input of an encounter."""
-    a, o, p, r = (getattr(scenario, name) for name in ("admittance", "obstacle", "plant", "reference"))
-    yield "admittance: mass M_a", Measured(float(a.mass), "kg")
-    yield "admittance: damping D_a", Measured(float(a.damping), "N*s/m")
-    yield "admittance: stiffness K_a", Measured(float(a.stiffness), "N/m")
-    if a.stiffness > 0:
-        yield "natural frequency", Measured(float(a.natural_frequency), "rad/s")
-        yield "damping ratio", Measured(float(a.damping_ratio))
-    for name, body in (("obstacle", o), ("plant", p), ("reference", r)):
-        yield f"{name}: position", Measured(float(body.position), "m")
-        yield f"{name}: velocity", Measured(float(body.velocity), "m/s")
-        if hasattr(body, "acceleration"):
-            yield f"{name}: acceleration", Measured(float(body.acceleration), "m/s^2")
+    symbols = {"mass": " M_a", "damping": " D_a", "stiffness": " K_a"}
+    for name, unit in SCENARIO_INPUTS.items():
+        part, _, own = name.partition(".")
+        of_response = own in {"natural_frequency", "damping_ratio"}
+        if not of_response or scenario.admittance.stiffness > 0:
+            label = words_for(own) if of_response else f"{part}: {own}{symbols.get(own, '')}"
+            yield label, Measured(float(attrgetter(name)(scenario)), unit)
     yield "distance at the start", Measured(float(scenario.distance), "m")
 
 
 def sensor_rows(sensor: SensorModel) -> Iterator[Row]:
     """Yield the parameters of a curve and where it holds."""
     yield "curve", sensor.name
-    units: dict[str, str] = {}
     part: Any = sensor
-    while part is not None:
-        units |= {f.name: f.metadata.get("unit", "m") for f in part.__dataclass_fields__.values()}
-        yield from [("recessed curve", part.sensor.name)] if hasattr(part, "sensor") else []
-        part = getattr(part, "sensor", None)
+    while part := getattr(part, "sensor", None):
+        yield "recessed curve", part.name
     for name, value in sensor.parameters.items():
-        yield words_for(name), Measured(value, units.get(name, ""), 6)
+        yield words_for(name), Measured(value, sensor.parameter_units[name], 6)
     low, high = sensor.valid_range
     yield "valid from", Measured(low, "m")
     yield "valid to", Measured(high, "m")
 
 
 def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Chapter:
-    """Return the section of a page that lists its inputs.
-
-    Args:
-        scenario: the encounter.
-        sensor: the sensor curve.
-        others: further rows beside those of the encounter.
-
-    Returns:
-        The section.
-    """
+    """Return the section of a page that lists its inputs: encounter, sensor, and further rows."""
     encounter = Rows(rows=(*scenario_rows(scenario), *others))
     curve = Rows(rows=tuple(sensor_rows(sensor)), wraps=True)
     blocks = (Chapter(title="Encounter", blocks=(encounter,)), Chapter(title="Sensor", blocks=(curve,)))
@@ -127,15 +112,10 @@ def inputs_section(scenario: Scenario, sensor: SensorModel, *others: Row) -> Cha
 
 
 def method_section(method: str, *, solved_on: str = "motion", others: Iterable[Block] = ()) -> Chapter:
-    """Return the section of a page that says how its encounters were solved, and what that assumes.
+    """Return the section of a page that says how encounters were solved, by a key of METHODS or a method's own words.
 
-    Args:
-        method: a key of METHODS, or a method's own words.
-        solved_on: `motion`, that of L(1), `loop` or `other`, a function of the user's.
-        others: what a page has to say before.
-
-    Returns:
-        The section.
+    What that assumes is known of `motion`, L(1), and of `loop`, not of `other`, a function of the user's. What else a
+    page has to say comes before.
     """
     of = {"motion": _OF_THE_MOTION, "loop": _OF_THE_LOOP}.get(solved_on, _OF_A_FUNCTION)
     known = Paragraph(text=METHODS.get(method, method))

@@ -39,13 +39,5 @@ class ManySensorEvaluator(Protocol):
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
-    """Skip the noise of some runs.
-
-    Args:
-        evaluator: solves encounters.
-        runs: how many runs.
-
-    Returns:
-        The evaluator that goes on from there; one without numbered noise is returned as it is.
-    """
+    """Return an evaluator that goes on after the noise of some runs; one without numbered noise as it is."""
     return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator

@@ -8,46 +8,48 @@ algebra on these two rows (`gradients`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import comb
 from typing import Any, Final
 
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Travels
+from pretouch.sensors import SensorModel
 from pretouch.sensors.change import SlopeChange
 
-from .closed_form import OPEN, find_contacts
-from .curve import curve_reach
-from .curve_changes import changed_pieces
-from .native_lanes import contact_times
-from .native_series import follow_gradients
+from .layout import RELATIVE_INPUTS, ContactStatus
+from .native_lanes import OPEN, find_contacts, follow_gradients
 from .parallel import for_stretches
-from .solution import STIFF, Solution
-from .status import ContactStatus
-from .windows import alone, curve_windows, farthest, reach_of
+from .solution import STIFF, Solution, fill_by_lanes
+from .windows import (
+    MIDDLE,
+    TERMS,
+    alone,
+    curve_pieces,
+    curve_reach,
+    curve_tops,
+    curve_windows,
+    farthest,
+    interpolate,
+    reach_of,
+)
 
-__all__ = ["RELATIVE_INPUTS", "GradientRows"]
-
-RELATIVE_INPUTS: Final = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "gain")
-"""The inputs of L(8) and L(9): the admittance, the plant and the obstacle relative to the reference, and D_p."""
+__all__ = ["GradientRows", "bend_at_contact"]
 
 _KEPT: Final = 1 << 20  # encounters up to which all rows are kept: 150 MB
 _BLOCK: Final = 1 << 12  # encounters of which a kernel's whole output is held at a time
 _LEAST_LINEAR: Final = 8192  # encounters that are worth a thread
-_LEAST_SERIES: Final = 512
 _LEAST_FOLLOWED: Final = 16
 _MOST_FOLLOWED: Final = 256
-_FARTHEST: Final = 1e12
-_GROWTH: Final = 64.0
 _STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
+_TOLERANCE: Final = 1e-10  # of the largest change of slope: one taken by differences is not smoother
+_HALVINGS: Final = 12
+_COUNT: Final = 10  # coefficients of a piece
 
 
 class GradientRows(Travels):
-    """Derivatives of time and l' at contact by the relative inputs, found when they are first asked for.
-
-    Args:
-        solution: the encounters and their contacts.
-    """
+    """Derivatives of time and l' at contact by the relative inputs, found when they are first asked for."""
 
     __slots__ = ("_followed", "_rows", "_solution")
 
@@ -57,14 +59,7 @@ class GradientRows(Travels):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives by some of RELATIVE_INPUTS.
-
-        Args:
-            which: their places there.
-
-        Returns:
-            Of time and of l', shape (2, k, n); NaN where there is no contact, or a touch.
-        """
+        """Return the derivatives of time and l' by RELATIVE_INPUTS at places, (2, k, n); NaN where there are none."""
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
             kept = everything if self._solution.request.size <= _KEPT else which
@@ -75,19 +70,11 @@ class GradientRows(Travels):
         return self._rows[:, list(which)]
 
     def of_slope(self, name: str, slope: SlopeChange) -> FloatArray:
-        """Return the derivatives by a parameter that changes the slope of the curve.
-
-        Args:
-            name: of the parameter.
-            slope: dg / d(parameter) of the distance.
-
-        Returns:
-            Of time and of l', shape (2, n); NaN where there is no contact, or a touch.
-        """
+        """Return the derivatives of time and l', (2, n), by a parameter that changes the slope by a function of l."""
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
             where = np.flatnonzero(self._differentiable())
-            rows[:, where] = self._follow(where, [len(RELATIVE_INPUTS)], (slope,))[:, 0]
+            rows[:, where] = self._follow(where, [len(RELATIVE_INPUTS)], slope)[:, 0]
             self._followed[name] = rows
         return self._followed[name]
 
@@ -110,29 +97,30 @@ class GradientRows(Travels):
         rows[:, :, left] = np.nan
         where = np.flatnonzero(left & (decays <= _STIFFEST))
         if len(where):
-            rows[:, :, where] = self._follow(where, kept, ())
+            rows[:, :, where] = self._follow(where, kept)
         return rows
 
     def _decays(self) -> FloatArray:
         """Return how many times the fastest decay of each motion passes until its end."""
         request = self._solution.request
-        mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
-        held = damping + gain * request.sensor.log_slope(0.0)
-        return np.asarray(held / mass * self._solution.raw("time"))
+        r = request.relative
+        held = r.damping + r.gain * request.sensor.log_slope(0.0)
+        return np.asarray(held / r.mass * self._solution.raw("time"))
 
     def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill what has a closed form; return what is left."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
-        mass, damping, stiffness, a, gain = (request.columns[i] for i in (0, 1, 2, 7, 10))
-        total = damping + slope * gain
-        status = np.where(
-            left & (total > 0) & (total * total >= 4 * mass * stiffness) & (a == 0), np.int8(0), np.int8(OPEN)
-        )
+        r = request.relative
+        total = r.damping + slope * r.gain
+        over_damped = (total > 0) & (total * total >= 4 * r.mass * r.stiffness)
+        status = np.where(left & over_damped & (r.a == 0), np.int8(0), np.int8(OPEN))
 
         def run(start: int, stop: int) -> None:
-            inputs, out, part = request.inputs(start, stop), np.empty((3, 10, stop - start)), slice(start, stop)
-            find_contacts(inputs, slope, request.horizon, time[part], status[part], given=True, gradients=out)
+            out, part = np.empty((3, len(RELATIVE_INPUTS) + 1, stop - start)), slice(start, stop)
+            find_contacts(
+                request.some(part), slope, request.horizon, time[part], status[part], given=True, gradients=out
+            )
             rows[:, :, part] = out[::2, kept]
 
         for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
@@ -143,35 +131,29 @@ class GradientRows(Travels):
         request = self._solution.request
         curves = alone(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(left)
-        whole = len(where) == request.size
+        which = None if len(where) == request.size else where
+
+        def take(part: slice, _: FloatArray, out: FloatArray) -> None:
+            rows[:, :, part if which is None else where[part]] = out[::2, kept]
+
         status = np.empty(len(where), dtype=np.int8)
-
-        def run(start: int, stop: int) -> None:
-            part = where[start:stop]
-            c = request.block(start, stop) if whole else [x if len(x) == 1 else x[part] for x in request.columns]
-            state, out = np.empty((6, stop - start)), np.empty((3, 9, stop - start))
-            inputs = (*c[:8], c[10])
-            contact_times(inputs, curves, request.horizon, state, status[start:stop], gradients=out)
-            rows[:, :, slice(start, stop) if whole else part] = out[::2, kept]
-
-        for_stretches(run, len(where), least=_LEAST_SERIES, most=_BLOCK)
+        by = (3, len(RELATIVE_INPUTS))
+        fill_by_lanes(request, which, curves, status, take, most=_BLOCK, gradients=by)
         left = left.copy()
         left[where] = np.isnan(rows[0, 0, where])  # OPEN, or its derivatives not smooth enough
         return left
 
-    def _follow(self, where: IntArray, kept: list[int], slopes: tuple[SlopeChange, ...]) -> FloatArray:
+    def _follow(self, where: IntArray, kept: list[int], slope: SlopeChange | None = None) -> FloatArray:
         """Follow some encounters along the guaranteed path; NaN where that does not come to the contact."""
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
-        found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + len(slopes)))
+        found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)))
         status = np.ones(len(where), dtype=np.int8)
-        start = float(np.max(values[:, 5] - values[:, 3], initial=0.0))
-        reach = 4 * reach_of(request.scenario)
-        while (status == 1).any():
-            wanted = min(reach, sensor.valid_range[1])
-            top = curve_reach(sensor, 0.0, min(wanted, start), wanted)
-            pieces, terms = changed_pieces(sensor, slopes, top)
+        r = request.some(where)
+        tops = curve_tops(sensor, 0.0, float(np.max(r.p - r.x0, initial=0.0)), 4 * reach_of(request.scenario))
+        for top, _ in tops:  # a motion may have gone beyond the pieces, and come back
+            pieces, terms = _changed_pieces(sensor, slope, top)
             open_ones = np.flatnonzero(status == 1)
 
             def run(start: int, stop: int, which: IntArray = open_ones, p: Any = pieces, t: Any = terms) -> None:
@@ -181,7 +163,60 @@ class GradientRows(Travels):
                 found[part], status[part] = out, ended
 
             for_stretches(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
-            if top < wanted or top == sensor.valid_range[1] or reach > _FARTHEST:
+            if (status != 1).all():
                 break
-            reach *= _GROWTH  # a motion may have gone beyond the pieces, and come back
         return found[:, :, kept].transpose(1, 2, 0)
+
+
+def _changed_pieces(sensor: SensorModel, slope: SlopeChange | None, high: float) -> tuple[FloatArray, FloatArray]:
+    """Approximate the slope of a curve and a change of it on common pieces from l = 0 up to a distance [m].
+
+    Returns:
+        Pieces as `curve_pieces` has them, and the coefficients of the change in the same variable, shape (pieces, 1,
+        10), or (pieces, 0, 10) where there is none; they meet the change to 1e-10 of its largest value.
+    """
+    pieces = curve_pieces(sensor, 0.0, high)
+    if slope is None:
+        return pieces, np.zeros((len(pieces), 0, _COUNT))
+
+    def look(distance: FloatArray) -> FloatArray:
+        return np.asarray(slope(np.clip(distance, *sensor.valid_range)), dtype=np.float64)[:, None]
+
+    for _ in range(_HALVINGS):
+        values, terms, error = interpolate(look, pieces[:, 0], pieces[:, 1])
+        poor = error[:, 0] > _TOLERANCE * np.abs(values).max()
+        if not poor.any():
+            break
+        pieces = _halved(pieces, poor)
+    return pieces, np.ascontiguousarray(terms)
+
+
+def _halved(pieces: FloatArray, poor: BoolArray) -> FloatArray:
+    """Cut pieces in two; their polynomials stay what they are."""
+    parts = [pieces[~poor]]
+    for side in (-0.5, 0.5):
+        change = np.array([[comb(j, i) * side ** (j - i) * 0.5**i for j in range(_COUNT)] for i in range(_COUNT)])
+        old = pieces[poor]
+        parts.append(np.column_stack([old[:, 0] + side * old[:, 1], old[:, 1] / 2, old[:, 2:] @ change.T]))
+    both = np.concatenate(parts)
+    return both[np.argsort(both[:, 0])]
+
+
+def bend_at_contact(sensor: SensorModel) -> float:
+    """Return dg/dl [1/m^2] at l = 0 of a curve that is valid there.
+
+    It is that of the polynomial that meets g beside the surface; good to some 1e-11 of g over the distance in which the
+    curve changes.
+    """
+    if sensor.constant_log_slope is not None:
+        return 0.0
+    reach = min(1.0, sensor.valid_range[1])
+    windows = curve_windows(sensor, 0.0, reach)
+    if len(windows):
+        z, terms = -windows[0, MIDDLE], windows[0, TERMS:]
+        if len(terms) == 1:
+            return float(-terms[0] / z**2)
+        return float(sum(j * (j - 1) * terms[j] * z ** (j - 2) for j in range(2, len(terms))))
+    piece = curve_pieces(sensor, 0.0, curve_reach(sensor, 0.0, 0.0, reach))[0]
+    z = -piece[0] / piece[1]
+    return float(sum(j * piece[2 + j] * z ** (j - 1) for j in range(1, _COUNT)) / piece[1])

@@ -12,7 +12,6 @@ distance to the surface, or of the unit of length, each of which the derivatives
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -24,12 +23,10 @@ from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import CurveChange, curve_change
 
-from .contact_algebra import DERIVATIVES, Change
-from .curve_changes import bend_at_contact
-from .gradient_rows import RELATIVE_INPUTS, GradientRows
-from .inputs import SCENARIO_INPUTS
+from .gradient_rows import GradientRows, bend_at_contact
+from .inputs import input_units, sensor_inputs
+from .layout import RELATIVE_INPUTS, ContactStatus
 from .solution import Solution
-from .status import ContactStatus
 
 __all__ = ["ContactGradients", "ManyGradients", "input_names"]
 
@@ -56,41 +53,27 @@ _RELATIVE: Final[dict[str, dict[str, float]]] = {
     "reference.velocity": {"u0": -1.0, "v": -1.0},
     "reference.acceleration": {"a": -1.0},
 }
-_INPUTS: Final = {name: {"gain": "N*s", **SCENARIO_INPUTS}[name] for name in _RELATIVE}
 _LENGTHS: Final = ("x0", "u0", "p", "v", "a", "gain")  # what grows with the unit of length, D_p among it
-_COLUMNS: Final = {name: i if i < 8 else 10 for i, name in enumerate(RELATIVE_INPUTS)}  # in Request.columns
 
 
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
-    """Return the names of everything that a contact depends on.
-
-    Args:
-        sensor: the curve, whose parameters are among them.
-
-    Returns:
-        The names, the gain first.
-    """
-    return (*_INPUTS, *(f"sensor.{name}" for name in sensor.parameter_units))
+    """Return the names of everything that a contact depends on, the gain first, parameters of the curve among them."""
+    return (*_RELATIVE, *sensor_inputs(sensor))
 
 
 def gradients_of(columns: Any) -> Any:
-    """Return the derivatives of what a result is made of.
+    """Return the derivatives of what a result is made of: ContactGradients, or what has its members.
 
-    Args:
-        columns: of a result.
-
-    Returns:
-        ContactGradients, or what has its members; None of the uniform motion, which is none of the equation of motion,
-        and of columns that know no derivatives.
+    There are none of the uniform motion, which is none of the equation of motion, nor of columns that know none.
     """
     if not isinstance(columns, Solution):
         return getattr(columns, "gradients", None)
-    if columns.derivatives is None and columns.request.method != "uniform-motion":
-        many = columns.request.many
+    request = columns.request
+    if columns.derivatives is None and request.method != "uniform-motion":
         columns.derivatives = (
             ContactGradients(columns)
-            if many is None
-            else ManyGradients([ContactGradients(Solution(many.alone(columns.request, i))) for i in range(len(many))])
+            if request.many is None
+            else ManyGradients([ContactGradients(Solution(request.alone(i))) for i in range(len(request.many))])
         )
     return columns.derivatives
 
@@ -148,12 +131,8 @@ class ContactGradients(Value):
             contact, and at a touch.
 
         """
-        _known(quantity, self.quantities, "quantity")
-        _known(by, self.inputs, "by")
-        solution = self.solution
-        change = self._change(by)
-        found = np.asarray(DERIVATIVES[quantity](solution, by, change))
-        shape = solution.request.shape
+        self._check(quantity, by)
+        found, shape = np.asarray(getattr(self._change(by), quantity)), self.solution.request.shape
         if shape == ():
             return float(found.reshape(-1)[0])
         found = found.reshape(shape)
@@ -170,39 +149,43 @@ class ContactGradients(Value):
         Returns:
             The unit of the quantity over that of the input.
         """
-        _known(quantity, self.quantities, "quantity")
-        _known(by, self.inputs, "by")
-        solution = self.solution
-        below = _INPUTS.get(by)
-        if below is None:
-            below = solution.request.sensor.parameter_units[by.removeprefix("sensor.")]
-        above = _QUANTITIES[quantity]
-        if not below:
-            return above
-        return f"{_bracketed(above)}/{_bracketed(below)}"
+        self._check(quantity, by)
+        units = {"gain": "N*s", **input_units(self.solution.request.sensor)}
+        above, below = _QUANTITIES[quantity], units[by]
+        return f"{_bracketed(above)}/{_bracketed(below)}" if below else above
 
     def __repr__(self) -> str:
         return f"<ContactGradients: {len(self.quantities)} quantities by {len(self.inputs)} inputs>"
 
-    def _change(self, by: str) -> Change:
+    def _check(self, quantity: str, by: str) -> None:
+        for what, name, names in (("quantity", quantity, self.quantities), ("by", by, self.inputs)):
+            if name not in names:
+                raise InvalidInputError(f"{what}: found {name!r}, expected one of {', '.join(names)}")
+
+    def _change(self, by: str) -> _Change:
+        solution = self.solution
         if by in _RELATIVE:
             inputs = _RELATIVE[by]
             time, speed = self._weighted(inputs)
-            return Change(time, speed, inputs, 0.0)
-        solution = self.solution
-        name = by.removeprefix("sensor.")
-        change = curve_change(solution.request.sensor, name)
-        low, high = solution.request.sensor.valid_range
+            return _Change(solution, by, time, speed, inputs)
+        sensor, name = solution.request.sensor, by.removeprefix("sensor.")
+        change = curve_change(sensor, name)
+        low, high = sensor.valid_range
         if not low <= 0 <= high:  # never in contact
             nothing = np.full(solution.request.size, np.nan)
-            return Change(nothing, nothing, {}, 0.0)
+            return _Change(solution, by, nothing, nothing)
         factors = change if change.nearest or change.slope is None else CurveChange()
         time, speed = self._by_factors(factors)
-        if change.slope is not None:
-            near = _distance(solution) < (change.nearest or np.inf)
+        if change.slope is None:
+            slope = (factors.output + factors.stretch) * float(sensor.log_slope(0.0))
+            slope += factors.shift * bend_at_contact(sensor) if factors.shift else 0.0
+        else:
+            slope = float(np.asarray(change.slope(np.zeros(1)))[0])
+            r = solution.request.relative
+            near = np.broadcast_to(r.p - r.x0, solution.request.size) < (change.nearest or np.inf)
             if near.any():
                 time, speed = np.where(near, self._rows.of_slope(name, change.slope), [time, speed])
-        return Change(time, speed, {}, _slope_change(solution, factors, change))
+        return _Change(solution, by, time, speed, slope=slope)
 
     def _weighted(self, weights: dict[str, Any]) -> FloatArray:
         """Return the sum of derivatives of time and l', with weights, shape (2, n)."""
@@ -213,35 +196,24 @@ class ContactGradients(Value):
 
     def _by_factors(self, change: CurveChange) -> FloatArray:
         """Return the derivatives of time and l' by a change of the curve that is known by its three factors."""
-        solution = self.solution
+        solution, relative = self.solution, self.solution.request.relative
         found = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
-        columns = solution.request.columns
         with np.errstate(divide="ignore", invalid="ignore"):  # l' is 0 where a run ends without contact
             if change.output:
-                found = found + change.output * self._weighted({"gain": columns[10]})
+                found = found + change.output * self._weighted({"gain": relative.gain})
             if change.shift:
-                speed = solution.raw("relative_velocity")
-                earlier = 1 / speed
-                found = found + change.shift * (
-                    self._weighted({"p": 1.0}) + np.stack([earlier, _bend(solution) * earlier])
-                )
+                earlier = 1 / solution.raw("relative_velocity")
+                bend = relative.a - solution.settled_acceleration
+                found = found + change.shift * (self._weighted({"p": 1.0}) + np.stack([earlier, bend * earlier]))
             if change.stretch:
-                whole = self._weighted({name: columns[_COLUMNS[name]] for name in _LENGTHS})
+                whole = self._weighted({name: getattr(relative, name) for name in _LENGTHS})
                 whole[1] -= solution.raw("relative_velocity")
                 found = found + change.stretch * whole
         return found
 
 
 class ManyGradients:
-    """The derivatives of encounters with a sensor curve each, side by side along the last axis.
-
-    Args:
-        parts: those of each curve.
-
-    Attributes:
-        quantities: as in ContactGradients.
-        inputs: likewise.
-    """
+    """The derivatives of encounters with a sensor curve each, side by side along the last axis, as ContactGradients."""
 
     __slots__ = ("inputs", "parts", "quantities")
 
@@ -257,29 +229,78 @@ class ManyGradients:
         return self.parts[0].unit(quantity, by)
 
 
-def _known(name: str, names: Iterable[str], what: str) -> None:
-    if name not in names:
-        raise InvalidInputError(f"{what}: found {name!r}, expected one of {', '.join(names)}")
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """How a contact changes with one input: what is known beside time and l' follows by algebra, without motion.
+
+    Args:
+        solution: the encounters and their contacts.
+        by: the input q.
+        time: dt/dq of each run.
+        relative_velocity: dl'/dq.
+        inputs: by how much the relative inputs of L(9) change with it, by their names.
+        slope: dg(0)/dq.
+    """
+
+    solution: Solution
+    by: str
+    time: FloatArray
+    relative_velocity: FloatArray
+    inputs: dict[str, float] = field(default_factory=dict)
+    slope: float = 0.0
+
+    @property
+    def displacement(self) -> Any:
+        """Of x~ = x_o(t)."""
+        time, r, i = self.solution.raw("time"), self.solution.request.relative, self.inputs
+        own = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
+        return (r.v + r.a * time) * self.time + own
+
+    @property
+    def displacement_velocity(self) -> Any:
+        """Of x~' = x_o' - l'."""
+        own = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
+        return own + self.solution.request.relative.a * self.time - self.relative_velocity
+
+    @property
+    def virtual_force(self) -> Any:
+        """Of D_p g(0) l'."""
+        s = self.solution
+        slope, gain, speed = float(s.request.sensor.log_slope(0.0)), s.request.relative.gain, s.raw("relative_velocity")
+        own = self.inputs.get("gain", 0.0) * speed
+        return slope * (gain * self.relative_velocity + own) + self.slope * (gain * speed)
+
+    @property
+    def displacement_acceleration(self) -> Any:
+        """Of x~'' = (F_p - D x~' - K x~) / M."""
+        s, r = self.solution, self.solution.request.relative
+        total = self.virtual_force - r.damping * self.displacement_velocity - r.stiffness * self.displacement
+        if "mass" in self.inputs:
+            total = total - s.settled_acceleration
+        if "damping" in self.inputs:
+            total = total - s.raw("displacement_velocity")
+        if "stiffness" in self.inputs:
+            total = total - s.raw("displacement")
+        return total / r.mass
+
+    @property
+    def position(self) -> Any:
+        """Of x~ + x_d(t)."""
+        time = self.solution.raw("time")
+        own = {"reference.position": 1.0, "reference.velocity": time, "reference.acceleration": time**2 / 2}
+        return self.displacement + self.solution.reference(1) * self.time + own.get(self.by, 0.0)
+
+    @property
+    def velocity(self) -> Any:
+        """Of x~' + x_d'(t)."""
+        own = {"reference.velocity": 1.0, "reference.acceleration": self.solution.raw("time")}
+        return self.displacement_velocity + self.solution.reference(2) * self.time + own.get(self.by, 0.0)
+
+    @property
+    def acceleration(self) -> Any:
+        """Of x~'' + x_d''."""
+        return self.displacement_acceleration + (1.0 if self.by == "reference.acceleration" else 0.0)
 
 
 def _bracketed(unit: str) -> str:
     return f"({unit})" if "/" in unit or "*" in unit else unit
-
-
-def _distance(solution: Solution) -> FloatArray:
-    """Return l at the start of every run, shape (n,)."""
-    return np.asarray(solution.request.column(5) - solution.request.column(3))
-
-
-def _bend(solution: Solution) -> FloatArray:
-    """Return l'' at the end of every run."""
-    return np.asarray(solution.request.columns[7] - solution.settled_acceleration)
-
-
-def _slope_change(solution: Solution, factors: CurveChange, change: CurveChange) -> float:
-    """Return the derivative of g(0) by a parameter of the curve."""
-    sensor = solution.request.sensor
-    if change.slope is not None:
-        return float(np.asarray(change.slope(np.zeros(1)))[0])
-    whole = (factors.output + factors.stretch) * float(sensor.log_slope(0.0))
-    return whole + (factors.shift * bend_at_contact(sensor) if factors.shift else 0.0)

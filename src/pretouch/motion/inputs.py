@@ -33,52 +33,22 @@ _OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
 
 
 def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
-    """Return the parameters of a curve as inputs, `sensor.NAME`, with their SI units.
-
-    Args:
-        sensor: the curve; that of a recessed sensor is looked into.
-
-    Returns:
-        The units by name.
-    """
+    """Return the parameters of a curve, or of a recessed one, as inputs, `sensor.NAME`, with their SI units."""
     return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
 
 
 def input_units(sensor: SensorModel) -> dict[str, str]:
-    """Return the SI unit of every input of encounters with a sensor, by name.
-
-    Args:
-        sensor: the curve.
-
-    Returns:
-        The units.
-    """
+    """Return the SI unit of every input of encounters with a sensor, by name."""
     return {**SCENARIO_INPUTS, **sensor_inputs(sensor)}
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
-    """Change parameters of a curve.
-
-    Args:
-        sensor: the curve.
-        values: parameters and values in SI, without `sensor.`.
-
-    Returns:
-        The changed copy.
-    """
+    """Return a copy of a curve with other parameters, in SI, by names without `sensor.`."""
     return sensor.with_parameters(values)
 
 
 def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
-    """Change every number or array of a scenario in the same way.
-
-    Args:
-        scenario: the encounters.
-        change: from a field's value to the new one.
-
-    Returns:
-        The changed copy.
-    """
+    """Return a copy of a scenario with every number or array changed in the same way."""
     parts = {}
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)

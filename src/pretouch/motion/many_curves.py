@@ -12,10 +12,7 @@ from pretouch._core.errors import OutOfRangeError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
-from .images import find_images
-from .inputs import map_fields
-from .many_windows import ManyWindows, windows_of_images, windows_side_by_side
-from .request import Request, make_request
+from .many_windows import ManyWindows, find_images, windows_of_images, windows_side_by_side
 from .scenario import Scenario
 from .windows import reach_of
 
@@ -43,14 +40,7 @@ class ManyCurves:
         return len(self.sensors)
 
     def windows(self, reach: float) -> ManyWindows:
-        """Return the windows of all curves, made when they are first asked for.
-
-        Args:
-            reach: up to which distance they are needed [m]; a curve that ends before has them as far as it goes.
-
-        Returns:
-            The windows.
-        """
+        """Return the windows of all curves up to a distance [m], or as far as a curve goes; made when first asked."""
         if reach not in self._made:
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
             images = find_images(self.sensor, self.values)
@@ -61,10 +51,7 @@ class ManyCurves:
         return self._made[reach]
 
     def check(self, scenario: Scenario) -> None:
-        """Refuse encounters that start where their curve says nothing.
-
-        Args:
-            scenario: the encounters, of a shape that broadcasts with (n,).
+        """Refuse encounters, of a shape that broadcasts with (n,), that start where their curve says nothing.
 
         Raises:
             OutOfRangeError: one does.
@@ -81,29 +68,8 @@ class ManyCurves:
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Tell whether ln xi of every curve falls with the distance, from contact to where encounters start.
-
-        Args:
-            scenario: the encounters.
-
-        Returns:
-            Whether that is known.
-        """
+        """Tell whether ln xi of every curve is known to fall with the distance, from contact to all starts."""
         return self.windows(reach_of(scenario)).falling
-
-    def alone(self, request: Request, index: int) -> Request:
-        """Return the encounters of one curve.
-
-        Args:
-            request: the encounters of all of them.
-            index: of the curve, along the last axis of the request.
-
-        Returns:
-            Those, of the shape of the others less its last axis.
-        """
-        scenario = map_fields(request.scenario, lambda v: v[index] if np.ndim(v) else v)
-        gain = request.gain.reshape(request.shape)[..., index]
-        return make_request(scenario, self.sensors[index], gain, request.method, request.horizon)
 
     def slope_at_contact(self) -> FloatArray:
         """Return g [1/m] of each curve at l = 0, shape (n,)."""
@@ -119,12 +85,6 @@ def many_curves(
     sensor: SensorModel, values: Mapping[str, FloatArray], sensors: tuple[SensorModel, ...], method: str
 ) -> ManyCurves | None:
     """Put curves together that may be solved together.
-
-    Args:
-        sensor: the one that they are made from.
-        values: the parameters that differ, shape (n,) each.
-        sensors: the curves.
-        method: how encounters are to be solved, as in `find_contact`.
 
     Returns:
         The curves; None where some are of constant slope or do not hold at contact, or another method is asked for.

@@ -1,9 +1,15 @@
-"""The windows of many curves in one table, as the block kernel reads it: made together, not one curve after another."""
+"""The windows of many curves in one table, as the block kernel reads it: made together, not one curve after another.
+
+Curves may be one curve on other scales of distance: ln xi_i(l) = ln xi(s_i l + t_i) + constant. A sensor behind the
+surface is its curve shifted. A parameter whose derivative is `stretch` l g, with the product of stretch and parameter
+the same number k wherever it is looked at, scales the distance: d ln xi / d ln p = k l g has the solution ln xi(p^k l).
+The rate of a Mittag-Leffler curve is one with k = 1, the width of a Gaussian one with k = -1.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,8 +17,8 @@ import numpy as np
 from pretouch._core.chebyshev import chebyshev_basis, chebyshev_extremes, chebyshev_nodes
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch.sensors import SensorModel
+from pretouch.sensors.change import curve_change
 
-from .images import Images
 from .windows import (
     EDGE,
     HIGH_DEGREE,
@@ -27,11 +33,12 @@ from .windows import (
     power_window,
 )
 
-__all__ = ["ManyWindows", "windows_of_images", "windows_side_by_side"]
+__all__ = ["ManyWindows", "find_images", "windows_of_images", "windows_side_by_side"]
 
 _BETWEEN: Final = 4.0  # times the tolerance: for a curve between those for which the windows were chosen
 _COUNTS: Final = (16, 20, 24, 32, 48, 64)  # nodes of one polynomial over all windows
 _FEW_TESTED: Final = 11
+_SAME: Final = 1e-12  # of k: what rounding leaves of it
 _LOOKED_AT: Final = 17  # distances in a window at which the sign of g is looked at
 
 
@@ -51,16 +58,52 @@ class ManyWindows:
     falling: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Images:
+    """How many curves are one: that curve, and s and t [m] of each, shape (n,)."""
+
+    sensor: SensorModel
+    scale: FloatArray
+    shift: FloatArray
+
+
+def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
+    """Find the one curve of which many that differ in parameters, (n,) each, are images; None where there is none."""
+    curve, own = sensor.bare
+    recess = np.atleast_1d(values.get("recess", own))
+    values = {name: value for name, value in values.items() if name != "recess"}
+    scale, count = np.ones(1), len(next(iter(values.values()), recess))
+    for name, value in values.items():
+        power = _power_of_stretch(curve, name, value)
+        if power is None:
+            return None
+        if power != 0:
+            scale = scale * (value / getattr(curve, name)) ** power
+    if (scale != 1).any():
+        curve = replace(curve, maximum_distance=np.inf)  # where an image ends is said by its own range
+    scale = np.broadcast_to(scale, (count,))
+    return Images(sensor=curve, scale=scale, shift=np.asarray(scale * recess))
+
+
+def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
+    """Return k of a parameter that scales the distance, 0 for one without effect; None for any other."""
+    own = float(getattr(sensor, name))
+    powers = []
+    for value in (float(values.min()), own, float(values.max())):
+        change = curve_change(replace(sensor, **{name: value}), name)
+        if change.slope is not None or change.output or change.shift:
+            return None
+        powers.append(change.stretch * value)
+    power = powers[1]
+    if not any(powers):
+        return 0.0
+    if not (np.all(values * own > 0) and np.ptp(powers) <= _SAME * abs(power)):
+        return None
+    return float(np.round(power)) if abs(power - np.round(power)) <= _SAME else power
+
+
 def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
-    """Scale and shift the windows of one curve.
-
-    Args:
-        images: the curves.
-        tops: where the windows of each end [m], shape (n,).
-
-    Returns:
-        Their windows, from l = 0 upward.
-    """
+    """Scale and shift the windows of one curve, from l = 0 up to where those of each end [m], shape (n,)."""
     sensor, scale, shift = images.sensor, images.scale, images.shift
     low, high = sensor.valid_range
     ends = scale * tops + shift
@@ -89,13 +132,8 @@ def windows_side_by_side(
     The windows are chosen for the curves with the smallest and the largest value of each parameter and one in the
     middle. All curves are then looked at where these were, and each must be met there.
 
-    Args:
-        sensors: the curves, n of them.
-        values: the parameters that differ, shape (n,) each.
-        tops: where the windows of each end [m], shape (n,).
-
     Returns:
-        Their windows, from l = 0 upward.
+        Their windows, from l = 0 up to where those of each end [m].
     """
     places = [place for value in values.values() for place in (np.argmin(value), np.argmax(value))]
     chosen = [sensors[i] for i in dict.fromkeys([len(sensors) // 2, *map(int, places)])]

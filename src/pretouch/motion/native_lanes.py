@@ -1,32 +1,49 @@
-"""The kernels that solve many encounters of any curve side by side, and leave open what they do not prove."""
+"""The kernels of the compiled core that move a robot to its contact: arrays are checked here, and solved there.
+
+For a constant slope there is the closed form L(10)-(13), on vectors and, in a form that keeps its digits for every
+damping and K -> 0, one by one; for any curve, Taylor steps in lanes, and guaranteed ones on its pieces. What finds many
+contacts side by side proves each to be the first, and leaves others open.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import POINTER as POINTER_TO
 from ctypes import Structure, byref
-from typing import Final
+from struct import pack
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel, rows_of, shaped
 from pretouch._core.numbers import FloatArray, IntArray
 
+from .layout import COLUMNS, INPUTS, PEAKS, STATES, TRACE_COLUMNS
 from .windows import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
 
-__all__ = ["CONTACT", "OPEN", "contact_times", "of_core"]
+__all__ = [
+    "CONTACT",
+    "OPEN",
+    "contact_times",
+    "find_contacts",
+    "follow_gradients",
+    "of_core",
+    "respond_many",
+    "solve_linear",
+    "solve_series",
+]
 
 CONTACT: Final = 0
 """The status of an encounter whose first contact is proved."""
 
 OPEN: Final = -1
-"""The status of all others."""
+"""The status of all others, which are left to other ways."""
 
-_STATUS: Final = np.dtype(np.int8)
+_SHORT: Final = np.dtype(np.int8)
 _INDEX: Final = np.dtype(np.int64)
 _WIDTHS: Final = frozenset(TERMS + 1 + degree for degree in (0, 1, LOW_DEGREE, HIGH_DEGREE))
-_INPUTS: Final = 9
+_WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
 
 class _CurvesOfCore(Structure):
@@ -42,8 +59,115 @@ class _CurvesOfCore(Structure):
     )
 
 
-_CURVES: Final = POINTER_TO(_CurvesOfCore)
-_contacts: Final = kernel("series_contacts", POINTER, POINTER, INTEGER, _CURVES, DOUBLE, *[POINTER] * 4)
+class _PiecesOfCore(Structure):
+    """What the core calls pretouch_pieces."""
+
+    _fields_ = (
+        ("pieces", POINTER),
+        ("count", INTEGER),
+        ("width", INTEGER),
+        ("ends_in_contact", INTEGER),
+        ("open_ended", INTEGER),
+    )
+
+
+_ALONE: Final = (POINTER, INTEGER, POINTER, POINTER_TO(_PiecesOfCore))
+_linear_contacts = kernel("linear_contacts", POINTER, INTEGER, DOUBLE, DOUBLE, POINTER)
+_linear = kernel("solve_linear", POINTER, INTEGER, DOUBLE, POINTER, DOUBLE, DOUBLE, DOUBLE, POINTER, POINTER)
+_respond = kernel("respond", POINTER, INTEGER, POINTER, INTEGER, POINTER, INTEGER, INTEGER, INTEGER)
+_contacts = kernel("series_contacts", POINTER, POINTER, INTEGER, POINTER_TO(_CurvesOfCore), DOUBLE, *[POINTER] * 4)
+_series = kernel("solve_series", *_ALONE, DOUBLE, POINTER, POINTER, POINTER, INTEGER, POINTER)
+_follow = kernel("follow_gradients", *_ALONE, POINTER, DOUBLE, POINTER, POINTER)
+
+
+def find_contacts(
+    inputs: Sequence[FloatArray],
+    slope: float,
+    horizon: float,
+    time: FloatArray,
+    status: NDArray[np.int8],
+    *,
+    given: bool = False,
+    approach: FloatArray | None = None,
+    states: FloatArray | None = None,
+    gradients: FloatArray | None = None,
+    peaks: FloatArray | None = None,
+) -> None:
+    """Find first contacts of M x~'' + (D + c) x~' + K x~ = c (v + a t), c = slope gain, l = p + v t + a t^2 / 2 - x~.
+
+    What is filled beside times and statuses has no numbers where the status is OPEN.
+
+    Args:
+        inputs: the columns of layout.Relative: the first nine, for peaks all eleven, (n,) or (1,), contiguous.
+        slope: g [1/m], one number.
+        horizon: latest time of contact [s].
+        time: filled with the times of contact [s], shape (n,).
+        status: filled with 0 (contact, proved to be the first, to 2e-11 of its time) or OPEN, shape (n,), int8.
+        given: whether time and status are what an earlier call has found, and only the rest is filled.
+        approach: where wanted, filled with l' [m/s] at contact, shape (n,).
+        states: where wanted, filled with layout.STATES after the time, shape (5, n): any part of an array whose last
+            axis is contiguous.
+        gradients: where wanted, filled with the derivatives of time, x~ and l' at contact by the nine inputs and g in
+            SI, shape (3, 10, n).
+        peaks: where wanted, filled with layout.PEAKS, also without numbers where not settled, shape (5, n): any part,
+            as states.
+
+    Raises:
+        TypeError: a kernel would misread one of them.
+    """
+    n, expected = time.size, INPUTS if peaks is None else INPUTS + 2
+    if len(inputs) < expected:
+        raise TypeError(f"a kernel takes {expected} columns, not {len(inputs)}")
+    wanted = pack(
+        "10q",
+        shaped(time, (n,)),
+        shaped(status, (n,), _SHORT),
+        given,
+        0 if approach is None else shaped(approach, (n,)),
+        *((0, 0) if states is None else rows_of(states, (len(STATES) - 1, n))),
+        *((0, 0) if gradients is None else (shaped(gradients, (3, INPUTS + 1, n)), n)),
+        *((0, 0) if peaks is None else rows_of(peaks, (len(PEAKS), n))),
+    )
+    _linear_contacts(columns(inputs[:expected], n), n, slope, horizon, wanted)
+
+
+def solve_linear(
+    values: FloatArray,
+    slope: float,
+    gains: FloatArray,
+    limits: tuple[float, float, float],
+    rows: FloatArray,
+    *,
+    status: IntArray,
+) -> None:
+    """Solve L(7), in the distance L(8), where ln xi' is a slope, each encounter alone, whatever it is like.
+
+    Args:
+        values: relative quantities of Scenario.relative, shape (n, 10).
+        slope: g [1/m].
+        gains: D_p [N s], shape (n,).
+        limits: horizon [s], smallest and largest valid distance [m].
+        rows: filled with layout.COLUMNS, shape (n, 15).
+        status: filled with the numbers of ContactStatus, shape (n,), int64.
+    """
+    n = len(values)
+    encounters = shaped(values, (n, 10)), n, slope, shaped(gains, (n,))
+    _linear(*encounters, *limits, shaped(rows, (n, len(COLUMNS))), shaped(status, (n,), _INDEX))
+
+
+def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
+    """Solve M y'' + D y' + K y = f_0 + f_1 t at given times.
+
+    Args:
+        rows: M, D, K, y(0), y'(0), f_0, f_1 in SI units, shape (n, 7).
+        times: t [s], shape (n, m).
+        out: filled with the first k of y, y', y'', y''' and the integral of y, shape (n, m, k): any part of an array
+            whose last axis is contiguous.
+    """
+    n, m = times.shape
+    count = min(out.shape[-1], 5)
+    into = rows_of(out, (n, m, count))
+    _respond(shaped(rows, (n, 7)), n, address(times), m, *into, count)
 
 
 def contact_times(
@@ -54,45 +178,34 @@ def contact_times(
     status: NDArray[np.int8],
     *,
     gradients: FloatArray | None = None,
-    reference: Sequence[FloatArray] = (),
     peaks: FloatArray | None = None,
 ) -> None:
     """Find the first contact of encounters, where that can be proved.
 
     Args:
-        inputs: M [kg], D [N s/m], K [N/m], x~(0) [m], x~'(0) [m/s], position [m], velocity [m/s] and acceleration
-            [m/s^2] of the obstacle relative to the reference, and D_p [N s]: nine arrays, (n,) or (1,), contiguous.
-        curves: windows of all curves as `curve_windows` gives them, from l = 0 upward; where those of each curve start
-            there, and where the last ends; and which curve is that of each encounter, (n,) or (1,).
+        inputs: the columns of layout.Relative: the first nine, for peaks all eleven, (n,) or (1,), contiguous.
+        curves: from l = 0 upward.
         horizon: the latest contact of interest [s].
-        out: filled with time, x~, x~', x~'', l' and the integral of x~ until then, shape (6, n); nan where open.
+        out: filled with layout.STATES, shape (6, n); nan where open.
         status: filled with CONTACT or OPEN, shape (n,).
-        gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs in the order above,
-            shape (3, 9, n); nan where open.
-        reference: for the peaks, its velocity [m/s] and acceleration [m/s^2], (n,) or (1,) each.
-        peaks: without gradients, filled with max |x~|, |x - x(0)|, |x'|, |x''| and |F_p|, shape (5, n); nan where open
-            or not settled.
+        gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs, shape (3, 9, n); nan
+            where open.
+        peaks: without gradients, filled with layout.PEAKS, shape (5, n); nan where open or not settled.
+
+    Raises:
+        TypeError: there are too few columns.
     """
-    filled = [(out, (6,))] + [(a, s) for a, s in ((gradients, (3, _INPUTS)), (peaks, (5,))) if a is not None]
-    count = _INPUTS + (0 if peaks is None else 2)
-    n = _size((*inputs, *reference), count, status, *filled)
-    more = [None if array is None else address(array) for array in (gradients, peaks)]
-    own = columns(reference) if reference else None
-    found = address(out), *more, address(status, _STATUS)
-    _contacts(columns(inputs), own, n, byref(of_core(curves, n)), horizon, *found)
-
-
-def _size(
-    inputs: Sequence[FloatArray], count: int, status: NDArray[np.int8], *filled: tuple[FloatArray, tuple[int, ...]]
-) -> int:
-    """Return how many encounters there are, having checked that every array has room for them."""
     n = len(status)
-    if len(inputs) != count or not all(len(x) in {1, n} and x.ndim == 1 for x in inputs):
-        raise ValueError(f"expected {count} inputs of length 1 or {n}, found lengths {[len(x) for x in inputs]}")
-    for array, shape in filled:
-        if array.shape != (*shape, n):
-            raise ValueError(f"an array that is filled has shape {array.shape}, expected {(*shape, n)}")
-    return n
+    filled = (
+        shaped(out, (len(STATES), n)),
+        None if gradients is None else shaped(gradients, (3, INPUTS, n)),
+        None if peaks is None else shaped(peaks, (len(PEAKS), n)),
+        address(status, _SHORT),
+    )
+    if len(inputs) < INPUTS + (0 if peaks is None else 2):
+        raise TypeError(f"a kernel takes {INPUTS} columns, or two more for the peaks, not {len(inputs)}")
+    reference = None if peaks is None else columns(inputs[INPUTS:], n)
+    _contacts(columns(inputs[:INPUTS], n), reference, n, byref(of_core(curves, n)), horizon, *filled)
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:
@@ -119,3 +232,74 @@ def _are_known(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
+
+
+def solve_series(
+    values: FloatArray,
+    gains: FloatArray,
+    pieces: FloatArray,
+    limits: tuple[float, bool, bool],
+    rows: FloatArray,
+    status: IntArray,
+    course: tuple[FloatArray, FloatArray] | None = None,
+) -> None:
+    """Integrate L(1) with L(2), which is L(4), L(7) or L(14) as the curve may be, for a curve given as pieces.
+
+    Args:
+        values: relative quantities of Scenario.relative, shape (n, 10).
+        gains: D_p [N s], shape (n,).
+        pieces: middle [m], half width [m] and coefficients of g in z [1/m] of each piece, shape (p, 2 + degree).
+        limits: horizon [s], whether the lowest border is the contact, whether the curve goes on beyond the pieces.
+        rows: filled with layout.COLUMNS, shape (n, 15).
+        status: filled with the numbers of ContactStatus, shape (n,).
+        course: ascending times [s], shape (n, m), and what is filled with layout.TRACE_COLUMNS at them, shape
+            (n, m, 4); what comes after the end of an encounter is left as it is.
+    """
+    n = len(values)
+    traced: tuple[int | None, int, int | None] = (None, 0, None)
+    if course is not None:
+        times, trace = course
+        m = times.shape[1]
+        traced = shaped(times, (n, m)), m, shaped(trace, (n, m, len(TRACE_COLUMNS)))
+    filled = shaped(rows, (n, len(COLUMNS))), shaped(status, (n,), _INDEX)
+    _series(*_encounters(values, gains, pieces, limits), limits[0], *filled, *traced)
+
+
+def follow_gradients(
+    values: FloatArray,
+    gains: FloatArray,
+    pieces: FloatArray,
+    terms: FloatArray,
+    horizon: float,
+    found: FloatArray,
+    status: NDArray[np.int8],
+) -> None:
+    """Follow encounters that end in contact, and find how time and l' there depend on the inputs.
+
+    Args:
+        values: relative quantities of Scenario.relative, shape (n, 10).
+        gains: D_p [N s], shape (n,).
+        pieces: the curve from l = 0 upward, as curve_pieces gives it, shape (p, 2 + degree).
+        terms: for each piece the coefficients of rho = dg/d(parameter) in z of m parameters of the curve, one at most,
+            shape (p, m, degree).
+        horizon: when to give up [s].
+        found: filled with the derivatives of time and l' by layout.RELATIVE_INPUTS and the parameter, shape
+            (n, 2, 9 + m); nan where no contact is reached.
+        status: filled with 0 where the contact was reached, 1 where l went beyond the pieces, else 2, shape (n,).
+    """
+    n, many = len(values), min(terms.shape[1], 1)
+    known = shaped(terms, (len(pieces), many, pieces.shape[1] - 2))
+    filled = shaped(found, (n, 2, INPUTS + many)), shaped(status, (n,), _SHORT)
+    encounters = _encounters(values, gains, pieces, (horizon, True, False))
+    _follow(*encounters, known if many else None, horizon, *filled)
+
+
+def _encounters(
+    values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
+) -> tuple[int, int, int, Any]:
+    """Return what the kernels take of the encounters and of their curve."""
+    n, (count, width) = len(values), pieces.shape
+    if not (count > 0 and 3 <= width <= _WIDEST):
+        raise TypeError(f"a curve has pieces of up to {_WIDEST} numbers, not {pieces.shape}")
+    curve = byref(_PiecesOfCore(address(pieces), count, width, *limits[1:]))
+    return shaped(values, (n, 10)), n, shaped(gains, (n,)), curve

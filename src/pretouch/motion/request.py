@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,36 +14,17 @@ from pretouch._core.numbers import FloatArray, IntArray, finite, positive
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
+from .inputs import map_fields
+from .layout import Relative
+from .many_curves import ManyCurves
 from .scenario import Scenario
 
-__all__ = ["METHODS", "Request", "SeveralCurves", "Which", "checked_method", "make_request"]
+__all__ = ["METHODS", "Request", "Which", "checked_method", "make_request"]
 
 Which: TypeAlias = slice | IntArray
 """A stretch of encounters, or the indices of some."""
 
 METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
-
-
-class SeveralCurves(Protocol):
-    """A sensor curve for each encounter along the last axis: ManyCurves, as a request sees them."""
-
-    def __len__(self) -> int:
-        """Return how many curves there are."""
-
-    def slope_at_contact(self) -> FloatArray:
-        """Return g of each curve at l = 0 [1/m]."""
-
-    def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return ln xi of each curve at distances [m]."""
-
-    def check(self, scenario: Scenario) -> None:
-        """Refuse encounters that a curve does not cover."""
-
-    def windows(self, reach: float) -> Any:
-        """Return the tables of the curves up to a distance [m]."""
-
-    def alone(self, request: Any, index: int) -> Any:
-        """Return the request of the encounters of one curve."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +35,7 @@ class Request(Value):
         scenario: the encounters as they were given.
         sensor: the sensor curve.
         shape: the broadcast shape of scenario and gain.
-        columns: the relative quantities of Scenario.relative_columns and the gain D_p [N s], 11 in all: each flat, of
-            length 1 where all encounters share it, else one number per encounter.
+        columns: those of Relative: each flat, of length 1 where all encounters share it, else one number per encounter.
         horizon: how long to wait for contact [s].
         method: the method chosen, never "auto".
         many: the curves, where each encounter along the last axis has one of its own; `sensor` is then the one that
@@ -68,7 +48,7 @@ class Request(Value):
     columns: tuple[FloatArray, ...]
     horizon: float
     method: str
-    many: SeveralCurves | None = None
+    many: ManyCurves | None = None
 
     @property
     def size(self) -> int:
@@ -76,43 +56,40 @@ class Request(Value):
         return math.prod(self.shape)
 
     @property
-    def values(self) -> FloatArray:
-        """The relative quantities of every encounter, shape (n, 10)."""
-        return self.part(slice(None))[0]
+    def relative(self) -> Relative:
+        """The columns by name."""
+        return Relative._make(self.columns)
 
     @property
     def gain(self) -> FloatArray:
         """The gain of every encounter [N s], shape (n,)."""
-        return self.column(10)
+        return np.broadcast_to(self.relative.gain, self.size)
 
-    def column(self, index: int) -> FloatArray:
-        """Return one column with a number for every encounter."""
-        return np.broadcast_to(self.columns[index], self.size)
+    def some(self, which: Which) -> Relative:
+        """Return the columns of some encounters, those of a stretch without a copy; of length 1 where they are so."""
+        return Relative._make(c if len(c) == 1 else c[which] for c in self.columns)
 
     def part(self, which: Which) -> tuple[FloatArray, FloatArray]:
-        """Return relative quantities, shape (m, 10), and gains, shape (m,), of some encounters.
-
-        Args:
-            which: a stretch of encounters, or the indices of some.
-
-        Returns:
-            Both, contiguous.
-        """
+        """Return relative quantities as Scenario.relative, (m, 10), and gains, (m,), of some encounters, contiguous."""
         count = len(range(self.size)[which]) if isinstance(which, slice) else len(which)
-        values = np.empty((count, 10))
-        for i in range(10):
-            values[:, i] = self.columns[i][0] if len(self.columns[i]) == 1 else self.columns[i][which]
-        return values, self.column(10)[which].copy()
+        given, values, gains = self.some(which), np.empty((count, 10)), np.empty(count)
+        for i, column in enumerate((*given[:8], *given[9:])):
+            values[:, i] = column
+        gains[:] = given.gain
+        return values, gains
+
+    def alone(self, index: int) -> Request:
+        """Return the encounters of one of many curves, that at an index along the last axis."""
+        if self.many is None:
+            return self
+        scenario = map_fields(self.scenario, lambda v: v[index] if np.ndim(v) else v)
+        gain = self.gain.reshape(self.shape)[..., index]
+        return make_request(scenario, self.many.sensors[index], gain, self.method, self.horizon)
 
     @property
     def slope(self) -> float:
         """The one slope g [1/m] of a curve of constant slope; 0 for any other."""
         return self.sensor.constant_log_slope or 0.0
-
-    @property
-    def holds_at_contact(self) -> bool:
-        """Whether all curves hold down to l = 0."""
-        return self.many is not None or self.sensor.valid_range[0] <= 0
 
     @property
     def slope_at_contact(self) -> Any:
@@ -127,25 +104,9 @@ class Request(Value):
             return np.asarray(self.sensor.log_output(np.clip(distance, *self.sensor.valid_range)))
         return self.many.log_output(distance.reshape(self.shape)).reshape(-1)
 
-    def block(self, start: int, stop: int) -> tuple[FloatArray, ...]:
-        """Return the columns of a stretch of encounters without a copy; those of length 1 as they are."""
-        if stop - start == self.size:
-            return self.columns
-        return tuple(c if len(c) == 1 else c[start:stop] for c in self.columns)
-
-    def inputs(self, start: int, stop: int) -> tuple[FloatArray, ...]:
-        """Return the columns of a stretch in the order of the kernels: what drives l, D_p, then the reference."""
-        c = self.block(start, stop)
-        return (*c[:8], c[10], c[8], c[9])
-
 
 def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
     """Check that a curve holds where encounters start, and choose their method where that is left open.
-
-    Args:
-        scenario: the encounters.
-        sensor: the sensor curve.
-        method: one of METHODS.
 
     Returns:
         The method, never "auto".
@@ -183,7 +144,7 @@ def make_request(
     method: str,
     horizon: float,
     *,
-    many: SeveralCurves | None = None,
+    many: ManyCurves | None = None,
 ) -> Request:
     """Check a call and flatten it; choose its method where that is left open."""
     if many is not None:
@@ -195,11 +156,12 @@ def make_request(
             shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
         except ValueError:
             raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
+    given = scenario.relative_columns()
     return Request(
         scenario=scenario,
         sensor=sensor,
         shape=shape,
-        columns=_flattened((*scenario.relative_columns(), gains), shape),
+        columns=_flattened((*given[:8], gains, *given[8:]), shape),
         horizon=positive(horizon, "horizon", "s"),
         method=checked_method(scenario, sensor, method) if many is None else "integration",
         many=many,
@@ -207,15 +169,12 @@ def make_request(
 
 
 def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    """Flatten columns over the broadcast shape; a number shared by all stays one."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))
-    return tuple(_flat(column, shape) for column in columns)
-
-
-def _flat(column: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Flatten a column over the broadcast shape; a number shared by all stays one."""
-    array = np.asarray(column, dtype=np.float64)
-    if array.size != 1 and array.shape != shape:
-        array = np.broadcast_to(array, shape)
-    return np.ascontiguousarray(array).reshape(-1)
+    arrays = (np.asarray(column, dtype=np.float64) for column in columns)
+    return tuple(
+        np.ascontiguousarray(a if a.size == 1 or a.shape == shape else np.broadcast_to(a, shape)).reshape(-1)
+        for a in arrays
+    )

@@ -20,30 +20,13 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
-from .contact import ContactResult
+from .contact import ContactResult, ContactState
 from .inputs import SCENARIO_INPUTS, scenario_with
 from .scenario import Scenario
 
 __all__ = ["Likeness", "find_likeness"]
 
-_LENGTHS: Final = frozenset(
-    {
-        "distance",
-        "position",
-        "velocity",
-        "acceleration",
-        "displacement",
-        "relative_velocity",
-        "virtual_force",
-        "largest_excursion",
-        "largest_travel",
-        "largest_speed",
-        "largest_acceleration",
-        "largest_virtual_force",
-        "closest_distance",
-        "settling_distance",
-    }
-)
+_LENGTHS: Final = {*ContactState.names(), "closest_distance", "settling_distance"} - {"time"}
 """What grows with the unit of length; forces do, since masses stay."""
 
 _SCALED: Final = tuple(name for name in SCENARIO_INPUTS if not name.startswith("admittance."))
@@ -73,15 +56,7 @@ class Likeness(Value):
         return scenario_with(scenario, {name: attrgetter(name)(scenario) * self.length for name in _SCALED})
 
     def result(self, found: ContactResult, scenario: Scenario) -> ContactResult:
-        """Return what was found in the lengths and gains of the many sensors.
-
-        Args:
-            found: the encounters of the one sensor.
-            scenario: the encounters of the many, as given.
-
-        Returns:
-            Their results.
-        """
+        """Return what was found of the one sensor in the lengths and gains of the many, of encounters as given."""
         return ContactResult(_Rescaled(found, self, scenario), found.method)
 
 
@@ -140,12 +115,7 @@ class _RescaledGradients(Value):
 
 
 def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> Likeness | None:
-    """Find the one sensor that stands for many.
-
-    Args:
-        sensor: a sensor.
-        values: its parameters that differ, without `sensor.`, shape (n,) each, in SI.
-        distance: the distances at the start [m], of a shape that broadcasts with (n,).
+    """Find the one sensor that stands for many, whose parameters differ, (n,) each, from distances at the start [m].
 
     Returns:
         The likeness, or None where there is none, or where a curve does not hold from the start to contact.

@@ -1,4 +1,4 @@
-"""One call of the solver, solved as far as what is read of it needs."""
+"""One call of the solver, solved as far as what is read of it needs: fast where that can be proved, in stretches."""
 
 from __future__ import annotations
 
@@ -8,85 +8,106 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .closed_form import solve_closed_form
-from .fast_path import DEMANDS, QUICK, FastPath, is_worth_it
-from .integrator import integrate
-from .layout import COLUMNS
+from .guaranteed import solve_guaranteed
+from .layout import COLUMNS, PEAKS, STATES
+from .native_lanes import contact_times, find_contacts
 from .parallel import for_stretches
-from .request import Request, SeveralCurves
-from .status import ContactStatus
-from .uniform_motion import solve_uniform_motion
+from .request import Request
+from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of
 
-__all__ = ["STIFF", "Solution"]
+__all__ = ["STIFF", "Solution", "fill_by_lanes"]
 
 STIFF: Final = 500.0
 """Time over that of the damping at contact, from which l'' is a difference of much larger numbers."""
 
-_LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
-_MOST: Final = 16_384
+_LANES: Final = 8  # below, all that is asked of a contact is solved at once
+_LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
+_LEAST: Final = 512
+_MOST: Final = 1 << 18
+_BEYOND: Final = 4.0  # how far beyond the farthest start an object may go before it is left to the guaranteed path
+_KEPT: Final = 1 << 22  # encounters up to which the states are kept that come with the times
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
 class Solution(Value):
     """The columns of a result; it equals that of the same request.
 
-    Times and statuses come from a path that proves each contact it finds; what it leaves open, and what needs the whole
-    motion, is left to the guaranteed path.
+    Each encounter is solved by the first way that proves its contact: the closed form on vectors, for a constant slope;
+    Taylor steps in lanes; the guaranteed path of its method, which takes what those leave open and all where there are
+    few, or where the whole motion is asked for. What else is read is asked of the same way.
 
     Args:
         request: the encounters.
         whole: whether the whole motion will be asked for, so that the guaranteed path is taken at once.
 
     Attributes:
+        status: how every run ended, shape (n,).
         derivatives: what `gradients_of` has made of it, kept here.
     """
 
     __slots__ = (
-        "_fast",
+        "_by_form",
+        "_found",
+        "_in_lanes",
         "_known",
         "_open",
         "_open_rows",
-        "_path",
         "_rows",
-        "_status",
         "derivatives",
         "request",
+        "status",
     )
 
     def __init__(self, request: Request, *, whole: bool = False) -> None:
         self.request = request
+        self.derivatives: Any = None
+        self.status: NDArray[np.int8]
         self._known: dict[str, Any] = {}
         self._rows: FloatArray | None = None
-        self.derivatives: Any = None
-        self._status: NDArray[Any]
-        self._fast: dict[str, FloatArray] = {}
-        if whole or not request.holds_at_contact or not is_worth_it(request):
-            self._rows, self._status = _guaranteed(request)
+        holds = request.many is not None or request.sensor.valid_range[0] <= 0
+        if whole or not holds or request.method == "uniform-motion" or request.size < _LANES:
+            self._rows, self.status = solve_guaranteed(request)
             return
-        self._path = FastPath(request)
-        self._fast, self._status = dict(self._path.known), self._path.status
-        if self._status.any():
-            self._open = np.flatnonzero(self._status)
-            self._open_rows, open_status = _guaranteed(request, self._open)
-            self._status = self._status.copy()
-            self._status[self._open] = open_status
-            self._fill(self._fast)
+        self._by_form: NDArray[np.int8] | None = None
+        self._in_lanes: tuple[IntArray | None, dict[str, FloatArray]] = None, {}
+        kept = request.size <= _KEPT
+        if request.method == "closed-form":
+            self._found = self._solve_by_form(kept)
+        else:
+            self._found, self.status = _in_lanes(request, None, STATES if kept else STATES[:1])
+        self._open = np.flatnonzero(self.status)
+        if len(self._open):
+            self._open_rows, ended = solve_guaranteed(request, self._open)
+            self.status[self._open] = ended
+            self._fill_open(self._found)
+
+    def _solve_by_form(self, kept: bool) -> dict[str, FloatArray]:
+        """Return times and, where they are kept, l' at contact, of the closed form and where it leaves one of lanes."""
+        request, wanted = self.request, {}
+        found = {"time": np.empty(request.size)}
+        if kept:
+            found["relative_velocity"] = wanted["approach"] = np.empty(request.size)
+        self.status = self._by_form = np.empty(request.size, dtype=np.int8)
+        _fill_by_form(request, found["time"], self.status, given=False, **wanted)
+        which = np.flatnonzero(self.status)
+        if len(which):
+            states, status = _in_lanes(request, which, STATES if kept else STATES[:1])
+            proved = status == 0
+            self.status = self.status.copy()
+            self.status[which] = status
+            for name, values in found.items():
+                values[which] = states[name]
+            self._in_lanes = which[proved], {name: v[proved] for name, v in states.items()} if kept else {}
+        return found
 
     def _compared(self) -> tuple[Any, ...]:
         return (self.request,)
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run, a float for a single one.
-
-        Args:
-            name: of a field of ContactState or ContactResult.
-
-        Returns:
-            The quantity, of the broadcast shape.
-        """
+        """Return a quantity of ContactState or ContactResult, of the broadcast shape; a float for a single run."""
         if name not in self._known:
             found = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():
@@ -101,30 +122,70 @@ class Solution(Value):
         """Return one of layout.COLUMNS, shape (n,)."""
         if self._rows is not None:
             return self._rows[:, _AT[name]]
-        if name not in self._fast:
-            if name == "virtual_force":
-                found = {name: self._path.force(self.raw("relative_velocity"))}
-            else:
-                found = self._path.states() if name in QUICK else self._path.demands(name)
-            self._fill(found)
-            self._fast = {**found, **self._fast}
-        if name in DEMANDS:
+        if name not in self._found:
+            found = self._ask(name)
+            self._fill_open(found)
+            self._found = {**found, **self._found}
+        if name in PEAKS:
             self._settle(name)
-        return self._fast[name]
+        return self._found[name]
 
-    def _fill(self, states: dict[str, FloatArray]) -> None:
-        """Put what the guaranteed path has found where the fast one left encounters open."""
-        if self._status is not self._path.status:
-            for name, values in states.items():
+    def _ask(self, name: str) -> dict[str, FloatArray]:
+        """Return a quantity of contacts, and what else comes with it; without meaning where no contact is proved."""
+        request = self.request
+        if name == "virtual_force":  # by L(2)
+            return {name: np.asarray(request.gain * (request.slope_at_contact * self.raw("relative_velocity")))}
+        if name in {"distance", "closest_distance"}:
+            return {name: np.zeros(request.size)}
+        if name == "settling_distance":
+            return {name: _settling(request)}
+        return self._peaks() if name in PEAKS else self._states()
+
+    def _states(self) -> dict[str, FloatArray]:
+        request = self.request
+        if self._by_form is None:
+            return _in_lanes(request, None)[0]
+        rows, time = np.empty((len(STATES) - 1, request.size)), self._found["time"]
+        _fill_by_form(request, time, self._by_form, given=True, states=rows)
+        states = dict(zip(STATES, (time, *rows), strict=True))
+        which, known = self._in_lanes
+        if which is not None:
+            for name, values in (known or _in_lanes(request, which)[0]).items():
+                states[name][which] = values
+        return states
+
+    def _peaks(self) -> dict[str, FloatArray]:
+        request = self.request
+        if self._by_form is None:
+            return _in_lanes(request, None, PEAKS)[0]
+        rows = np.empty((len(PEAKS), request.size))
+        _fill_by_form(request, self._found["time"], self._by_form, given=True, peaks=rows)
+        peaks = dict(zip(PEAKS, rows, strict=True))
+        which = np.flatnonzero(np.isnan(rows).any(axis=0) & self._proved())
+        if len(which):
+            for name, values in _in_lanes(request, which, PEAKS)[0].items():
+                peaks[name][which] = np.where(np.isnan(peaks[name][which]), values, peaks[name][which])
+        return peaks
+
+    def _proved(self) -> BoolArray:
+        """Tell which contacts a fast way has found."""
+        proved = np.ones(self.request.size, dtype=np.bool_)
+        proved[self._open] = False
+        return proved
+
+    def _fill_open(self, found: dict[str, FloatArray]) -> None:
+        """Put what the guaranteed path has found where the fast ones left encounters open."""
+        if len(self._open):
+            for name, values in found.items():
                 values[self._open] = self._open_rows[:, _AT[name]]
 
     def _settle(self, name: str) -> None:
-        """Solve by the guaranteed path where the fast one found a contact, but not this demand until then."""
-        which = np.flatnonzero(np.isnan(self._fast[name]))
+        """Solve by the guaranteed path where a fast one found a contact, but not this demand until then."""
+        which = np.flatnonzero(np.isnan(self._found[name]))
         if len(which):
-            rows, _ = _guaranteed(self.request, which)
-            for other in DEMANDS & self._fast.keys():
-                values = self._fast[other]
+            rows, _ = solve_guaranteed(self.request, which)
+            for other in PEAKS:
+                values = self._found[other]
                 values[which] = np.where(np.isnan(values[which]), rows[:, _AT[other]], values[which])
 
     @property
@@ -134,27 +195,17 @@ class Solution(Value):
         Where hundreds of time constants have passed, it is a difference of much larger numbers, which lanes have to
         1e-7 only; derivatives need it better.
         """
-        name = "settled_acceleration"
+        name, request = "settled_acceleration", self.request
         if name not in self._known:
-            self._known[name] = self._find_settled_acceleration()
+            found, r = self.raw("displacement_acceleration"), request.relative
+            if self._rows is None and request.method != "closed-form":
+                decays = (r.damping + r.gain * request.sensor.log_slope(0.0)) / r.mass
+                which = np.flatnonzero(self._proved() & (decays * self.raw("time") > STIFF))
+                if len(which):
+                    found = found.copy()
+                    found[which] = solve_guaranteed(request, which)[0][:, _AT["displacement_acceleration"]]
+            self._known[name] = found
         return np.asarray(self._known[name])
-
-    def _find_settled_acceleration(self) -> FloatArray:
-        found, request = self.raw("displacement_acceleration"), self.request
-        if self._rows is not None or request.method == "closed-form":
-            return found
-        mass, damping, gain = (request.columns[i] for i in (0, 1, 10))
-        decays = (damping + gain * request.sensor.log_slope(max(request.sensor.valid_range[0], 0.0))) / mass
-        which = np.flatnonzero((self._path.status == 0) & (decays * self.raw("time") > STIFF))
-        if len(which):
-            found = found.copy()
-            found[which] = _guaranteed(request, which)[0][:, _AT["displacement_acceleration"]]
-        return found
-
-    @property
-    def status(self) -> NDArray[Any]:
-        """How every run ended, shape (n,)."""
-        return self._status
 
     def reference(self, derivative: int) -> FloatArray:
         """Return x_d, x_d' or x_d'' at the end of every run."""
@@ -166,57 +217,98 @@ class Solution(Value):
         return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
 
 
-def _guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve some or all encounters of a request by its method, whatever they are like."""
+def _fill_by_form(
+    request: Request, time: FloatArray, status: NDArray[np.int8], *, given: bool, **wanted: FloatArray
+) -> None:
+    """Have `find_contacts` find the contacts of encounters with a constant slope, or fill more of those found."""
+    slope = request.slope
+
+    def run(start: int, stop: int) -> None:
+        part = slice(start, stop)
+        views = {name: array[..., part] for name, array in wanted.items()} if stop - start < request.size else wanted
+        find_contacts(request.some(part), slope, request.horizon, time[part], status[part], given=given, **views)
+
+    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
+
+
+def _in_lanes(
+    request: Request, which: IntArray | None, names: tuple[str, ...] = STATES
+) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
+    """Find and prove first contacts of some encounters or all, on curves that hold down to l = 0.
+
+    Returns:
+        Some of layout.STATES, or layout.PEAKS, nan where they are not settled, by name, shape (m,) each, and 0 where a
+        contact is proved, shape (m,).
+    """
+    size = request.size if which is None else len(which)
+    kept, status = np.empty((len(names), size)), np.empty(size, dtype=np.int8)
+
+    def take(part: slice, *found: FloatArray) -> None:
+        kept[:, part] = found[-1][: len(names)]
+
+    more = {"peaks": (len(PEAKS),)} if names is PEAKS else {}
+    fill_by_lanes(request, which, _curves(request, which), status, take, most=_MOST, **more)
+    return dict(zip(names, kept, strict=True)), status
+
+
+def fill_by_lanes(
+    request: Request,
+    which: IntArray | None,
+    curves: Curves,
+    status: NDArray[np.int8],
+    take: Callable[..., None],
+    *,
+    most: int,
+    **more: tuple[int, ...],
+) -> None:
+    """Have `contact_times` find contacts, stretch by stretch.
+
+    Args:
+        request: the encounters.
+        which: the indices of those to solve, m of them; None for all.
+        curves: theirs.
+        status: filled with 0 where a contact is proved, else another, shape (m,).
+        take: takes where a stretch of the m lies, its states, shape (6, k), and what else is wanted.
+        most: the longest stretch.
+        **more: what else is wanted by its name in `contact_times`, with its shape for one encounter.
+    """
+    table, starts, curve_of = curves
+
+    def run(start: int, stop: int) -> None:
+        part = slice(start, stop)
+        states = np.empty((len(STATES), stop - start))
+        filled: dict[str, Any] = {name: np.empty((*shape, stop - start)) for name, shape in more.items()}
+        own = table, starts, curve_of if len(curve_of) == 1 else curve_of[part]
+        some = request.some(part if which is None else which[part])
+        contact_times(some, own, request.horizon, states, status[part], **filled)
+        take(part, states, *filled.values())
+
+    for_stretches(run, len(status), least=_LEAST, most=most)
+
+
+def _curves(request: Request, which: IntArray | None) -> Curves:
+    """Return as much of the curves as the encounters need; few tables, so that they are kept."""
     if request.many is not None:
-        return _guaranteed_of_many(request, request.many, np.arange(request.size) if which is None else which)
-    count = request.size if which is None else len(which)
-    rows = np.empty((count, len(COLUMNS)))
-    status = np.empty(count, dtype=np.int64)
-    if request.method == "uniform-motion":
-        values, gain = request.part(slice(None) if which is None else which)
-        solve_uniform_motion(values, request.sensor, gain, rows, status)
-    else:
-        solve = solve_closed_form if request.method == "closed-form" else integrate
-
-        def run(start: int, stop: int) -> None:
-            part = slice(start, stop) if which is None else which[start:stop]
-            solve(request, part, rows[start:stop], status[start:stop])
-
-        for_stretches(run, count, least=_LEAST, most=_MOST)
-    _hold_overflow(request, which, rows, status)
-    return rows, status.astype(np.int8)
+        windows = request.many.windows(reach_of(request.scenario))
+        curve_of = (np.arange(request.size) if which is None else which) % len(request.many)
+        return windows.table, windows.starts, curve_of
+    reach = farthest(request.scenario, request.sensor)
+    if request.method == "closed-form":
+        top = min(_BEYOND * reach, request.sensor.valid_range[1])
+        return alone(line_windows(request.slope, top))
+    return alone(curve_windows(request.sensor, 0.0, reach))
 
 
-def _guaranteed_of_many(request: Request, many: SeveralCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters of which each has a curve of its own, curve after curve."""
-    rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int8)
-    place, curve = np.divmod(which, len(many))
-    for index in np.unique(curve):
-        own = np.flatnonzero(curve == index)
-        rows[own], status[own] = _guaranteed(many.alone(request, int(index)), place[own])
-    return rows, status
-
-
-def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
-    """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
-    always_finite = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
-    bad = np.flatnonzero(~np.isfinite(rows[:, always_finite]).all(axis=1))
-    if len(bad):
-        v, _ = request.part(bad if which is None else which[bad])
-        start = dict.fromkeys(COLUMNS, np.zeros(len(v)))
-        start |= {
-            "distance": v[:, 5] - v[:, 3],
-            "displacement": v[:, 3],
-            "displacement_velocity": v[:, 4],
-            "relative_velocity": v[:, 6] - v[:, 4],
-            "largest_excursion": np.abs(v[:, 3]),
-            "largest_speed": np.abs(v[:, 4] + v[:, 8]),
-            "closest_distance": v[:, 5] - v[:, 3],
-            "settling_distance": np.full(len(v), np.inf),
-        }
-        rows[bad] = np.column_stack([start[name] for name in COLUMNS])
-        status[bad] = ContactStatus.UNRESOLVED
+def _settling(request: Request) -> FloatArray:
+    """Return where a motion that ends in contact would come to rest, as the guaranteed paths have it."""
+    r = request.relative
+    held, floats = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
+    rests = ((r.v == 0) | floats) & (r.a == 0)
+    if request.method != "closed-form":
+        return np.where(np.broadcast_to(rests & held & (r.gain <= 0), request.size), r.p, np.inf)
+    total = r.damping + request.slope * r.gain
+    free = r.p - r.x0 + (r.v - r.u0) * r.mass / np.where(total > 0, total, 1.0)
+    return np.where(np.broadcast_to(rests & (total > 0), request.size), np.where(held, r.p, free), np.inf)
 
 
 def _impulse_residual(solution: Solution) -> FloatArray:
@@ -224,18 +316,21 @@ def _impulse_residual(solution: Solution) -> FloatArray:
     request = solution.request
     if request.method == "uniform-motion":
         return np.full(request.size, np.nan)
-    mass, damping, stiffness, x_0, u_0, p, v = (request.column(i) for i in range(7))
+    r = request.relative
+    begin = np.broadcast_to(r.p - r.x0, request.size)
     with np.errstate(all="ignore"):  # a function of the user's may overflow where the object has gone far away
-        rise = request.log_output(solution.raw("distance")) - request.log_output(p - x_0)
+        rise = request.log_output(solution.raw("distance")) - request.log_output(begin)
     terms = np.stack(
         [
-            mass * (solution.raw("displacement_velocity") - u_0),
-            damping * (solution.raw("displacement") - x_0),
-            stiffness * solution.raw("displacement_integral"),
-            -request.gain * rise,
+            r.mass * (solution.raw("displacement_velocity") - r.u0),
+            r.damping * (solution.raw("displacement") - r.x0),
+            r.stiffness * solution.raw("displacement_integral"),
+            -r.gain * rise,
         ]
     )
-    approach = np.maximum(mass * np.abs(v - u_0), damping * (p - x_0))  # where nothing pushes, all terms vanish
+    approach = np.maximum(
+        r.mass * np.abs(r.v - r.u0), r.damping * (r.p - r.x0)
+    )  # where nothing pushes, all terms vanish
     largest = np.maximum(np.abs(terms).max(axis=0), approach)
     return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
 

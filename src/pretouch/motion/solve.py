@@ -13,14 +13,12 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
-from .closed_form import trace_closed_form
 from .contact import ContactResult
-from .integrator import trace_integration
-from .layout import COLUMNS, TRACE_COLUMNS
+from .guaranteed import trace_guaranteed
+from .layout import TRACE_COLUMNS
 from .request import Request, make_request
 from .scenario import Scenario
 from .solution import Solution
-from .uniform_motion import solve_uniform_motion
 
 __all__ = ["Motion", "find_contact", "solve_motion"]
 
@@ -146,45 +144,32 @@ def solve_motion(
     end = np.atleast_1d(np.asarray(result.end.time)).ravel()
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
     times[:, -1] = end
-    trace = np.zeros((len(end), samples, len(TRACE_COLUMNS)))
-    v = request.values[:, :, None]
-    obstacle = v[:, 5] + (v[:, 6] + v[:, 7] * times / 2) * times
-    if request.method == "uniform-motion":
-        rows, status = np.empty((len(end), len(COLUMNS))), np.empty(len(end), dtype=np.int64)
-        a, b = solve_uniform_motion(request.values, sensor, request.gain, rows, status)
-        trace[..., 0] = np.where(np.isnan(a), rows[:, 1], b)[:, None] + np.nan_to_num(a)[:, None] * times
-        trace[..., 2] = v[:, 6] - np.nan_to_num(a)[:, None]
-    elif request.method == "closed-form":
-        trace_closed_form(request, times, trace)
-        trace[..., 0] = obstacle - trace[..., 1]
-    else:
-        trace_integration(request, times, trace)
+    trace = np.empty((len(end), samples, len(TRACE_COLUMNS)))
+    trace_guaranteed(request, times, trace)
     trace[:, -1, 0] = np.ravel(result.end.distance)
-    trace[..., 1] = obstacle - trace[..., 0]
-    return _motion(request, times, trace, result, samples)
+    return _motion(request, times, trace, result)
 
 
-def _motion(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult, samples: int) -> Motion:
+def _motion(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
     """Return the trace as a motion, with the virtual force by L(2)."""
-    v, shape = request.values[:, :, None], (*request.shape, samples)
-    low, high = request.sensor.valid_range
-    distance = np.clip(trace[..., 0], low, high)
-    relative_velocity = v[:, 6] + v[:, 7] * times - trace[..., 2]
+    shape, each, reference = (*request.shape, times.shape[-1]), request.relative, request.scenario.reference
+    p, v, a = (x[:, None] for x in (each.p, each.v, each.a))
+    distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
+    displacement, relative_velocity = p + (v + a * times / 2) * times - distance, v + a * times - speed
     with np.errstate(all="ignore"):  # a function of the user's may overflow where the object has gone far away
-        slope = np.asarray(request.sensor.log_slope(distance))
-    reference = request.scenario.reference
-    moment = times.reshape(shape)
-    p, u, a = (
-        np.expand_dims(np.asarray(x), -1) for x in (reference.position, reference.velocity, reference.acceleration)
+        slope = np.asarray(request.sensor.log_slope(np.clip(distance, *request.sensor.valid_range)))
+    moment, force = times.reshape(shape), each.gain[:, None] * slope * relative_velocity
+    x, u, w = (
+        np.expand_dims(np.asarray(r), -1) for r in (reference.position, reference.velocity, reference.acceleration)
     )
     return Motion(
         time=moment,
-        distance=trace[..., 0].reshape(shape),
-        position=trace[..., 1].reshape(shape) + p + (u + a * moment / 2) * moment,
-        velocity=trace[..., 2].reshape(shape) + u + a * moment,
-        acceleration=trace[..., 3].reshape(shape) + a,
-        displacement=trace[..., 1].reshape(shape),
+        distance=distance.reshape(shape),
+        position=displacement.reshape(shape) + x + (u + w * moment / 2) * moment,
+        velocity=speed.reshape(shape) + u + w * moment,
+        acceleration=acceleration.reshape(shape) + w,
+        displacement=displacement.reshape(shape),
         relative_velocity=relative_velocity.reshape(shape),
-        virtual_force=(request.gain[:, None] * slope * relative_velocity).reshape(shape),
+        virtual_force=force.reshape(shape),
         result=result,
     )

@@ -1,20 +1,23 @@
-"""A sensor curve as the block kernel reads it: ln xi as polynomials on windows that overlap.
+"""A sensor curve as the kernels read it: ln xi as polynomials on windows that overlap, or g on pieces side by side.
 
 An approach passes the curve downward. A step that starts anywhere in a window should find most of the window below it,
 so each window starts inside the one above it, and a motion changes to the next as soon as that one holds it. At a
 corner of the curve (a point of a table) windows end instead. Where 1 / g is linear in l, as in L(3), there is one
-window and no polynomial: the kernel then knows that g l' = n q with q (l + l_0) = l'.
+window and no polynomial: the kernel then knows that g l' = n q with q (l + l_0) = l'. The guaranteed path takes pieces,
+in any direction.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from pretouch._core.chebyshev import chebyshev_extremes, chebyshev_nodes
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 from pretouch.sensors.kept import kept_by_curve
@@ -33,8 +36,12 @@ __all__ = [
     "TOP",
     "Curves",
     "alone",
+    "curve_pieces",
+    "curve_reach",
+    "curve_tops",
     "curve_windows",
     "farthest",
+    "interpolate",
     "line_windows",
     "polynomial_windows",
     "power_window",
@@ -52,12 +59,24 @@ LOW_DEGREE: Final = 4
 """Of ln xi on a window where a handful of such do."""
 
 TOLERANCE: Final = 1e-13
-"""Of the largest slope on a window."""
+"""Of the largest slope on a window or a piece."""
 
 _OVERLAP: Final = 0.4
 _SLACK: Final = 2e-7  # of a window: how far it is used beyond its border; the error is of second order in it
 _MOST: Final = 2_000
 _SMALLEST: Final = 1e-9
+
+_DEGREE: Final = 9
+_ROUNDING: Final = 1e-9  # of the largest slope from there outward: a larger error is one of the polynomial
+_IN_VAIN: Final = 3  # halvings
+_MAX_PIECES: Final = 20_000
+_GROWTH: Final = 64.0
+_FARTHEST: Final = 1e12
+
+_NODES: Final = chebyshev_nodes(_DEGREE + 1)
+_PROBES: Final = chebyshev_extremes(_DEGREE + 1)[1:-1]
+_TO_COEFFICIENTS: Final = np.linalg.inv(np.vander(_NODES, increasing=True))
+_AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
@@ -99,43 +118,19 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
 
 
 def alone(table: FloatArray) -> Curves:
-    """Return the one curve of all encounters.
-
-    Args:
-        table: its windows, as `curve_windows` gives them.
-
-    Returns:
-        The curve as the block kernel reads it.
-    """
+    """Return the one curve of all encounters as the block kernel reads it, of windows as from `curve_windows`."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
 def line_windows(slope: float, top: float) -> FloatArray:
-    """Return the one window of a constant slope.
-
-    Args:
-        slope: g [1/m].
-        top: the largest distance at which it holds [m], which may be infinite.
-
-    Returns:
-        One row as in `curve_windows`, with two coefficients of ln xi in l.
-    """
+    """Return the one window, as in `curve_windows`, of a constant slope [1/m] up to a distance [m] or infinity."""
     row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
     row.setflags(write=False)
     return row
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return the one window of a curve whose 1 / g is linear in l.
-
-    Args:
-        sensor: the curve.
-        low: where the window starts [m].
-        high: where it ends [m].
-
-    Returns:
-        One row as in `curve_windows`, with a single coefficient; None where 1 / g is not linear.
-    """
+    """Return the one window of a curve whose 1 / g is linear in l between two distances [m]; None for others."""
     if any(low < k < high for k in sensor.knots):
         return None
     distance = low + (high - low) * np.concatenate([[0.0], np.sin(np.pi / 4 * np.linspace(0, 1, 65)) ** 4, [1.0]])
@@ -211,3 +206,136 @@ def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, deg
         return None
     powers = np.arange(1, degree + 1)
     return np.concatenate([[0.0], terms[:, 0] / powers / half ** (powers - 1.0)])
+
+
+class CurveError(InvalidInputError):
+    """A curve cannot be approximated.
+
+    Args:
+        message: what was found, what must hold, what to try.
+        culprit: the smallest distance looked at where the slope is not finite [m]; None where it is too rough.
+    """
+
+    def __init__(self, message: str, culprit: float | None = None) -> None:
+        super().__init__(message)
+        self.culprit = culprit
+
+
+@kept_by_curve(256)
+def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
+    """Approximate the slope g of a curve between two of its distances [m] by polynomials on pieces, halved to fit.
+
+    Returns:
+        One row per piece, ascending: its middle [m], its half width [m] and the coefficients of g [1/m] in
+        z = (l - middle) / half, ten of them. The slope is met to 1e-13 of its largest magnitude on the piece, or as
+        well as the curve itself rounds.
+
+    Raises:
+        CurveError: the slope is not finite, or too rough to be a curve.
+    """
+    decades = high / _GROWTH ** np.arange(1, 8)  # a far end must not cost the near field its resolution
+    edges = np.unique([low, *(e for e in (*sensor.knots, *decades) if low < e < high), high])
+    look = partial(_slope, sensor)
+    whole, _, _ = interpolate(look, (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2)
+    beyond = np.maximum.accumulate(np.abs(whole).max(axis=1)[::-1])[::-1]  # what an approach has felt on its way
+    none = np.zeros(len(beyond))
+    pending = np.stack([edges[:-1], edges[1:], 1e-9 * np.diff(edges), none + np.inf, beyond, none])
+    done: list[FloatArray] = []
+    while pending.size:
+        left, right, smallest, before, beyond, in_vain = pending
+        middle, half = (left + right) / 2, (right - left) / 2
+        slope, coefficients, error = interpolate(look, middle, half)
+        # where the curve rounds its distances, as a recessed one near a flat end, halving a piece gains nothing; once
+        # is no proof of that, since a wide piece may not see what is narrow
+        in_vain = np.where(error > 0.25 * before, in_vain + 1, 0)
+        rounded = (in_vain >= _IN_VAIN) & (error <= _ROUNDING * beyond)
+        fits = (error <= TOLERANCE * np.abs(slope).max(axis=1)) | rounded | (half < smallest)
+        done.append(np.column_stack([middle, half, coefficients])[fits])
+        lower = np.stack([left, middle, smallest, error, beyond, in_vain])[:, ~fits]
+        upper = np.stack([middle, right, smallest, error, beyond, in_vain])[:, ~fits]
+        pending = np.concatenate([lower, upper], axis=1)
+        if pending.shape[1] + sum(map(len, done)) > _MAX_PIECES:
+            raise CurveError(
+                f"sensor: the slope of the {sensor.name} curve needs more than {_MAX_PIECES} polynomials between "
+                f"{low:g} m and {high:g} m; smooth it, name its corners, or end it by maximum_distance where it ceases "
+                "to be smooth"
+            )
+    pieces = np.concatenate(done)
+    pieces = pieces[np.argsort(pieces[:, 0])]
+    pieces.setflags(write=False)
+    return pieces
+
+
+def interpolate(
+    look: Callable[[FloatArray], FloatArray], middle: FloatArray, half: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return values at the nodes of pieces, coefficients of powers of (l - middle) / half, and their largest error."""
+    values, probed = (look(middle[:, None] + half[:, None] * z) for z in (_NODES, _PROBES))
+    coefficients = values @ _TO_COEFFICIENTS.T
+    return values, coefficients, np.abs(coefficients @ _AT_PROBES.T - probed).max(axis=-1)
+
+
+def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
+    """Return g [1/m] at distances [m], brought into the valid range."""
+    distance = np.clip(distance, *sensor.valid_range)
+    with np.errstate(all="ignore"):  # what is not finite is looked for
+        slope = np.asarray(sensor.log_slope(distance))
+    if not np.isfinite(slope).all():
+        culprit = float(distance[~np.isfinite(slope)].min())
+        raise CurveError(
+            f"sensor: the slope of the {sensor.name} curve is not finite at {culprit:g} m; end it by maximum_distance, "
+            "or start it by minimum_distance, where it ceases to hold",
+            culprit,
+        )
+    return slope
+
+
+@kept_by_curve(256)
+def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> float:
+    """Find how far out a curve can be followed: one of a user's, without a largest distance, may end somewhere.
+
+    It is followed from `low`, at least to `start` and at most to `high`, all in m, inside the valid range.
+
+    Returns:
+        The largest distance [m]: high where it holds all along, else where the slope ceases to be finite, or a power of
+        two below high from which on it is rough.
+
+    Raises:
+        CurveError: the slope is not finite, or too rough, even before the start.
+    """
+    while True:
+        try:
+            curve_pieces(sensor, low, high)
+        except CurveError as found:
+            if high <= start:
+                raise
+            high = max(start, high / 2 if found.culprit is None else _last_finite(sensor, start, found.culprit))
+        else:
+            return high
+
+
+def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
+    """Yield how far out [m] a curve is to be followed from `low`, each time farther, and whether it may go on beyond.
+
+    A motion may outgrow what is known of its curve, and come back. The first distance is `reach` [m]; `start` [m] is
+    how far the curve is needed at least.
+    """
+    end, goes_on = sensor.valid_range[1], True
+    while goes_on and reach <= _GROWTH * _FARTHEST:
+        wanted = min(end, reach)
+        top = curve_reach(sensor, low, min(wanted, max(reach / _GROWTH, start)), wanted)
+        goes_on = top == wanted < end
+        yield top, goes_on
+        reach *= _GROWTH
+
+
+def _last_finite(sensor: SensorModel, good: float, bad: float) -> float:
+    """Return the last distance before a bad one, not below a good one, at which the slope is finite."""
+    while good < bad:
+        middle = 0.5 * (good + bad)
+        if not good < middle < bad:
+            break
+        with np.errstate(all="ignore"):
+            finite = math.isfinite(sensor.log_slope(middle))
+        good, bad = (middle, bad) if finite else (good, middle)
+    return good

@@ -1,0 +1,248 @@
+"""The guaranteed way of each method: every encounter alone, whatever it is like, to its end and in between.
+
+The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve, offered by name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, IntArray
+from pretouch.sensors import SensorModel
+
+from .layout import COLUMNS, ContactStatus, named
+from .many_curves import ManyCurves
+from .native_lanes import respond_many, solve_linear, solve_series
+from .parallel import for_stretches
+from .request import Request, Which
+from .windows import curve_pieces, curve_tops
+
+__all__ = ["solve_guaranteed", "trace_guaranteed", "uniform_motion"]
+
+_BLOCK: Final = 16
+_DISTANCE: Final = COLUMNS.index("distance")
+_LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
+_MOST: Final = 16_384
+
+
+def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Solve encounters of a request by its method: those of some indices, m of them, or all.
+
+    Returns:
+        Rows of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).
+    """
+    if request.many is not None:
+        return _curve_by_curve(request, request.many, np.arange(request.size) if which is None else which)
+    count = request.size if which is None else len(which)
+    rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
+    solve = _WAYS[request.method][0]
+
+    def run(start: int, stop: int) -> None:
+        part = slice(start, stop) if which is None else which[start:stop]
+        solve(request, part, rows[start:stop], status[start:stop])
+
+    for_stretches(run, count, least=_LEAST, most=_MOST)
+    _hold_overflow(request, which, rows, status)
+    return rows, status.astype(np.int8)
+
+
+def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    """Fill trace with layout.TRACE_COLUMNS at ascending times until each run's end, shape (n, times, 4)."""
+    _WAYS[request.method][1](request, times, trace)
+
+
+def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Solve encounters of which each has a curve of its own."""
+    rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int8)
+    place, curve = np.divmod(which, len(many))
+    for index in np.unique(curve):
+        own = np.flatnonzero(curve == index)
+        rows[own], status[own] = solve_guaranteed(request.alone(int(index)), place[own])
+    return rows, status
+
+
+def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
+    """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
+    bad = np.flatnonzero(~np.isfinite(rows[:, _ALWAYS_FINITE]).all(axis=1))
+    if len(bad):
+        r = request.some(bad if which is None else which[bad])
+        start = np.zeros((len(bad), len(COLUMNS)))
+        end = named(start)
+        end["distance"][:] = end["closest_distance"][:] = r.p - r.x0
+        end["displacement"][:], end["displacement_velocity"][:], end["relative_velocity"][:] = r.x0, r.u0, r.v - r.u0
+        end["largest_excursion"][:], end["largest_speed"][:] = np.abs(r.x0), np.abs(r.u0 + r.reference_velocity)
+        end["settling_distance"][:] = np.inf
+        rows[bad], status[bad] = start, ContactStatus.UNRESOLVED
+
+
+_ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settling_distance"]
+
+
+def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Solve some encounters by L(10)-(13), their contact as the first zero of l."""
+    values, gain = request.part(which)
+    solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
+
+
+def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    r, rows = request.relative, np.empty((request.size, 7))
+    coupling = request.slope * r.gain
+    terms = (r.mass, r.damping + coupling, r.stiffness, r.x0, r.u0, coupling * r.v, coupling * r.a)
+    for i, term in enumerate(terms):
+        rows[:, i] = term
+    respond_many(rows, times, trace[..., 1:])
+    p, v, a = (x[:, None] for x in (r.p, r.v, r.a))
+    trace[..., 0] = p + (v + a * times / 2) * times - trace[..., 1]
+
+
+def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Integrate L(1) with L(2) for some encounters, again with more pieces of the curve for those that outgrow them.
+
+    With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14).
+    """
+    values, gain = given = request.part(which)
+    out, ended, again = rows, status, np.arange(0)
+    for top, pieces, limits in _stages(request):
+        for start in range(0, len(out), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
+            part = slice(start, start + _BLOCK)
+            solve_series(values[part], gain[part], pieces, limits, out[part], ended[part])
+        if out is not rows:
+            rows[again], status[again] = out, ended
+        if not limits[-1]:
+            return
+        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, _DISTANCE] >= top))
+        if not len(again):
+            return
+        values, gain = (x[again] for x in given)
+        out, ended = np.empty((len(again), len(COLUMNS))), np.empty(len(again), dtype=np.int64)
+
+
+def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    which = np.arange(request.size)
+    trace[...] = np.nan
+    for _, pieces, limits in _stages(request):
+        part = np.full((len(which), *trace.shape[1:]), np.nan)
+        rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int64)
+        solve_series(*request.part(which), pieces, limits, rows, status, (times[which], part))
+        trace[which] = part
+        which = which[np.isnan(part).any(axis=(1, 2))]  # the others would end a rounding earlier on other pieces
+        if not len(which):
+            return
+
+
+def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
+    """Yield how far the curve is known, its pieces and the limits that go with them, each time farther out."""
+    r, sensor = request.relative, request.sensor
+    low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
+    farthest = float(np.max(r.p - r.x0, initial=0.0))
+    for top, goes_on in curve_tops(sensor, bottom, farthest, 2.0 ** math.ceil(math.log2(4 * farthest))):
+        yield top, curve_pieces(sensor, bottom, top), (request.horizon, low <= 0, goes_on)
+
+
+def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
+    """Read b_2 [1/m^2] and c_2 [1/m] from a curve whose slope is linear in the distance; a constant one has b_2 = 0."""
+    if sensor.constant_log_slope is not None:
+        return 0.0, sensor.constant_log_slope
+    low, high = sensor.valid_range
+    ends = np.array([low, high if np.isfinite(high) else low + 1.0])
+    probe = ends[0] + (ends[1] - ends[0]) * np.array([0.0, 0.21, 0.43, 0.77, 1.0])
+    slope = np.asarray(sensor.log_slope(probe))
+    bend, intercept = np.polyfit(probe, slope, 1)
+    if np.abs(slope - bend * probe - intercept).max() > 1e-9 * np.abs(slope).max():
+        raise InvalidInputError(
+            f"method: the uniform motion L(16)-(19) holds for the second-order exponential curve L(6) only, "
+            f"not for the {sensor.name} curve; use method='integration'"
+        )
+    return float(bend) / 2, float(intercept)
+
+
+def uniform_motion(
+    values: FloatArray, curvature: float, rate: float, gain: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Solve L(15) for the uniform motion l = A t + B of L(16): A by L(17), B by L(18).
+
+    The root of L(17) is the one with 0 <= |A| <= |v_o| that approaches as the obstacle does. With
+    s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots are 2 v_o / (1 + s) and 2 v_o / (1 - s): only the first is ever one,
+    and in this form it goes over into v_o as b_2 -> 0. (For s >= 3 the second meets the bound on |A| as well, but
+    recedes.)
+
+    Args:
+        values: relative quantities of Scenario.relative, shape (n, 10).
+        curvature: b_2 [1/m^2].
+        rate: c_2 [1/m].
+        gain: D_p [N s], shape (n,).
+
+    Returns:
+        A [m/s] and B [m], shape (n,) each; NaN where there is no such motion.
+
+    Raises:
+        InvalidInputError: the obstacle accelerates relative to the reference, or K_a is zero.
+    """
+    _, damping, stiffness, _, _, position, speed, acceleration, _, _ = values.T
+    if np.any(acceleration != 0):
+        raise InvalidInputError("method: the uniform motion L(16)-(19) needs an obstacle without acceleration")
+    if np.any(stiffness == 0):
+        raise InvalidInputError("method: the uniform motion L(16)-(19) needs a stiffness above 0 N/m")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        root = np.sqrt(1 + 8 * curvature * gain * speed / stiffness)
+        a = 2 * speed / (1 + root)
+        a = np.where((np.abs(a) <= np.abs(speed)) & (a < 0), a, np.nan)
+        pull = damping * speed + stiffness * position - (rate * gain + damping) * a
+        b = pull / (2 * curvature * gain * a + stiffness)
+    return a, b
+
+
+def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
+    """Fill rows and statuses of some encounters, up to their contact l = 0."""
+    curvature, rate = _second_order_parameters(request.sensor)
+    values, gain = request.part(which)
+    a, b = uniform_motion(values, curvature, rate, gain)
+    _, _, _, x0, _, position, speed, _, drift, pull = values.T
+    exists = np.isfinite(a) & (b >= 0)
+    a, b = np.where(exists, a, 1.0), np.where(exists, b, 0.0)
+    time, start = -b / a, position - b
+    displacement, own_speed = position + speed * time, speed - a
+    steepest = np.maximum(np.abs(rate), np.abs(rate + 2 * curvature * b))
+    found = {
+        "time": time,
+        "displacement": displacement,
+        "displacement_velocity": own_speed,
+        "relative_velocity": a,
+        "virtual_force": gain * rate * a,
+        "largest_excursion": np.maximum(np.abs(start), np.abs(displacement)),
+        "largest_travel": np.abs(displacement - start + (drift + pull * time / 2) * time),
+        "largest_speed": np.maximum(np.abs(own_speed + drift), np.abs(own_speed + drift + pull * time)),
+        "largest_acceleration": np.abs(pull),
+        "largest_virtual_force": np.abs(gain * a) * steepest,
+        "settling_distance": np.full(len(values), np.inf),
+    }
+    nothing, end = np.zeros(len(values)), named(rows)
+    for name in COLUMNS:
+        end[name][:] = np.where(exists, found.get(name, nothing), 0.0)
+    for name in ("distance", "closest_distance"):
+        end[name][~exists] = (position - x0)[~exists]
+    status[:] = np.where(exists, ContactStatus.CONTACT, ContactStatus.NO_UNIFORM_MOTION)
+
+
+def _trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray) -> None:
+    """Fill trace with distance and speed of l = A t + B, or of a start at rest where there is none."""
+    r = request.relative
+    values, gain = request.part(slice(None))
+    a, b = (x[:, None] for x in uniform_motion(values, *_second_order_parameters(request.sensor), gain))
+    trace[...] = 0.0
+    trace[..., 0] = np.where(np.isnan(a), (r.p - r.x0)[:, None], b) + np.nan_to_num(a) * times
+    trace[..., 2] = r.v[:, None] - np.nan_to_num(a)
+
+
+_WAYS: Final = {
+    "closed-form": (_solve_closed_form, _trace_closed_form),
+    "integration": (_integrate, _trace_integration),
+    "uniform-motion": (_solve_uniform_motion, _trace_uniform_motion),
+}
+"""By the method: what solves encounters, and what samples their motions."""

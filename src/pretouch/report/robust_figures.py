@@ -9,14 +9,13 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.robust.evidence import RobustOutcomes
 from pretouch.design.robust.price import Price
 from pretouch.design.robust.result import RobustDesign
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .share_panels import share_panel
+from .share_panels import outcome_panel, share_panel
 from .style import Scale, scale_for
 
 if TYPE_CHECKING:
@@ -168,18 +167,11 @@ def _quantities(design: RobustDesign) -> list[str]:
 
 
 def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
-    """Draw one quantity with its limit; where no mitigation leaves it at nothing, that curve says nothing."""
+    """Draw one quantity with its limit."""
     columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
-    finite = [c[np.isfinite(c)] for _, _, c in columns]
-    largest = max((float(c.max()) for c in finite if len(c)), default=1.0)
-    limit = next((r for r in design.limits if r.constraint.quantity == name), None)
-    if limit is not None:
-        largest = max(largest, limit.constraint.limit)
-    scale = scale_for(unit_of(name), largest)
-    kept = [c for c, values in zip(columns, finite, strict=True) if not len(values) or values.max() > 1e-6 * largest]
-    positions = {} if limit is None else {"limit": limit.constraint.limit}
-    levels = {} if limit is None or limit.probability == 1 else {"required": 100 * limit.probability}
-    return share_panel(kept or columns, words_for(name), scale, of="encounters", positions=positions, levels=levels)
+    found = next((r for r in design.limits if r.constraint.quantity == name), None)
+    limit = None if found is None else (found.constraint.limit, found.probability)
+    return outcome_panel(name, columns, limit, of="encounters")
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:

@@ -16,7 +16,7 @@ from pretouch.design.robust.result import RobustDesign
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
 from .share_panels import outcome_panel, share_panel
-from .style import Scale, scale_for
+from .style import Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,18 +89,9 @@ def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
     return [(name, looks.get(name, _ROBUST), run) for name, run in design.compared.items()]
 
 
-def _gain_axis(design: RobustDesign) -> tuple[float, str, bool]:
-    """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
-    low, high = design.bounds
-    sign, label = (
-        (-1.0, "virtual force gain \u2212D\u209a [N s]") if high <= 0 else (1.0, "virtual force gain D\u209a [N s]")
-    )
-    return sign, label, high < 0 or low > 0
-
-
 def _measure_panel(design: RobustDesign) -> Panel:
     """Draw the measure over the gain; where it is far above its minimum it is left out."""
-    sign, label, logarithmic = _gain_axis(design)
+    sign, label, logarithmic = gain_axis(design.bounds)
     curve = design.trade_off
     nominal = _nominal_objective(design, curve.gain)
     seen = np.concatenate([curve.value, nominal])
@@ -179,7 +170,7 @@ def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"
-    sign, label, _ = _gain_axis(design)
+    sign, label, _ = gain_axis(design.bounds)
     robust = 0.0 if design.gain is None else sign * design.gain
     yield Panel(
         x_label=across,

@@ -1,4 +1,4 @@
-"""The panels of a calibration."""
+"""The picture of a calibration: the readings, what the controller feels of them, its slope, and what is left over."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray
 
 from .labels import label_inside, label_near
-from .style import BASELINE, CURVES, INK, LIMIT, QUIET, Scale, log_axis, scale_for, span
+from .new_figure import new_figure
+from .style import BASELINE, CURVES, INK, LIMIT, QUIET, Scale, drawing, log_axis, scale_for, span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from pretouch.calibration.result import CalibrationReport, SensorFit
 
-__all__ = ["draw_log_output", "draw_readings", "draw_residuals", "draw_slope"]
+__all__ = ["calibration"]
 
 _WINDOW: Final = "#eef4f9"
 _FINE: Final = 120
@@ -32,7 +34,33 @@ class _Points(NamedTuple):
     deviation: FloatArray
 
 
-def draw_readings(axes: Axes, report: CalibrationReport) -> None:
+def calibration(report: CalibrationReport) -> Figure:
+    """Draw a calibration with its fitted models.
+
+    Args:
+        report: a report of any verdict.
+
+    Returns:
+        Four panels over the distance: the readings with offset, clipping level, floor and usable window; the signal
+        above the offset on a logarithmic axis, which is what the controller feels; its slope g beside differences
+        of neighboring readings; and the residuals of ln xi. Where there is no usable signal, the readings alone.
+    """
+    with drawing():
+        if not report.fits:
+            figure = new_figure(7.4, 3.2)
+            axes = figure.add_subplot()
+            figure.subplots_adjust(left=0.11, right=0.972, bottom=0.15, top=0.9)
+            _draw_readings(axes, report)
+            return figure
+        figure = new_figure(7.4, 5.8)
+        panels = [figure.add_subplot(2, 2, i + 1) for i in range(4)]
+        figure.subplots_adjust(left=0.11, right=0.972, bottom=0.085, top=0.95, wspace=0.29, hspace=0.34)
+        for axes, draw in zip(panels, (_draw_readings, _draw_log_output, _draw_slope, _draw_residuals), strict=True):
+            draw(axes, report)
+    return figure
+
+
+def _draw_readings(axes: Axes, report: CalibrationReport) -> None:
     """Draw every reading, the levels that bound the signal, the window and the fitted curves."""
     scale = _begin(axes, report, "Readings and their use" if report.fits else "Readings: no usable signal")
     outputs = report.calibration.outputs
@@ -44,16 +72,7 @@ def draw_readings(axes: Axes, report: CalibrationReport) -> None:
     for _, mask, marker, color, fill in groups:
         x, y = report.calibration.distances[mask] / scale.factor, outputs[mask]
         axes.plot(x, y, marker, color=color, markerfacecolor=fill, markersize=4.2, linestyle="None", zorder=4)
-    for fit, distance, color, style, width in _curves(report):
-        offset = fit.offset.value
-        axes.plot(
-            distance / scale.factor,
-            offset + fit.sensor.output(distance),
-            color=color,
-            linestyle=style,
-            linewidth=width,
-            zorder=3,
-        )
+    _draw_curves(axes, report, scale, lambda fit, distance: fit.offset.value + fit.sensor.output(distance))
     _draw_levels(axes, report)
     for text, mask, _, color, _ in groups:
         if not text:
@@ -92,7 +111,7 @@ def _draw_levels(axes: Axes, report: CalibrationReport) -> None:
         label_near(axes, across, np.full(5, level), text, color=LIMIT, size=7.5, side=side, reach=34.0)
 
 
-def draw_log_output(axes: Axes, report: CalibrationReport) -> None:
+def _draw_log_output(axes: Axes, report: CalibrationReport) -> None:
     """Draw the signal above the offset on a logarithmic axis: its slope there is what the controller feels."""
     scale = _begin(axes, report, "What the controller feels: ln signal", zoom=True)
     points = _points(report)
@@ -102,16 +121,7 @@ def draw_log_output(axes: Axes, report: CalibrationReport) -> None:
     log_axis(axes, "y", low / (high / low) ** 0.12, high * (high / low) ** 0.12)
     spread = value * np.abs(np.expm1(_TWO_SIGMA * np.vstack([-points.deviation, points.deviation])))
     _draw_points(axes, points.distance / scale.factor, value, spread)
-    for fit, distance, color, style, width in _curves(report):
-        axes.plot(
-            distance / scale.factor,
-            fit.sensor.output(distance),
-            color=color,
-            linestyle=style,
-            linewidth=width,
-            zorder=3,
-        )
-    _label_curves(axes, report, scale, lambda fit, distance: fit.sensor.output(distance))
+    _draw_curves(axes, report, scale, lambda fit, distance: fit.sensor.output(distance), named=True)
     label_near(
         axes,
         points.distance[::-1] / scale.factor,
@@ -122,7 +132,7 @@ def draw_log_output(axes: Axes, report: CalibrationReport) -> None:
     )
 
 
-def draw_slope(axes: Axes, report: CalibrationReport) -> None:
+def _draw_slope(axes: Axes, report: CalibrationReport) -> None:
     """Draw the slope g of the models beside the differences of neighboring readings."""
     scale = _begin(axes, report, "Slope: the damping felt is D\u209a g", zoom=True)
     points = _points(report)
@@ -139,19 +149,10 @@ def draw_slope(axes: Axes, report: CalibrationReport) -> None:
     axes.set_ylim(max(low, float(drawn.min()) - reach), min(high, float(drawn.max()) + reach))
     axes.axhline(0, color=QUIET, linewidth=0.7, zorder=1.5)
     _draw_points(axes, middle / scale.factor, slope, np.vstack([spread, spread]))
-    for fit, distance, color, style, width in _curves(report):
-        axes.plot(
-            distance / scale.factor,
-            fit.sensor.log_slope(distance),
-            color=color,
-            linestyle=style,
-            linewidth=width,
-            zorder=3,
-        )
-    _label_curves(axes, report, scale, lambda fit, distance: fit.sensor.log_slope(distance))
+    _draw_curves(axes, report, scale, lambda fit, distance: fit.sensor.log_slope(distance), named=True)
 
 
-def draw_residuals(axes: Axes, report: CalibrationReport) -> None:
+def _draw_residuals(axes: Axes, report: CalibrationReport) -> None:
     """Draw what the models leave over in ln xi, within the noise or not."""
     scale = _begin(axes, report, "Left over by the models", zoom=True)
     points = _points(report)
@@ -270,18 +271,14 @@ def _groups(report: CalibrationReport) -> Iterator[tuple[str, BoolArray, str, st
             yield name, mask, marker, color, fill
 
 
-def _label_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any) -> None:
-    """Name each curve, the best one first."""
-    for i, (fit, distance, color, _, _) in enumerate(reversed(list(_curves(report)))):
-        places = (np.linspace(0.04, 0.96, 24) * (len(distance) - 1)).astype(int)
-        rotated = np.roll(places, -5 * i)
-        label_near(
-            axes,
-            distance[rotated] / scale.factor,
-            np.asarray(value(fit, distance))[rotated],
-            fit.model,
-            color=color,
-            weight="bold" if i == 0 else "normal",
-            size=7.5,
-            reach=52.0,
-        )
+def _draw_curves(axes: Axes, report: CalibrationReport, scale: Scale, value: Any, *, named: bool = False) -> None:
+    """Draw each fit, and name them, the best one first."""
+    curves = [
+        (distance / scale.factor, value(fit, distance), fit.model, *look) for fit, distance, *look in _curves(report)
+    ]
+    for x, y, _, color, style, width in curves:
+        axes.plot(x, y, color=color, linestyle=style, linewidth=width, zorder=3)
+    for i, (x, y, model, color, *_) in enumerate(reversed(curves if named else [])):
+        places = np.roll((np.linspace(0.04, 0.96, 24) * (len(x) - 1)).astype(int), -5 * i)
+        weight = "bold" if i == 0 else "normal"
+        label_near(axes, x[places], np.asarray(y)[places], model, color=color, weight=weight, size=7.5, reach=52.0)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Annotation
 
-__all__ = ["dense_points", "label_inside", "label_near"]
+__all__ = ["dense_points", "label_inside", "label_near", "marks_in"]
 
 _DIRECTIONS: Final = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
 _GAPS: Final = (5.0, 11.0, 20.0, 34.0, 52.0, 75.0, 100.0)
@@ -41,6 +41,7 @@ def label_near(
     reach: float = 100.0,
     side: int = 1,
     strict: bool = False,
+    marks: list[FloatArray] | None = None,
 ) -> Annotation | None:
     """Write a label beside a point or a curve, where it covers no other label and as little of the curves as can be.
 
@@ -58,6 +59,7 @@ def label_near(
         side: 1 where it stands above if it can, -1 below.
         strict: True for no label rather than one that covers a curve, stands behind one or runs into another text;
             lines that are drawn below zorder 1 do not count.
+        marks: what `marks_in` returned, where several labels are written; the leader line is added to it.
 
     Returns:
         The label, with a thin leader line where it stands farther off; None where no place is free.
@@ -68,26 +70,27 @@ def label_near(
     taken = _taken(axes, label)
     apart = np.array([_WORD_SPACE, 0.0, _WORD_SPACE, 0.0]) if strict else np.zeros(4)
     free = _free(axes, boxes, taken + apart * [-1, 0, 1, 0]) & (places[:, 3] <= reach)
-    choice = _best_place(axes, anchors, places, boxes, taken=taken, free=np.flatnonzero(free), strict=strict)
+    marks = marks_in(axes) if marks is None else marks
+    every = np.concatenate(marks)
+    choice = _best_place(anchors, places, boxes, every, taken=taken, free=np.flatnonzero(free), strict=strict)
     if choice < 0:
         label.remove()
         return None
-    _settle(axes, label, anchors[int(places[choice, 0])], places[choice, 1:4])
+    marks += _settle(axes, label, anchors[int(places[choice, 0])], places[choice, 1:4])
     return label
 
 
 def _best_place(
-    axes: Axes,
     anchors: FloatArray,
     places: FloatArray,
     boxes: FloatArray,
+    marks: FloatArray,
     *,
     taken: FloatArray,
     free: Any,
     strict: bool,
 ) -> int:
     """Return the place of least cost among the free ones, -1 where there is none."""
-    marks = _marks(axes)
     best, choice = np.inf, -1
     for i in free[np.argsort(places[free, 4], kind="stable")]:
         if places[i, 4] >= best:
@@ -131,7 +134,7 @@ def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: flo
     if not free.any():
         label.remove()
         return None
-    marks = _marks(axes)
+    marks = np.concatenate(marks_in(axes))
     costs = np.array([_covered(box, marks) for box in boxes]) + 0.5 * np.arange(len(boxes))
     costs[~free] = np.inf
     label.xycoords = "data"
@@ -202,7 +205,8 @@ def _free(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
     return inside & apart.all(axis=1)
 
 
-def _settle(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> None:
+def _settle(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray) -> list[FloatArray]:
+    """Move a label to its place, and draw its leader line where it needs one; return the marks of that."""
     dx, dy, gap = int(place[0]), int(place[1]), float(place[2])
     reach = gap / (np.sqrt(2) if dx and dy else 1)
     label.xy = tuple(axes.transData.inverted().transform(anchor))
@@ -213,7 +217,10 @@ def _settle(axes: Axes, label: Annotation, anchor: FloatArray, place: FloatArray
     if gap > _LEADERLESS:
         dots = axes.figure.dpi / 72 * np.array([dx * reach, dy * reach])
         ends = axes.transData.inverted().transform(anchor + np.outer([4.0 / gap, 1 - 2.0 / gap], dots))
-        axes.plot(*ends.T, color=label.get_color(), linewidth=0.6, scalex=False, scaley=False, zorder=2.5)
+        return _marks_along(
+            axes.plot(*ends.T, color=label.get_color(), linewidth=0.6, scalex=False, scaley=False, zorder=2.5)[0]
+        )
+    return []
 
 
 def _display(axes: Axes, x: Any, y: Any) -> FloatArray:
@@ -243,20 +250,23 @@ def _taken(axes: Axes, new: Annotation) -> FloatArray:
     return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)
 
 
-def _marks(axes: Axes) -> FloatArray:
+def marks_in(axes: Axes) -> list[FloatArray]:
     """Return points along all lines and markers, close to each other: x and y in pixels, and the zorder."""
     parts = [np.empty((0, 3))]
     for line in axes.lines:
-        points = line.get_transform().transform(np.column_stack(line.get_data(orig=False)))
-        points = points[np.isfinite(points).all(axis=1)]
-        parts.append(_with_zorder(points if line.get_linestyle() in {"None", ""} else dense_points(points), line))
+        parts += _marks_along(line)
     for collection in axes.collections:
         segments: list[Any] = getattr(collection, "get_segments", list)()
-        parts.extend(
-            _with_zorder(dense_points(np.asarray(axes.transData.transform(segment))), collection)
-            for segment in segments
-        )
-    return np.concatenate(parts)
+        if segments:
+            pixels = [np.asarray(axes.transData.transform(segment)) for segment in segments]
+            parts.append(_with_zorder(np.concatenate([dense_points(run) for run in pixels]), collection))
+    return parts
+
+
+def _marks_along(line: Any) -> list[FloatArray]:
+    points = line.get_transform().transform(np.column_stack(line.get_data(orig=False)))
+    points = points[np.isfinite(points).all(axis=1)]
+    return [_with_zorder(points if line.get_linestyle() in {"None", ""} else dense_points(points), line)]
 
 
 def _with_zorder(points: FloatArray, artist: Any) -> FloatArray:

@@ -57,19 +57,13 @@ def loop_motion(
     kept = trace.time < last
     obstacle = scenario.obstacle
     closing = obstacle.velocity + obstacle.acceleration * trace.time - trace.velocity
-    rows = [
-        (trace.time, end.time),
-        (trace.distance, end.distance),
-        (trace.position, end.position),
-        (closing, end.relative_velocity),
-        (trace.virtual_force, end.virtual_force),
-    ]
-    joined = [np.append(values[kept], at) if last == end.time else values[kept] for values, at in rows]
-    return LoopMotion(
-        time=joined[0],
-        distance=joined[1],
-        position=joined[2],
-        relative_velocity=joined[3],
-        virtual_force=joined[4],
-        result=result,
-    )
+    columns = {
+        "time": (trace.time, end.time),
+        "distance": (trace.distance, end.distance),
+        "position": (trace.position, end.position),
+        "relative_velocity": (closing, end.relative_velocity),
+        "virtual_force": (trace.virtual_force, end.virtual_force),
+    }
+    whole = last == end.time
+    joined = {name: np.append(values[kept], at) if whole else values[kept] for name, (values, at) in columns.items()}
+    return LoopMotion(**joined, result=result)

@@ -14,7 +14,7 @@ from matplotlib.transforms import Affine2D, Bbox, ScaledTranslation
 
 from pretouch._core.numbers import FloatArray
 
-from .labels import label_inside, label_near
+from .labels import label_inside, label_near, marks_in
 from .new_figure import new_figure
 from .panel_drawing import Name, draw_panel, names_of
 
@@ -126,12 +126,13 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
     """Write names beside what they name; return the places of those that have to be listed instead."""
     names = list(enumerate(names_of(axes, panel)))
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
-    lost = {i for i, name in hardest_first if i not in listed and not _place(axes, name)}
+    marks = marks_in(axes)
+    lost = {i for i, name in hardest_first if i not in listed and not _place(axes, name, marks)}
     curves = {i for i, name in names if name.kind == "curve"}
     return lost | curves - listed if lost and 2 * len(curves & (lost | listed)) > len(curves) else lost
 
 
-def _place(axes: Axes, name: Name) -> bool:
+def _place(axes: Axes, name: Name, marks: list[FloatArray]) -> bool:
     """Write a name beside what it names, in one line or in two; tell whether there was room."""
     if name.kind == "span":
         fill, size = name.sample["markerfacecolor"], _SIZES["span"]
@@ -148,6 +149,7 @@ def _place(axes: Axes, name: Name) -> bool:
                 reach=reach,
                 side=name.side,
                 strict=True,
+                marks=marks,
             )
             if label is not None:
                 label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
@@ -210,8 +212,12 @@ def _overhang(axes: Axes, renderer: Any, *, final: bool) -> tuple[float, float, 
 def _tick_boxes(axis: Any, renderer: Any) -> list[Any]:
     """Return where the labels of ticks stand that are seen [pixel]."""
     low, high = sorted(axis.get_view_interval())
-    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
-    return [label.get_window_extent(renderer) for at, label in ticks if low <= at <= high and label.get_text()]
+    side = 0 if axis.axis_name == "x" else 1
+    return [
+        label.get_window_extent(renderer)
+        for label in axis.get_majorticklabels()
+        if low <= label.get_position()[side] <= high and label.get_text()
+    ]
 
 
 def _title(axes: Axes) -> Text:

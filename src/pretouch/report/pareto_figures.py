@@ -92,26 +92,21 @@ def admittance(design: AdmittanceDesign) -> Figure:
         marks.append(Mark(x=x, y=at.objective, label="chosen"))
     own = before.scenario.admittance
     low, high = float(across.min()), float(across.max())
-    x = _own(own, only_ratio)
+    x = float(own.natural_frequency)
+    if only_ratio:
+        x = float(own.damping_ratio) if own.stiffness > 0 else float("nan")
     if before.objective is not None and low <= x <= high:
         marks.append(Mark(x=x, y=float(before.objective), label="as it is", shape="square"))
     name, unit = _CHOSEN["damping_ratio" if only_ratio else "natural_frequency"]
-    known = value[np.isfinite(value)]
     panel = Panel(
         x_label=f"{name} [{unit or '1'}]",
         y_label="best objective over the gains f [1]",
         curves=curves,
         marks=marks,
         x_log=_is_wide(across),
-        y_log=bool(known.min() > 0 and known.max() > _WIDE * known.min()),
+        y_log=_is_wide(value),
     )
     return panel_figure(panel)
-
-
-def _own(admittance: Any, only_ratio: bool) -> float:
-    if not only_ratio:
-        return float(admittance.natural_frequency)
-    return float(admittance.damping_ratio) if admittance.stiffness > 0 else float("nan")
 
 
 def _plane(front: ParetoFront, i: int, k: int) -> Panel:
@@ -120,17 +115,9 @@ def _plane(front: ParetoFront, i: int, k: int) -> Panel:
     across, up = (_scale(name, _seen(front, name)) for name in names)
     x, y = front.of(names[0]) / across.factor, front.of(names[1]) / up.factor
     curves = []
-    behind = _behind(front, i, k)
+    behind = _behind(front, i, k) / [across.factor, up.factor]
     if len(behind):
-        curves.append(
-            Curve(
-                x=behind[:, 0] / across.factor,
-                y=behind[:, 1] / up.factor,
-                label="tried and worse",
-                kind="points",
-                quiet=True,
-            )
-        )
+        curves.append(Curve(x=behind[:, 0], y=behind[:, 1], label="tried and worse", kind="points", quiet=True))
     if _is_curve(front):
         curves.append(Curve(x=_broken(front, x), y=_broken(front, y), label="Pareto front", style=0))
     else:
@@ -159,27 +146,16 @@ def _bound(front: ParetoFront) -> Panel:
     order = np.argsort(speed, kind="stable")
     x = speed[order] / across.factor
     kind: Any = "line" if _is_curve(front) else "points"
+    own, least = (_positive(values[order] / up.factor) for values in (c.excursion, c.least_excursion))
     curves = [
-        Curve(x=x, y=_positive(c.excursion[order] / up.factor), label="this controller", style=0, kind=kind),
-        Curve(
-            x=x,
-            y=_positive(c.least_excursion[order] / up.factor),
-            label="any robot, same acceleration",
-            style=1,
-            kind=kind,
-        ),
+        Curve(x=x, y=own, label="this controller", style=0, kind=kind),
+        Curve(x=x, y=least, label="any robot, same acceleration", style=1, kind=kind),
     ]
     if front.bound is not None:
         w = np.linspace(float(front.bound.least_contact_speed), float(speed.max()), 60)
+        least = _positive(np.asarray(front.bound.excursion(w)) / up.factor)
         limit = f"any robot, {front.bound.acceleration_limit:g} m/s\u00b2"
-        curves.append(
-            Curve(
-                x=w / across.factor,
-                y=_positive(np.asarray(front.bound.excursion(w)) / up.factor),
-                label=limit,
-                style=2,
-            )
-        )
+        curves.append(Curve(x=w / across.factor, y=least, label=limit, style=2))
     marks = [
         _mark(p, abs(float(p.result.end.relative_velocity)) / across.factor, float(p.bound.excursion) / up.factor)
         for p in front.marked
@@ -201,36 +177,21 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
     scale = _scale(name, front.of(name))
     x = front.of(name) / scale.factor
     order = np.argsort(x, kind="stable")
-    plain = _is_curve(front)
-    sign = -1.0 if front.bounds[1] <= 0 else 1.0
-    minus = "\u2212" if sign < 0 else ""
-    rows: list[tuple[str, str, FloatArray]] = [(f"gain {minus}D\u209a", "N s", sign * front.gain)]
-    rows += [(*_CHOSEN[n], getattr(front, n)) for n in front.free[1:]]
-    for label, unit, values in rows:
-        shown = _broken(front, values) if plain else values[order]
-        points = [p for p in front.marked if p.feasible]
-        attribute = {"natural frequency": "natural_frequency", "damping ratio": "damping_ratio"}.get(label, "gain")
+    sign, minus = (-1.0, "\u2212") if front.bounds[1] <= 0 else (1.0, "")
+    rows = [("gain", f"gain {minus}D\u209a", "N s", sign), *((n, *_CHOSEN[n], 1.0) for n in front.free[1:])]
+    for chosen, label, unit, factor in rows:
+        values = factor * getattr(front, chosen)
+        points = [(p, factor * getattr(p, chosen)) for p in front.marked if p.feasible]
+        if _is_curve(front):
+            curve = Curve(x=_broken(front, x), y=_broken(front, values), style=0)
+        else:
+            curve = Curve(x=x[order], y=values[order], kind="points", style=0)
         yield Panel(
             x_label=f"{words_for(name)} [{scale.unit}]",
             y_label=f"{label} [{unit or '1'}]",
             title="What is chosen along the front",
-            curves=[
-                Curve(
-                    x=_broken(front, x) if plain else x[order],
-                    y=shown,
-                    kind="line" if plain else "points",
-                    style=0,
-                )
-            ],
-            marks=[
-                _mark(
-                    p,
-                    p.values[name] / scale.factor,
-                    getattr(p, attribute) * (sign if attribute == "gain" else 1.0),
-                )
-                for p in points
-                if np.isfinite(getattr(p, attribute))
-            ],
+            curves=[curve],
+            marks=[_mark(p, p.values[name] / scale.factor, at) for p, at in points if np.isfinite(at)],
             y_log=_is_wide(values),
             x_log=_is_wide(x) and len(front.quantities) == 3,
         )

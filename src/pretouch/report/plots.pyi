@@ -1,4 +1,4 @@
-from .calibration_figures import calibration as calibration
+from .calibration_panels import calibration as calibration
 from .design_figures import sensitivity as sensitivity
 from .motion_panels import motion as motion
 from .pareto_figures import admittance as admittance

@@ -9,15 +9,14 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.robust.evidence import RobustOutcomes
 from pretouch.design.robust.price import Price
 from pretouch.design.robust.result import RobustDesign
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .share_panels import share_panel
-from .style import Scale, scale_for
+from .share_panels import outcome_panel, share_panel
+from .style import Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,18 +89,9 @@ def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
     return [(name, looks.get(name, _ROBUST), run) for name, run in design.compared.items()]
 
 
-def _gain_axis(design: RobustDesign) -> tuple[float, str, bool]:
-    """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
-    low, high = design.bounds
-    sign, label = (
-        (-1.0, "virtual force gain \u2212D\u209a [N s]") if high <= 0 else (1.0, "virtual force gain D\u209a [N s]")
-    )
-    return sign, label, high < 0 or low > 0
-
-
 def _measure_panel(design: RobustDesign) -> Panel:
     """Draw the measure over the gain; where it is far above its minimum it is left out."""
-    sign, label, logarithmic = _gain_axis(design)
+    sign, label, logarithmic = gain_axis(design.bounds)
     curve = design.trade_off
     nominal = _nominal_objective(design, curve.gain)
     seen = np.concatenate([curve.value, nominal])
@@ -168,18 +158,11 @@ def _quantities(design: RobustDesign) -> list[str]:
 
 
 def _outcome_panel(design: RobustDesign, name: str, runs: list[tuple[str, int, RobustOutcomes]]) -> Panel:
-    """Draw one quantity with its limit; where no mitigation leaves it at nothing, that curve says nothing."""
+    """Draw one quantity with its limit."""
     columns = [(label, style, run.magnitude(name)) for label, style, run in runs]
-    finite = [c[np.isfinite(c)] for _, _, c in columns]
-    largest = max((float(c.max()) for c in finite if len(c)), default=1.0)
-    limit = next((r for r in design.limits if r.constraint.quantity == name), None)
-    if limit is not None:
-        largest = max(largest, limit.constraint.limit)
-    scale = scale_for(unit_of(name), largest)
-    kept = [c for c, values in zip(columns, finite, strict=True) if not len(values) or values.max() > 1e-6 * largest]
-    positions = {} if limit is None else {"limit": limit.constraint.limit}
-    levels = {} if limit is None or limit.probability == 1 else {"required": 100 * limit.probability}
-    return share_panel(kept or columns, words_for(name), scale, of="encounters", positions=positions, levels=levels)
+    found = next((r for r in design.limits if r.constraint.quantity == name), None)
+    limit = None if found is None else (found.constraint.limit, found.probability)
+    return outcome_panel(name, columns, limit, of="encounters")
 
 
 def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
@@ -187,7 +170,7 @@ def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"
-    sign, label, _ = _gain_axis(design)
+    sign, label, _ = gain_axis(design.bounds)
     robust = 0.0 if design.gain is None else sign * design.gain
     yield Panel(
         x_label=across,

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
+from pretouch._core.vocabulary import unit_of, words_for
 
 from .panels import Curve, Mark, Panel
-from .style import Scale
+from .style import Scale, scale_for
 
-__all__ = ["share_panel"]
+__all__ = ["outcome_panel", "share_panel"]
 
 _MOST: Final = 400  # points of a curve: closer than a pixel
+_NOTHING: Final = 1e-6  # of the largest value shown: a curve of such values says nothing
 _AIR: Final = 1.04
 _TOP: Final = 104.0  # percent, so that the line at 100 % is seen
 
@@ -59,6 +61,46 @@ def share_panel(
         levels=levels or {},
         x_limits=(0.0, end) if end > 0 else None,  # from zero on: a spread is judged beside what it spreads of
         y_limits=(0.0, _TOP),
+    )
+
+
+def outcome_panel(
+    name: str,
+    columns: Sequence[tuple[str, int, FloatArray]],
+    limit: tuple[float, float] | None,
+    *,
+    symbol: str = "",
+    of: str = "runs",
+    marks: Callable[[Scale], Sequence[Mark]] = lambda _: (),
+) -> Panel:
+    """Draw a quantity of the vocabulary with its limit; a curve that is at nothing throughout is left out.
+
+    Args:
+        name: of the quantity.
+        columns: as of `share_panel`.
+        limit: its limit in SI and the share of runs in which that must be kept; None without one.
+        symbol: what is written behind its name.
+        of: as of `share_panel`.
+        marks: gives points that stand out in the unit of the panel; those in the color of no curve are left out.
+
+    Returns:
+        The panel.
+    """
+    known = [values[np.isfinite(values)] for _, _, values in columns]
+    largest = max((float(values.max()) for values in known if len(values)), default=1.0)
+    whole = largest if limit is None else max(largest, limit[0])
+    scale = scale_for(unit_of(name), whole)
+    something = [not len(values) or float(values.max()) > _NOTHING * whole for values in known]
+    kept = [c for c, shown in zip(columns, something, strict=True) if shown] or columns
+    drawn = {style for _, style, _ in kept}
+    return share_panel(
+        kept,
+        f"{words_for(name)} {symbol}".strip(),
+        scale,
+        of=of,
+        marks=[mark for mark in marks(scale) if mark.style in drawn],
+        positions={} if limit is None else {"limit": limit[0]},
+        levels={} if limit is None or limit[1] == 1 else {"required": 100 * limit[1]},
     )
 
 

@@ -31,6 +31,7 @@ __all__ = [
     "Scale",
     "draw_svg",
     "drawing",
+    "gain_axis",
     "log_axis",
     "log_ticks",
     "minus",
@@ -143,6 +144,13 @@ def scale_for(unit: str, largest: float) -> Scale:
             chosen = Scale(factor, smaller)
         limit = _LONGEST_IN_UNIT[unit] * factor
     return chosen
+
+
+def gain_axis(bounds: tuple[float, float]) -> tuple[float, str, bool]:
+    """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
+    low, high = bounds
+    sign = "\u2212" if high <= 0 else ""
+    return -1.0 if sign else 1.0, f"virtual force gain {sign}D\u209a [N s]", high < 0 or low > 0
 
 
 def minus(text: str) -> str:

@@ -99,20 +99,15 @@ def _equal_ratios(values: FloatArray) -> bool:
 def _panel(flat: xr.Dataset, name: str, across: str, family: str | None) -> Panel:
     x, _, x_label = _axis(flat, across)
     step = -(-len(x) // _MOST_POINTS)
-    variable = flat[name]
+    variable, ordered = flat[name], "units" in flat[across].attrs
     scale = _scale(variable, np.asarray(variable.values))
-    curves = []
-    if family is None:
-        curves.append(
-            _curve(x[::step], np.asarray(variable.values)[::step] / scale.factor, "", "units" in flat[across].attrs)
-        )
-    else:
+    rows: list[tuple[Any, str, int | None]] = [(variable, "", None)]
+    if family is not None:
         values, unit, _ = _axis(flat, family)
-        for i, value in enumerate(values):
-            label = f"{words_for(family.rpartition('.')[2])} {value:.4g} {unit.unit}".strip()
-            y = np.asarray(variable.isel({family: i}).values)[::step] / scale.factor
-            if np.isfinite(y).any():
-                curves.append(_curve(x[::step], y, label, "units" in flat[across].attrs, style=i))
+        names = [f"{words_for(family.rpartition('.')[2])} {value:.4g} {unit.unit}".strip() for value in values]
+        rows = [(variable.isel({family: i}), label, i) for i, label in enumerate(names)]
+    found = [(np.asarray(row.values)[::step] / scale.factor, label, style) for row, label, style in rows]
+    curves = [_curve(x[::step], y, label, ordered, style) for y, label, style in found if np.isfinite(y).any()]
     return Panel(x_label=x_label, y_label=_label(name, scale), curves=curves, x_log=_equal_ratios(x))
 
 

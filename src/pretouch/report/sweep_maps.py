@@ -112,7 +112,6 @@ def _hatch(axes: Axes, shown: Map) -> None:
 def _thin_out(figure: Figure, axes: Axes, labels: list[Any]) -> None:
     """Take away labels that cover others or leave the axes."""
     canvas: Any = FigureCanvasAgg(figure)
-    canvas.draw()
     renderer = canvas.get_renderer()
     frame = axes.get_window_extent(renderer)
     kept: list[Any] = []

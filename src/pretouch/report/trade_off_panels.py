@@ -17,7 +17,7 @@ from pretouch.design.result import GainDesign
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel, Span
-from .style import Scale, minus, scale_for
+from .style import Scale, gain_axis, minus, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,20 +122,14 @@ def _plane(design: GainDesign) -> Panel:
     )
 
 
-def _one_signed(design: GainDesign) -> bool:
-    low, high = design.bounds
-    return low > 0 or high < 0
-
-
 def _shown_gain(design: GainDesign, gain: Any) -> Any:
-    return -gain if design.bounds[1] < 0 else gain
+    return gain_axis(design.bounds)[0] * gain
 
 
 def _gain_axis(design: GainDesign) -> dict[str, Any]:
-    sign = "\u2212" if design.bounds[1] < 0 else ""
+    _, label, logarithmic = gain_axis(design.bounds)
     ends = sorted(_shown_gain(design, np.array(design.bounds)))
-    label = f"virtual force gain {sign}D\u209a [N s]"
-    return {"x_label": label, "x_log": _one_signed(design), "x_limits": tuple(ends)}
+    return {"x_label": label, "x_log": logarithmic, "x_limits": tuple(ends)}
 
 
 def _terms(design: GainDesign) -> dict[str, FloatArray]:
@@ -154,7 +148,7 @@ def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
             reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else f"broken: {name}"
     reasons[~trade.reached] = "no contact"
     order = np.argsort(gain)
-    edges = _edges(gain[order], logarithmic=_one_signed(design))
+    edges = _edges(gain[order], logarithmic=gain_axis(design.bounds)[2])
     ordered = reasons[order]
     changes = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1), len(gain)]
     for first, last in pairwise(changes):

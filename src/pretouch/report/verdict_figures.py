@@ -9,7 +9,6 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.motion import ContactResult, solve_motion
 from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
@@ -17,7 +16,7 @@ from pretouch.verification.appraisal import simulated_quantity
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .share_panels import share_panel
+from .share_panels import outcome_panel
 from .style import Scale, scale_for
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["verdict", "verdict_run"]
 
 _WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # places in the palette: the same looks the same in every picture
-_NOTHING: Final = 1e-6  # of the largest value shown: a curve of such values says nothing
 _MOST: Final = 900  # points of a curve: about two per pixel
 _LONGEST: Final = 2.0  # times the predicted contact, up to where a run without contact is shown
 _SYMBOLS: Final = {
@@ -70,31 +68,17 @@ def _quantities(verdict: Verdict) -> list[str]:
 
 
 def _outcome_panel(verdict: Verdict, name: str) -> Panel | None:
-    """Draw one quantity; None where no run has a value. Where no mitigation leaves it at nothing, that is not drawn."""
+    """Draw one quantity; None where no run has a value."""
     columns = [
         ("without mitigation", _WITHOUT, _magnitudes(verdict, name, verdict.unmitigated, 0.0)),
         ("with the gain", _WITH, _magnitudes(verdict, name, verdict.mitigated, verdict.gain)),
     ]
-    known = [values[np.isfinite(values)] for _, _, values in columns]
-    largest = max((float(values.max()) for values in known if len(values)), default=None)
-    if largest is None:
+    if not any(np.isfinite(values).any() for _, _, values in columns):
         return None
-    limit = _limit_of(verdict, name)
-    whole = largest if limit is None else max(largest, limit.limit)
-    scale = scale_for(unit_of(name), whole)
-    something = [not len(values) or float(values.max()) > _NOTHING * whole for values in known]
-    kept = [c for c, shown in zip(columns, something, strict=True) if shown] or columns
-    drawn = {style for _, style, _ in kept}
-    return share_panel(
-        kept,
-        f"{words_for(name)} {_SYMBOLS.get(name, '')}".strip(),
-        scale,
-        marks=[m for m in _predictions(verdict, name, scale) if m.style in drawn],
-        positions={} if limit is None else {"limit": limit.limit},
-        levels={}
-        if limit is None or limit.required.probability == 1
-        else {"required": 100 * limit.required.probability},
-    )
+    check = _limit_of(verdict, name)
+    limit = None if check is None else (check.limit, check.required.probability)
+    symbol = _SYMBOLS.get(name, "")
+    return outcome_panel(name, columns, limit, symbol=symbol, marks=lambda scale: [*_predictions(verdict, name, scale)])
 
 
 def _limit_of(verdict: Verdict, name: str) -> LimitCheck | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pretouch.verification import StabilityCheck, Verdict
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, scale_for
+from .style import Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,7 +85,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
     Raises:
         ResultUnavailableError: no gain within the bounds ends in contact.
     """
-    sign, label, logarithmic = _gain_axis(verdict.design.bounds)
+    sign, label, logarithmic = gain_axis(verdict.design.bounds)
     parts = [part for part in _objectives(verdict) if np.isfinite(part.objective).any()]
     if not parts:
         raise ResultUnavailableError("objective: no gain within the bounds ends in contact")
@@ -109,11 +109,14 @@ def verdict_gain(verdict: Verdict) -> Figure:
     return panel_figure(panel)
 
 
-class _Part:
+class _Part(NamedTuple):
     """An objective over the gain, and where all limits are kept."""
 
-    def __init__(self, label: str, style: int, gain: FloatArray, objective: FloatArray, kept: BoolArray) -> None:
-        self.label, self.style, self.gain, self.objective, self.kept = label, style, gain, objective, kept
+    label: str
+    style: int
+    gain: FloatArray
+    objective: FloatArray
+    kept: BoolArray
 
     def curves(self, sign: float, top: float) -> Iterator[Curve]:
         """Yield the gains that miss a limit thin and grey, and the others in color."""
@@ -139,13 +142,6 @@ def _objectives(verdict: Verdict) -> Iterator[_Part]:
         yield _Part("on the loop", _LOOP, curve.gain, curve.objective, curve.standing >= 1 - 1e-12)
 
 
-def _gain_axis(bounds: tuple[float, float]) -> tuple[float, str, bool]:
-    """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
-    low, high = bounds
-    minus = "\u2212" if high <= 0 else ""
-    return -1.0 if minus else 1.0, f"virtual force gain {minus}D\u209a [N s]", high < 0 or low > 0
-
-
 def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
     """Yield the gains that matter: the ideal optimum, the verified gain and the best one on the loop."""
     design, loss = verdict.design, verdict.loss
@@ -157,7 +153,7 @@ def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
     if loss.loop_gain is not None and loss.loop_objective is not None:
         text = f"best on the loop {loss.loop_gain:.4g} N s"
         yield Mark(x=sign * loss.loop_gain, y=loss.loop_objective, label=text, style=_LOOP, shape="ring")
-    logarithmic = _gain_axis(design.bounds)[2]
+    logarithmic = gain_axis(design.bounds)[2]
     if loss.objective is not None and (not logarithmic or sign * verdict.gain > 0):
         text = f"verified {verdict.gain:.4g} N s"
         yield Mark(x=sign * verdict.gain, y=loss.objective, label=text, style=_LOOP)

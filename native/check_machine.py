@@ -20,8 +20,8 @@ import numpy as np
 import pretouch as pt
 from pretouch._core.native import address
 from pretouch.design.search.compiled import find_gains
-from pretouch.motion.native_lanes import contact_times, find_contacts, of_core, solve_series
-from pretouch.motion.windows import alone, curve_pieces, curve_windows
+from pretouch.motion.curve import alone, curve_pieces, curve_windows
+from pretouch.motion.kernels import contact_times, find_contacts, of_core, solve_series
 
 NATIVE = Path(__file__).resolve().parent
 N = 203

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 import pretouch as pt
 from pretouch._core.numbers import FloatArray
-from pretouch.simulation.plant import linear_plant
+from pretouch.simulation.robot import linear_plant
 
 
 def lifted_loop(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch._core.json_text import as_json
+from pretouch._core.files import as_json
 from pretouch.calibration import rank_models, read_calibration, read_calibrations
 from pretouch.sensors import check_sensor
 

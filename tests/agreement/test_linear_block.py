@@ -6,7 +6,7 @@ from mpmath import mp, mpf
 
 from pretouch._core.native import INTEGER, POINTER, address, kernel
 from pretouch.motion import ContactStatus
-from pretouch.motion.native_lanes import OPEN, find_contacts, solve_linear
+from pretouch.motion.kernels import OPEN, find_contacts, solve_linear
 
 CONTACT = ContactStatus.CONTACT
 SLOPE, HORIZON = -61.0, 60.0

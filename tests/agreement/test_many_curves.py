@@ -10,9 +10,9 @@ import pytest
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import Admittance, ContactState, Obstacle, Plant, Reference, Scenario, find_contact
+from pretouch.motion.curve import LOW, MIDDLE, TERMS, TOP
 from pretouch.motion.many_curves import ManyCurves
 from pretouch.motion.many_windows import find_images
-from pretouch.motion.windows import LOW, MIDDLE, TERMS, TOP
 from pretouch.sensors import CustomSensor, InversePower, MittagLeffler, Recessed, SensorModel, Table, parameter
 from pretouch.sensors.change import CurveChange
 from pretouch.uncertainty import Ensemble, make_ensemble

@@ -14,7 +14,7 @@ import pytest
 import pretouch as pt
 from encounters import CURVES, random_encounters
 from pretouch._core.numbers import FloatArray
-from pretouch.motion.inputs import map_fields
+from pretouch.motion.scenario import map_fields
 from repeated_calls import CALLS, F_1, loop, scene
 
 SCRIPT = Path(__file__).parents[1] / "repeated_calls.py"

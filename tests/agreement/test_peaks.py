@@ -9,9 +9,9 @@ from test_linear_block import KINDS as LINEAR_KINDS
 
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
+from pretouch.motion.curve import alone, curve_windows
+from pretouch.motion.kernels import contact_times, find_contacts, solve_linear
 from pretouch.motion.layout import PEAKS
-from pretouch.motion.native_lanes import contact_times, find_contacts, solve_linear
-from pretouch.motion.windows import alone, curve_windows
 from pretouch.sensors import SensorModel
 
 COUNT = 6000

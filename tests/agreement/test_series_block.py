@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from pretouch.motion.native_lanes import CONTACT, OPEN, contact_times, solve_series
-from pretouch.motion.windows import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, alone, curve_pieces, curve_windows
+from pretouch.motion.curve import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, alone, curve_pieces, curve_windows
+from pretouch.motion.kernels import CONTACT, OPEN, contact_times, solve_series
 from pretouch.sensors import ExponentialSecondOrder, InversePower, MittagLeffler, SensorModel, Table
 
 SENSORS: dict[str, SensorModel] = {

@@ -14,7 +14,7 @@ import pytest
 import pretouch as pt
 from pretouch.calibration import Calibration, rank_models
 from pretouch.calibration.fit import model_names
-from pretouch.motion.inputs import sensor_inputs
+from pretouch.motion.scenario import sensor_inputs
 from pretouch.sensors import SensorModel, known_curves, parameter
 from scenario_text import ENCOUNTER
 

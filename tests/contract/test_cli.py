@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from command_text import SCENARIO, command, lay_out, stand_in_for_reports, strict
 
-from pretouch._core.files import is_own_unchanged
-from pretouch._core.json_text import as_json, plain
+from pretouch._core.files import as_json, is_own_unchanged, plain
 from pretouch.cli import main
 from pretouch.cli.app import app
 

@@ -13,8 +13,7 @@ from command_text import command, strict
 import pretouch.letter
 from letter_samples import bad, good
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.files import is_own_unchanged
-from pretouch._core.json_text import plain
+from pretouch._core.files import is_own_unchanged, plain
 
 DEFAULT = Path("letter-reproduction.html")
 

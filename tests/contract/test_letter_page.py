@@ -15,8 +15,7 @@ from letter_samples import CODE, bad, comparisons, finding, good, reproduction
 from page_checks import EVIL, assert_sound, parse
 from pretouch._core.blocks import tables_of
 from pretouch._core.errors import OutputExistsError
-from pretouch._core.files import is_own_unchanged
-from pretouch._core.json_text import plain
+from pretouch._core.files import is_own_unchanged, plain
 from pretouch.letter import Agreement, LetterReport, Printed, Step
 from pretouch.letter.printed import numeral
 from pretouch.report import report_html, write_report

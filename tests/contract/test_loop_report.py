@@ -12,8 +12,7 @@ import pytest
 import pretouch as pt
 from page_rows import row, table
 from pretouch.report import report_html
-from pretouch.report.loop_motion import loop_motion
-from pretouch.report.motion_panels import runs_of
+from pretouch.report.motion_figures import loop_motion, runs_of
 
 pytest.importorskip("matplotlib")
 

@@ -15,7 +15,7 @@ import pytest
 
 from native_code import NATIVE, fields_of, offsets
 from pretouch._core import native
-from pretouch.motion import native_lanes
+from pretouch.motion import kernels
 from pretouch.simulation import native_loop
 
 ROOT = Path(__file__).parents[2]
@@ -135,7 +135,7 @@ STRUCTURES = {
     "chain": native_loop._Chain,
     "curve": native_loop._Curve,
     "loop": native_loop._Loop,
-    "curves": native_lanes._CurvesOfCore,
+    "curves": kernels._CurvesOfCore,
 }
 ROWS = {
     "end": native_loop.RESULT_COLUMNS,

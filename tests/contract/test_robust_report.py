@@ -17,12 +17,12 @@ from pretouch._core.errors import OutputExistsError, ResultUnavailableError
 from pretouch._core.files import is_own_unchanged
 from pretouch.design import Constraint, DesignStatus, SpringImpact, Task, excursion_objective
 from pretouch.design.robust import ConditionalValueAtRisk, Quantile, Required, RobustDesign, design_robust_gain
-from pretouch.design.robust.validation import WorstEncounter
+from pretouch.design.robust.problem import WorstEncounter
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.report import plots, report_html, write_report
 from pretouch.sensors import ExponentialFirstOrder, InversePower
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Normal, TruncatedNormal, Uniform
-from pretouch.uncertainty.describing import share_in_words
+from pretouch.uncertainty.ensemble import share_in_words
 
 SCENARIO = Scenario(
     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0), obstacle=Obstacle(position=0.0422, velocity=-0.3)

@@ -17,13 +17,13 @@ from figure_checks import assert_legible, visible_texts
 from loop_samples import BareLaw
 from page_checks import EVIL, assert_sound, parse
 from page_rows import row, table
-from pretouch._core.block_html import cell_as_html
+from pretouch._core.described import cell_as_html
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.units import format_quantity
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.report import plots, report_html, write_report
 from pretouch.simulation import PARTS, ClosedLoop, ContactModel, PlantModel
-from pretouch.simulation.describing import contact_rows, law_rows, loop_rows
+from pretouch.simulation.closed_loop import contact_rows, law_rows, loop_rows
 
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 SCENARIO = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=0.0422, velocity=-0.3))

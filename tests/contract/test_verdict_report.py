@@ -13,7 +13,7 @@ from page_rows import row, table
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch.report import report_html, write_report
-from pretouch.uncertainty.describing import share_in_words
+from pretouch.uncertainty.ensemble import share_in_words
 from verdict_cases import CASES, DRAWERS, STATUS, case, drawn
 from verification_samples import loop_of, verdict
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact, solve_motion
-from pretouch.motion.native_lanes import respond_many
+from pretouch.motion.kernels import respond_many
 from pretouch.sensors import ExponentialFirstOrder
 from properties import examples
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from control_samples import ADMITTANCE, LIMITS, controller, rows_of, run_plain, run_rows
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.structures import copy_of
+from pretouch._core.native import copy_of
 from pretouch.control import Conditioning, Controller, Limits, Sample, Status, VirtualAdmittance, VirtualDamper
 from properties import examples
 

@@ -6,11 +6,11 @@ import re
 
 import pytest
 from loop_text import CHAIN, CONTACT, CONTROLLER, ENCOUNTER, LOOP, LOOPED, ROBOT
-from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
 import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
+from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
 
 @pytest.fixture

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
 import pretouch as pt
 from pretouch._core.errors import ScenarioFileError
 from pretouch.config import load_scenario
 from pretouch.design.robust import ConditionalValueAtRisk, Expected, Quantile, WorstCase
 from pretouch.uncertainty import CorrelatedNormal, Empirical, Interval, Normal, TruncatedNormal, Uniform
+from scenario_text import SENSOR, WHOLE, line_of, refusal, replaced, writer
 
 KNOWN = """\
 [uncertainty]

@@ -22,11 +22,9 @@ from pretouch.design import (
     excursion_objective,
     time_objective,
 )
-from pretouch.design.criteria import magnitude, merit
-from pretouch.design.problem import GainProblem
+from pretouch.design.problem import GainProblem, magnitude, merit
 from pretouch.design.search import GainAxis
-from pretouch.design.search.freedom import make_freedom
-from pretouch.design.search.trials import Trials
+from pretouch.design.search.trials import Trials, make_freedom
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import InversePower
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pretouch.calibration import Calibration, rank_models
-from pretouch.calibration.condensing import condense
+from pretouch.calibration.averaging import condense
 from pretouch.sensors import ExponentialFirstOrder, InversePower, SensorModel
 
 SENSORS = [

@@ -11,7 +11,7 @@ from pretouch import calibration
 from pretouch._core.errors import CalibrationDataError, InvalidInputError, ResultUnavailableError
 from pretouch.calibration import Calibration, find_window, fit_sensor, rank_models
 from pretouch.calibration.averaging import average, reading_noise, resolution
-from pretouch.calibration.diagnostics import runs_p_value
+from pretouch.calibration.fit import runs_p_value
 from pretouch.calibration.many_fits import intervals, minimize_many
 from pretouch.calibration.preparation import chance_of_falling
 

@@ -10,7 +10,7 @@ import pytest
 
 from pretouch._core.errors import InvalidInputError
 from pretouch.calibration import Calibration, SensorFit, fit_sensor
-from pretouch.motion.inputs import sensor_with
+from pretouch.motion.scenario import sensor_with
 from pretouch.uncertainty import CorrelatedNormal, parameter_distribution, sample_inputs
 
 DISTANCES = np.repeat(np.arange(0.0, 0.062, 0.002), 4)

@@ -25,8 +25,7 @@ from pretouch.design import (
     pareto_front,
     quantity_of,
 )
-from pretouch.design.front.curve import trace_front
-from pretouch.design.front.domination import non_dominated, shortfall
+from pretouch.design.front.fronts import non_dominated, shortfall, trace_front
 from pretouch.motion import Admittance, Obstacle, Plant, Scenario, find_contact
 from pretouch.sensors import ExponentialFirstOrder
 

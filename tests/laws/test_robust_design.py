@@ -23,7 +23,7 @@ from pretouch.design.robust import (
 )
 from pretouch.design.robust.problem import RobustProblem
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
-from pretouch.motion.inputs import scenario_with, sensor_with
+from pretouch.motion.scenario import scenario_with, sensor_with
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
 from pretouch.uncertainty import CorrelatedNormal, Interval, Normal, TruncatedNormal, Uniform, sample_inputs
 

@@ -16,7 +16,7 @@ from scipy.special import erfcx
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.units import parse_unit
-from pretouch.motion.windows import curve_pieces
+from pretouch.motion.curve import curve_pieces
 from pretouch.sensors import (
     CustomSensor,
     ExponentialFirstOrder,

@@ -16,7 +16,7 @@ import pretouch as pt
 from figure_checks import assert_legible
 from loop_samples import Answer, BareLaw, bare_step
 from page_rows import line
-from pretouch._core.json_text import as_json
+from pretouch._core.files import as_json
 from pretouch._core.units import format_quantity
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.report import plots

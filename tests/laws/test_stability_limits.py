@@ -12,7 +12,7 @@ import pretouch as pt
 from lifted_loop import lifted_radius
 from pretouch import control
 from pretouch.simulation.linear_loop import linear_loop
-from pretouch.simulation.plant import linear_plant
+from pretouch.simulation.robot import linear_plant
 
 MASS = pt.Admittance(mass=1.3, damping=0.0, stiffness=0.0)
 LETTER = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)

@@ -12,7 +12,7 @@ from scipy import stats
 
 import pretouch as pt
 from page_rows import line
-from pretouch._core.json_text import as_json
+from pretouch._core.files import as_json
 from pretouch._core.vocabulary import QUANTITIES
 from pretouch.design import QUANTITY_UNITS
 from pretouch.design.constraints import CONSTRAINT_NAMES

@@ -7,33 +7,15 @@ pictures.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, TypeAlias
 
+from .units import format_quantity
 from .values import Value
 from .vocabulary import QUANTITIES
-
-__all__ = [
-    "LINK",
-    "Block",
-    "Cell",
-    "Chapter",
-    "Code",
-    "Download",
-    "Later",
-    "Listing",
-    "Measured",
-    "Named",
-    "Page",
-    "Paragraph",
-    "Picture",
-    "Rows",
-    "named",
-    "tables_of",
-]
-
 
 LINK: Final = re.compile(r"\[([^\[\]]+)\]\(#([a-z0-9-]+)\)")
 """How a text names a place of the page: `[words](#anchor)`."""
@@ -241,3 +223,75 @@ def tables_of(blocks: Iterable[Block]) -> Iterator[Rows]:
             yield block
         elif isinstance(block, Chapter):
             yield from tables_of(block.blocks)
+
+
+def aligned(table: Sequence[Sequence[str]], *, left: bool = False) -> list[str]:
+    """Align rows in columns, the first to the left and the others to the right.
+
+    Args:
+        table: the rows, each with as many cells.
+        left: whether the others stand to the left, too.
+
+    Returns:
+        The lines.
+
+    Examples:
+        >>> aligned([("", "value"), ("speed", "0.3 m/s")])
+        ['         value', 'speed  0.3 m/s']
+    """
+    width = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(w) if left or i == 0 else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, width, strict=True))
+        ).rstrip()
+        for row in table
+    ]
+
+
+def page_as_text(page: Page) -> str:
+    """Write a page as text.
+
+    Args:
+        page: the page.
+
+    Returns:
+        Lines, without an end of line after the last.
+    """
+    parts = ["\n".join([page.headline, *page.open])]
+    if page.warnings:
+        parts.append("\n".join(f"warning: {_bare(text)}" for text in page.warnings))
+    return "\n\n".join([*parts, *_parts(page.blocks)])
+
+
+def _parts(blocks: Iterable[Block]) -> Iterator[str]:
+    """Yield the brief blocks; what follows a title stands right below it."""
+    for block in blocks:
+        if not block.brief:
+            continue
+        if isinstance(block, Chapter):
+            inner = "\n\n".join(_parts(block.blocks))
+            yield f"{block.title[0].lower()}{block.title[1:]}\n{inner}" if block.titled else inner
+        elif isinstance(block, Rows):
+            rows = [block.head, *block.rows] if block.head else list(block.rows)
+            yield "\n".join(aligned([[cell_as_text(cell) for cell in row] for row in rows], left=block.wraps))
+        elif isinstance(block, Listing):
+            yield "\n".join(f"  {_bare(item)}" for item in block.items)
+        elif isinstance(block, Paragraph | Code):
+            yield _bare(block.text) if isinstance(block, Paragraph) else block.text
+
+
+def _bare(text: str) -> str:
+    """Leave out what only a page can show: marks of code, and where links lead."""
+    return LINK.sub(r"\1", text).replace("`", "")
+
+
+def cell_as_text(cell: Cell) -> str:
+    """Write a cell; a hyphen stands for a number that is not there."""
+    if isinstance(cell, Named):
+        return cell.words
+    if not isinstance(cell, Measured):
+        return _bare(cell)
+    if cell.value is None or math.isnan(cell.value):
+        return "-"
+    return format_quantity(cell.value, cell.unit, cell.digits) + cell.beside

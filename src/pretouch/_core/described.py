@@ -1,15 +1,134 @@
-"""Results that have a page: their text, and what a notebook shows of them."""
+"""Results that have a page."""
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator
+from html import escape
 from importlib import import_module
-from typing import ClassVar
+from typing import ClassVar, Final
+from urllib.parse import quote
 
-from .block_html import page_as_excerpt
-from .block_text import page_as_text
-from .blocks import Page
+from .blocks import (
+    LINK,
+    Block,
+    Cell,
+    Chapter,
+    Code,
+    Download,
+    Later,
+    Listing,
+    Measured,
+    Named,
+    Page,
+    Paragraph,
+    Picture,
+    Rows,
+    page_as_text,
+    tables_of,
+)
+from .units import format_quantity, pretty_unit
 
-__all__ = ["Described", "page_of"]
+QUIET: Final = ' class="note"'
+
+
+def page_as_excerpt(page: Page) -> str:
+    """Write what a notebook shows of a page: its headline, its warnings and its first brief table, without links."""
+    table = next((table for table in tables_of(page.blocks) if table.brief), None)
+    said = "".join(f"<p>Warning: {_inline(text)}</p>" for text in page.warnings)
+    shown = f"<p><b>{escape(page.headline)}</b></p>{said}{'' if table is None else _table(table)}"
+    return re.sub(r'<a href="#[^"]*">(.*?)</a>', r"\1", shown)
+
+
+def page_top(page: Page) -> str:
+    """Write what stands at the top of a report: how it ended, the answer, its key figures and its warnings."""
+    parts = [f'<p class="state{"" if page.good else " bad"}">{escape(page.status)}</p>'] if page.status else []
+    parts += [f'<p class="warning">{_inline(text)}</p>' for text in page.open]
+    parts.append(f'<p class="answer">{escape(page.headline)}</p>')
+    if page.key_figures:
+        tiles = (f"<li><b>{cell_as_html(cell)}</b><span>{escape(name)}</span></li>" for name, cell in page.key_figures)
+        parts.append("\n".join(['<ul class="tiles">', *tiles, "</ul>"]))
+    return "\n".join([*parts, *(f'<p class="warning">{_inline(text)}</p>' for text in page.warnings)])
+
+
+def blocks_as_html(blocks: Iterable[Block], draw: Callable[[Picture], str], level: int = 2) -> Iterator[str]:
+    """Write blocks.
+
+    Args:
+        blocks: the blocks.
+        draw: draws a picture, as an SVG element.
+        level: of the headings of sections.
+
+    Yields:
+        The parts of the page, one below the other.
+    """
+    for block in blocks:
+        if isinstance(block, Chapter):
+            yield f"<h{level}{_id(block.anchor)}>{_inline(block.title)}</h{level}>"
+            yield from blocks_as_html(block.blocks, draw, min(level + 1, 4))
+        elif isinstance(block, Rows):
+            if block.rows:
+                yield f'<div class="scroll">{_table(block)}</div>'
+            if block.note:
+                yield f"<p{QUIET}>{_inline(block.note)}</p>"
+        elif isinstance(block, Paragraph):
+            yield f"<p{QUIET if block.quiet else ''}>{_inline(block.text)}</p>"
+        elif isinstance(block, Listing):
+            yield "\n".join(["<ul>", *(f"<li>{_inline(item)}</li>" for item in block.items), "</ul>"])
+        elif isinstance(block, Later):
+            made = block.make()
+            yield from blocks_as_html(() if made is None else (made,), draw, level)
+        elif isinstance(block, Code):
+            code = f"<pre>\n{escape(block.text)}</pre>"  # readers drop the line end right after the tag
+            folds = f"<details open>\n<summary>{_inline(block.title)}</summary>\n{code}\n</details>"
+            yield folds if block.title else code
+        elif isinstance(block, Download):
+            address, size = f"data:{block.kind},{quote(block.text, safe=',:')}", max(1, round(len(block.text) / 1000))
+            name = escape(block.name)
+            yield f'<p><a{_id(block.anchor)} download="{name}" href="{address}">{name}</a> ({size} kB)</p>'
+        else:
+            name = escape(block.name)
+            yield f'<figure>\n<div class="scroll" role="img" aria-label="{name}">{draw(block)}</div>'
+            yield f"<figcaption>{_inline(block.caption)}</figcaption>\n</figure>"
+
+
+def _table(table: Rows) -> str:
+    cell = '<td class="text">' if table.wraps else "<td>"
+    head = "".join(f'<th scope="col">{cell_as_html(c)}</th>' for c in table.head)
+    rows = (
+        "".join(
+            f'<th scope="row">{cell_as_html(c)}</th>' if i == 0 else f"{cell}{cell_as_html(c)}</td>"
+            for i, c in enumerate(row)
+        )
+        for row in table.rows
+    )
+    top = f"<thead><tr>{head}</tr></thead>\n" if head else ""
+    return "\n".join([f"<table>\n{top}<tbody>", *(f"<tr>{row}</tr>" for row in rows), "</tbody></table>"])
+
+
+def cell_as_html(cell: Cell) -> str:
+    """Write a cell; a dash stands for a number that is not there."""
+    if isinstance(cell, Named):
+        return escape(f"{cell.words} {cell.symbol}".strip())
+    if not isinstance(cell, Measured):
+        return _inline(cell)
+    value = cell.value
+    if value is None or math.isnan(value):
+        return "\u2013"
+    if math.isinf(value):
+        return "\u221e" if value > 0 else "-\u221e"
+    return escape(pretty_unit(format_quantity(value, cell.unit, cell.digits)) + cell.beside)
+
+
+def _id(anchor: str) -> str:
+    return f' id="{escape(anchor)}"' if anchor else ""
+
+
+def _inline(text: str) -> str:
+    """Escape a sentence; what stands between backticks is code, and links lead to anchors of the page."""
+    linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)
 
 
 class Described:

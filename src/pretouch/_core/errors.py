@@ -17,17 +17,8 @@ A run that ends badly (no contact, infeasible constraint) is no error: it is a r
 
 from __future__ import annotations
 
-__all__ = [
-    "CalibrationDataError",
-    "InvalidInputError",
-    "MissingExtraError",
-    "OutOfRangeError",
-    "OutputExistsError",
-    "PretouchError",
-    "ResultUnavailableError",
-    "ScenarioFileError",
-    "UnitError",
-]
+from importlib import import_module
+from typing import Any
 
 
 class PretouchError(Exception):
@@ -64,3 +55,32 @@ class MissingExtraError(PretouchError):
 
 class ResultUnavailableError(PretouchError):
     """A part of a result that this run did not reach, such as the contact of a run without contact."""
+
+
+def require(module: str, *, extra: str = "sweep") -> Any:
+    """Load a library of an optional extra.
+
+    Args:
+        module: its name.
+        extra: the extra of pretouch that installs it.
+
+    Returns:
+        The module.
+
+    Raises:
+        MissingExtraError: it is not installed.
+        ModuleNotFoundError: it is, but something that it needs is not.
+
+    Examples:
+        >>> require("json").__name__
+        'json'
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != module.partition(".")[0]:
+            raise  # its own message says more
+        name = module.partition(".")[0]
+        raise MissingExtraError(
+            f"{name}: found no such library, which this call needs; install it with: pip install 'pretouch[{extra}]'"
+        ) from None

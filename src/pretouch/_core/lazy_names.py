@@ -8,8 +8,6 @@ from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
-__all__ = ["lazy_names", "listed"]
-
 
 def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return what loads the names of a module when they are first asked for: its `__getattr__` and `__dir__`.

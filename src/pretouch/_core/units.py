@@ -12,9 +12,12 @@ from fractions import Fraction
 from typing import Final, NamedTuple
 
 from .errors import UnitError
-from .magnitudes import WORKABLE, has_workable_magnitude
 
-__all__ = ["Unit", "format_quantity", "format_range", "parse_unit", "pretty_unit", "read_quantity", "to_si"]
+MAGNITUDES: Final = (1e-60, 1e60)
+"""Smallest and largest magnitude in SI: products of five, and squares of products of two, are finite and not zero."""
+
+WORKABLE: Final = "of a magnitude from {:g} to {:g}, or 0".format(*MAGNITUDES)
+"""What is expected of every quantity, for messages."""
 
 
 class Unit(NamedTuple):
@@ -234,6 +237,22 @@ def to_si(value: float | str, unit: str, *, name: str) -> float:
     if math.isnan(number):
         raise UnitError(f"{name}: found {value!r}, expected a quantity in {expected}")
     return number
+
+
+def has_workable_magnitude(value: float) -> bool:
+    """Tell whether a number is zero, or neither so small nor so large that its products are no numbers.
+
+    Args:
+        value: a finite number.
+
+    Returns:
+        Whether its magnitude is 0 or within MAGNITUDES.
+
+    Examples:
+        >>> has_workable_magnitude(-0.3), has_workable_magnitude(0.0), has_workable_magnitude(1e-308)
+        (True, True, False)
+    """
+    return value == 0 or MAGNITUDES[0] <= abs(value) <= MAGNITUDES[1]
 
 
 def read_quantity(value: float | str, unit: str, *, name: str) -> float:

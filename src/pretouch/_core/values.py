@@ -1,15 +1,18 @@
-"""What values and results share: they compare by what they hold, and travel by pickle and copy to other processes."""
+"""What values share: they compare and travel by what they hold, and their fields say unit, sign and example once."""
 
 from __future__ import annotations
 
 import copyreg
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields
-from typing import Any, Final
+from dataclasses import MISSING, Field, field, fields
+from functools import cache
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-__all__ = ["Travels", "Value"]
+from .errors import InvalidInputError
+from .numbers import finite, nonnegative, positive
 
 
 def _own(cls: type, *names: str) -> None:
@@ -123,3 +126,109 @@ def _digest(value: Any) -> int:
         return hash(value) if value == value else 0  # noqa: PLR0124 - NaN
     except TypeError:
         return hash(type(value))
+
+
+Sign: TypeAlias = Literal["any", "positive", "nonnegative", "negative", "nonzero"]
+
+OUTPUT: Final = "output"
+"""The unit of a sensor output: V, counts, or none."""
+
+ONE_ROBOT: Final = ": a controller runs one robot"
+"""Why a controller takes no arrays."""
+
+OUTPUT_RATE: Final = "output/s"
+"""The unit of a change of a sensor output."""
+
+_RULES: Final[dict[str, Callable[..., Any]]] = {"positive": positive, "nonnegative": nonnegative}
+_TOLD: Final = {OUTPUT: "unit of xi", OUTPUT_RATE: "unit of xi per s"}
+
+
+def quantity(
+    unit: str,
+    default: Any = MISSING,
+    *,
+    sign: Sign = "any",
+    example: str = "",
+    infinite: bool = False,
+    **others: Any,
+) -> Any:
+    """Declare a field that is a number, or an array of them, in SI.
+
+    Args:
+        unit: its SI unit; the empty text for a pure number; OUTPUT or OUTPUT_RATE for a sensor output.
+        default: its value where none is given; None where it may be left out.
+        sign: what must hold.
+        example: a value as a scenario file has it.
+        infinite: whether it may be infinite.
+        others: further metadata.
+
+    Returns:
+        The field.
+    """
+    told = {"unit": unit, "sign": sign, "example": example, "infinite": infinite, **others}
+    return field(metadata=told) if default is MISSING else field(default=default, metadata=told)
+
+
+def flag(default: bool) -> Any:
+    """Declare a field that is true or false."""
+    return field(default=default, metadata={"flag": True})
+
+
+def count(least: int, default: int, example: str) -> Any:
+    """Declare a field that is a whole number from some number on; the class checks it."""
+    return field(default=default, metadata={"least": least, "example": example})
+
+
+@cache
+def declared(cls: Any) -> tuple[Any, ...]:
+    """Return the fields of a dataclass that are quantities."""
+    return tuple(f for f in fields(cls) if "unit" in f.metadata)
+
+
+def units_of_fields(cls: Any) -> dict[str, str]:
+    """Return the SI units of the quantities of a dataclass, by name."""
+    return {f.name: f.metadata["unit"] for f in declared(cls)}
+
+
+def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
+    """Check every quantity of a frozen dataclass, and keep it as a float; called in its `__post_init__`.
+
+    Args:
+        value: the instance.
+        arrays: whether arrays will do.
+        before: what stands before the name in messages.
+        instead: why an array will not do, for the message.
+    """
+    kind: Any = type(value)
+    for name, least, above, full in _quick(kind):
+        given = getattr(value, name)
+        if type(given) is not float or not (given > least or (given == least and not above)) or given == math.inf:
+            _check_one(value, full, arrays=arrays, before=before, instead=instead)
+
+
+@cache
+def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
+    """Return of each quantity its name, what a finite float must exceed or reach, which of the two, and its field."""
+    ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
+    found = []
+    for f in declared(cls):
+        least, above = ends.get(f.metadata["sign"], (-math.inf, True))
+        found.append((f.name, least, above, f))
+    return tuple(found)
+
+
+def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead: str) -> None:
+    """Check what is not simply a finite float of the right sign."""
+    given, told = getattr(value, f.name), f.metadata
+    if given is None and f.default is None:
+        return
+    if told["infinite"] and isinstance(given, float) and math.isinf(given):
+        if given < 0 and told["sign"] == "positive":
+            raise InvalidInputError(f"{before}{f.name}: found -inf {told['unit']}, which must be positive")
+        return
+    unit = _TOLD.get(told["unit"], told["unit"])
+    rule: Callable[..., Any] = _RULES.get(told["sign"], finite)
+    number = rule(given, f"{before}{f.name}", unit)
+    if not arrays and not isinstance(number, float):
+        raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}")
+    object.__setattr__(value, f.name, number)

@@ -1,11 +1,14 @@
-"""What every quantity is called: one name in words, one symbol, one unit, for text, pages, figures and data sets."""
+"""What every quantity is called, and what each numbered equation says.
+
+The numbered equations of the letter, so that code and tests can name them. A function or class carries an equation by
+citing its id in the first paragraph of its docstring; a test that checks it by an independent way is marked `equation`.
+A test reads both and fails where either is missing.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final
-
-__all__ = ["QUANTITIES", "Entry", "in_short", "unit_of", "words_for"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,3 +80,31 @@ def in_short(name: str) -> str:
 def unit_of(name: str) -> str:
     """Return the SI unit of a quantity of the vocabulary."""
     return QUANTITIES[name].unit
+
+
+EQUATIONS: Final[dict[str, str]] = {
+    "L(1)": "virtual admittance: M_a (x'' - x_d'') + D_a (x' - x_d') + K_a (x - x_d) = F_p",
+    "L(2)": "virtual force: F_p = D_p xi'/xi",
+    "L(3)": "inverse power curve: xi = alpha beta psi / (l + l_0)^n",
+    "L(4)": "motion with the inverse power curve",
+    "L(5)": "first-order exponential curve: xi = a_1 exp(c_1 l)",
+    "L(6)": "second-order exponential curve: xi = a_2 exp(b_2 l^2 + c_2 l)",
+    "L(7)": "motion with the first-order exponential curve",
+    "L(8)": "the same in the distance l",
+    "L(9)": "obstacle in uniform acceleration relative to the reference",
+    "L(10)": "closed form of l(t) for L(8)",
+    "L(11)": "X_1 of L(10)",
+    "L(12)": "X_2 of L(10)",
+    "L(13)": "lambda_1, lambda_2 of L(10)",
+    "L(14)": "motion with the second-order exponential curve",
+    "L(15)": "the same in the distance l, obstacle in uniform motion",
+    "L(16)": "uniform motion l = A t + B",
+    "L(17)": "A of L(16)",
+    "L(18)": "B of L(16)",
+    "L(19)": "plant position of the uniform motion over the distance",
+    "L(20)": "objective f_1: excursion against relative velocity",
+    "L(21)": "evaluated at contact, l = 0",
+    "L(22)": "objective f_2: time against relative velocity",
+    "L(23)": "evaluated at contact, l = 0",
+}
+"""What each numbered equation of the letter says, in this project's words."""

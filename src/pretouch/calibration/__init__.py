@@ -1,9 +1,8 @@
 """From readings at known distances to a sensor curve, with its uncertainty and a verdict on the sensor."""
 
-from .data import Calibration, Provenance
+from .data import Calibration, Provenance, read_calibration, read_calibrations
 from .fit import fit_sensor
 from .ranking import rank_models
-from .reading import read_calibration, read_calibrations
 from .result import CalibrationReport, Estimate, NoiseEstimate, OffsetEstimate, SensorFit, UsableWindow
 from .window import find_window
 

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 
 from pretouch._core.errors import CalibrationDataError
 
-from .cells import TextTable, listed, shortened
-from .headers import is_length, split_title
-
-__all__ = ["Chosen", "ColumnChoice", "chosen_labels", "read_choice", "remedy"]
+from .headers import TextTable, is_length, listed, shortened, split_title
 
 _SHOWN = 20  # headers that a message lists
 _KEYS = ("distance", "output")

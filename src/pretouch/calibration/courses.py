@@ -19,11 +19,8 @@ from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
 from .family_fits import Problem, families_of, fit_free, forward_change, lowest_offset, problem_at
-from .knowledge import DrawnCurve
 from .many_fits import Fits
-from .result import NoiseEstimate, OffsetEstimate
-
-__all__ = ["Course", "Courses", "find_courses"]
+from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
 _FORM: Final = 4.0  # for the offset of a curve that no family is quite
 _BENDS: Final = 6.0  # places at which a misfit bends freely, over a window

@@ -14,11 +14,8 @@ from typing import TypeAlias
 
 from pretouch._core.errors import CalibrationDataError
 
-from .cells import TextTable, is_number, is_row, shortened, uses_commas
 from .choice import ColumnChoice, remedy
-from .headers import is_length, names_a_distance
-
-__all__ = ["read_table"]
+from .headers import TextTable, is_length, is_number, is_row, names_a_distance, shortened, uses_commas
 
 Lines: TypeAlias = "list[tuple[int, str]]"
 

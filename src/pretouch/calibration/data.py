@@ -1,18 +1,26 @@
-"""What was measured: distances, outputs, no-object readings, and where they come from."""
+"""What was measured: distances, outputs and no-object readings, where they come from, and how files are read."""
 
 from __future__ import annotations
 
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import CalibrationDataError
-from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.units import WORKABLE, has_workable_magnitude
 from pretouch._core.values import Value
 
-__all__ = ["Calibration", "Provenance"]
+from .choice import chosen_labels, read_choice
+from .csv_file import read_table
+from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
+from .layout import long_layout, wide_layout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,3 +125,202 @@ def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
         raise CalibrationDataError(f"{name}: found {beyond}, expected numbers {WORKABLE}")
     column.setflags(write=False)
     return column
+
+
+NoObject: TypeAlias = "float | Sequence[float] | FloatArray | str | os.PathLike[str] | None"
+
+
+def read_calibration(
+    path: str | os.PathLike[str],
+    *,
+    no_object: NoObject = None,
+    select: Mapping[str, object] | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    labels: Sequence[str | int] | None = None,
+) -> Calibration:
+    r"""Read the one calibration of a file, or the one that `select` names.
+
+    The file is a table with a header that carries units: long, `distance [mm],output [V]`, or wide, with columns
+    named by distance, `0 mm,5 mm,inf`. Columns are separated by comma, semicolon, tab or blanks; with all but the
+    first, decimal commas are understood. Repeats are rows. A distance that is `inf`, empty, `none` or `no object`
+    has no-object readings; an output that is empty or NaN is counted and dropped. Lines that start with `#`, blank
+    lines and lines of text above the header are skipped. Further columns are labels. docs/calibration.md has the
+    whole of it.
+
+    Args:
+        path: the file.
+        no_object: readings without an object, in the unit of the output (V where that is mV): one number, several,
+            or the path of a file that holds them; they add to those in the file.
+        select: value of each label column that tells the wanted curve from the others, such as `{"sensor": "1"}`.
+        columns: the `distance` and the `output` column, where names and units do not tell: a header, a number
+            counted from 1, a unit in brackets, or one of the former with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; all that are neither distance nor output where None.
+
+    Returns:
+        The calibration, in SI, with its provenance.
+
+    Raises:
+        CalibrationDataError: the file has a mistake (the message names the line), or holds no or several such curves.
+
+    Examples:
+        >>> import tempfile, pathlib
+        >>> file = pathlib.Path(tempfile.mkdtemp()) / "sensor.csv"
+        >>> _ = file.write_text("distance [mm];output [V]\n0;2,0\n10;1,0\ninf;0,1\n", encoding="utf-8")
+        >>> measured = read_calibration(file)
+        >>> measured.distances, measured.no_object
+        (array([0.  , 0.01]), array([0.1]))
+    """
+    found = _curves(path, no_object, columns, labels)
+    wanted = {key: str(value).strip() for key, value in (select or {}).items()}
+    keys = {key: None for told, _ in found for key in told}
+    for key in wanted:
+        if key not in keys:
+            known = ", ".join(sorted(keys)) or "none: the file holds one curve"
+            raise CalibrationDataError(f"select: found {key!r}, expected a label column ({known})")
+    chosen = [curve for told, curve in found if all(told[k] == v for k, v in wanted.items())]
+    if len(chosen) == 1:
+        return chosen[0]
+    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(told[k] for told, _ in found))}" for k in keys)
+    raise CalibrationDataError(
+        f"{Path(path).name}: found {len(chosen)} curves{f' for {wanted}' if wanted else ''}, expected one: choose with "
+        f"select={{...}} among {values}"
+    )
+
+
+def read_calibrations(
+    path: str | os.PathLike[str],
+    *,
+    no_object: NoObject = None,
+    columns: Mapping[str, str | int] | None = None,
+    labels: Sequence[str | int] | None = None,
+) -> tuple[Calibration, ...]:
+    """Read every calibration of a file, as `read_calibration` does: one per combination of its label columns.
+
+    Args:
+        path: the file, as `read_calibration` describes it.
+        no_object: readings without an object, added to every curve.
+        columns: the `distance` and the `output` column, where names and units do not tell: a header, a number
+            counted from 1, a unit in brackets, or one of the former with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; all that are neither distance nor output where None.
+
+    Returns:
+        The calibrations in the order of their first rows.
+    """
+    return tuple(curve for _, curve in _curves(path, no_object, columns, labels))
+
+
+def _curves(
+    path: str | os.PathLike[str],
+    no_object: NoObject,
+    columns: Mapping[str, str | int] | None,
+    labels: Sequence[str | int] | None,
+) -> list[tuple[dict[str, str], Calibration]]:
+    """Read every calibration of a file, each with the values of its label columns by their names."""
+    choice = read_choice(columns)
+    table = read_table(path, choice)
+    layout = wide_layout(table, choice) or long_layout(table, choice)
+    used = {column.index for pair in layout.pairs for column in pair if isinstance(column, Column)}
+    label_columns = layout.labels if labels is None else chosen_labels(table, labels)
+    label_columns = tuple(i for i in label_columns if i not in used)
+    groups: dict[tuple[str, ...], list[_Reading]] = {}
+    shared: list[_Reading] = []
+    for line, row in table.rows:
+        key = tuple(row[i] for i in label_columns)
+        for reading in _readings(table, layout, line, row):
+            if key and not any(key) and math.isinf(reading.distance):
+                shared.append(reading)
+            else:
+                groups.setdefault(key, []).append(reading)
+    if not groups:
+        raise CalibrationDataError(f"{table.file}: found no rows below the header, expected distances and outputs")
+    if labels is None and len(groups) > 3 and max(len(readings) for readings in groups.values()) == 1:
+        found = ", ".join(repr(table.name(i)) for i in label_columns)
+        raise CalibrationDataError(
+            f"{table.file}: found another value of {found} in every row, which leaves one reading per curve: name the "
+            "label columns with --labels NAME,NAME, or say --labels none (in a scenario file and in Python: labels, a "
+            "list, which may be empty)"
+        )
+    extra = _no_object_readings(no_object, layout)
+    names = tuple(table.name(i) for i in label_columns)
+    told = [dict(zip(names, key, strict=True)) for key in groups]
+    curves = zip(told, groups.values(), strict=True)
+    return [(of, _curve(table, layout, of, [*readings, *shared], extra)) for of, readings in curves]
+
+
+class _Reading(NamedTuple):
+    """One cell of outputs: its distance, infinite where no object is; NaN where the output is missing."""
+
+    distance: float
+    output: float
+
+
+def _readings(table: TextTable, layout: Layout, line: int, row: tuple[str, ...]) -> Iterator[_Reading]:
+    """Read one row, which in a wide table holds a reading at every distance."""
+    for where, what in layout.pairs:
+        if isinstance(where, float):
+            distance = where
+        else:
+            cell = row[where.index]
+            distance = math.inf if is_no_object(cell) else number(table, line, cell, where)
+            if distance < 0:
+                raise CalibrationDataError(
+                    f"{table.file}, line {line}: found the distance {cell}, which must not be negative"
+                )
+        cell = row[what.index]
+        yield _Reading(distance, math.nan if is_missing(cell) else number(table, line, cell, what))
+
+
+def _curve(
+    table: TextTable, layout: Layout, labels: dict[str, str], readings: list[_Reading], extra: list[float]
+) -> Calibration:
+    there = [reading for reading in readings if not math.isnan(reading.output)]
+    near = [reading for reading in there if not math.isinf(reading.distance)]
+    label = ", ".join(f"{name}={value}" for name, value in labels.items())
+    if not near:
+        raise CalibrationDataError(
+            f"{table.file}{f', {label}' if label else ''}: found no reading with an object in range, expected at "
+            "least one"
+        )
+    return Calibration(
+        distances=np.array([reading.distance for reading in near]),
+        outputs=np.array([reading.output for reading in near]),
+        unit=layout.unit,
+        no_object=np.array([*extra, *(reading.output for reading in there if math.isinf(reading.distance))]),
+        label=label,
+        source=Provenance(
+            file=table.file,
+            sha256=table.sha256,
+            encoding=table.encoding,
+            delimiter=table.delimiter,
+            decimal_mark=table.decimal_mark,
+            distance_column=layout.distances,
+            output_column=layout.outputs,
+            label_columns=tuple(labels),
+            rows=len(readings),
+            dropped=len(readings) - len(there),
+            notes=(*table.notes, *layout.notes),
+        ),
+    )
+
+
+def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
+    """Collect the no-object readings that were given beside the file, in the unit of the calibration."""
+    if no_object is None:
+        return []
+    if not isinstance(no_object, (str, os.PathLike)):
+        return [float(v) for v in np.atleast_1d(finite(no_object, "no_object", layout.unit)).ravel()]
+    table = read_table(no_object)
+    index = len(table.header) - 1
+    if len(table.header) > 1:
+        names = [split_title(title)[0] for title in table.header]
+        wanted = split_title(layout.pairs[0][1].title)[0]
+        if wanted not in names:
+            raise CalibrationDataError(
+                f"{table.place}: found {len(names)} columns, expected one of readings, or one named {wanted!r}"
+            )
+        index = names.index(wanted)
+    rows = list(table.rows)
+    column = output_column(table, index, layout)
+    if not any(c.isalpha() for c in column.title):  # a bare list of numbers has no header
+        rows.insert(0, (table.header_line, table.header))
+    return [number(table, line, row[index], column) for line, row in rows if not is_missing(row[index])]

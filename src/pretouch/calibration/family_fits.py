@@ -1,9 +1,10 @@
-"""A family of curves fitted to averaged readings, many times at once: with given offsets, or each with its own."""
+"""Families of curves on averaged readings: their fits, the noise and misfit that these leave, and bad distances."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,11 +12,9 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch.sensors import Family, known_curves
 
-from .averaging import AveragedCurve
+from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, two_components
 from .many_fits import Fits, minimize_many
-from .result import NoiseEstimate
-
-__all__ = ["Problem", "families_of", "fit_free", "forward_change", "lowest_offset", "problem_at", "quick_families"]
+from .result import NoiseEstimate, OffsetEstimate
 
 _STEP: Final = 1e-5  # of a family's parameter, for differences
 
@@ -122,3 +121,170 @@ def forward_change(
     size = u.shape[-1]
     moved = u + _STEP * np.eye(size).reshape(size, *[1] * (u.ndim - 1), size)
     return (function(moved, distance) - function(u, distance)) / _STEP
+
+
+_SMALLEST: Final = 1e-9  # of the largest signal: exact numbers are fitted as if they had this noise
+_FEWEST_REPEATED: Final = 2
+_LARGEST_MISFIT: Final = 0.3
+_USUAL: Final = 0.03  # a positioning error of 0.4 mm where the slope is 80 1/m
+_FIRST_MISFIT: Final = 0.01
+_SURE_OF_MISFIT: Final = 0.99
+_MISFIT_KNOWN: Final = 1e-9  # to which it is found
+_ROUNDS: Final = 4
+
+
+def find_noise(
+    curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
+) -> NoiseEstimate:
+    """Tell noise and misfit from repeats and from how far means lie from the curve that fits them best."""
+    # The offset is None where it is fitted; all families of three parameters take part where none is named.
+    value = None if offset is None else offset.value
+    freedom = max(len(curve.distance) - 3 - (value is None), 1)
+    reach = max(float(np.ptp(curve.output)), 1e-12 * float(np.abs(curve.output).max()), 1e-300)
+    floor = max(known.resolution / np.sqrt(12.0), _SMALLEST * reach)
+    repeated = known.sigma is not None and bool((curve.count > 1).sum() > _FEWEST_REPEATED)
+    found = NoiseEstimate(
+        output=max(known.sigma or 0.01 * reach, floor),
+        relative=known.jitter if repeated else 0.0,
+        misfit=_FIRST_MISFIT,
+        resolution=known.resolution,
+    )
+    families = families or families_of(curve)
+    miss, signal = np.zeros_like(curve.output), curve.output
+    for _ in range(_ROUNDS):
+        fits = [(family, fit_free(curve, family, found, value)) for family in families]
+        family, best = min(fits, key=lambda pair: float(pair[1].costs[0]))
+        x = best.x[0]
+        signal = np.exp(np.minimum(family.log_output(x[:3], curve.distance), 300.0))
+        miss = curve.output - (x[3] if value is None else value) - signal
+        before = found.misfit
+        if known.sigma is None:
+            own, relative = two_components(miss**2 * len(miss) / freedom, np.ones(len(miss)), signal, usual=_USUAL)
+            found = replace(found, output=float(max(own, floor)), misfit=min(relative, _LARGEST_MISFIT))
+        else:
+            found = replace(found, misfit=_misfit(curve, found, signal, miss, freedom))
+        if abs(np.log((found.misfit + 1e-4) / (before + 1e-4))) < 0.05:  # 1e-4: nothing is known better
+            break
+    if not repeated:
+        found = _parted(curve, found, signal, miss)
+    crossings = max(int((np.diff(np.sign(miss)) != 0).sum()), 1)
+    span = float(curve.distance[-1] - curve.distance[0])
+    source = known.source if known.sigma is not None else "scatter about the fitted curve"
+    if known.sigma is None and found.output <= 1.01 * known.resolution / np.sqrt(12.0):
+        source = "quantization (the fit scatters less)"
+    return replace(
+        found,
+        misfit_length=span / (np.pi * crossings) if found.misfit > 0 else 0.0,  # Rice 1944: of a smooth normal process
+        output_source=source,
+        relative_source="repeats" if repeated else "scatter between neighboring distances",
+    )
+
+
+def _parted(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray) -> NoiseEstimate:
+    """Tell noise from misfit where no distance was read twice: what neighbors do not share is noise."""
+    row, share = miss / noise.of_means(curve.count, signal), 1.0
+    if len(row) >= 5 and noise.misfit > 0:
+        rough = float(np.mean(np.diff(row) ** 2) / 2 / max(float(np.mean(row**2)), 1e-300))
+        share = rough if rough <= 1 - 1.7 / np.sqrt(len(row)) else 1.0
+    return replace(noise, relative=noise.misfit * math.sqrt(share), misfit=noise.misfit * math.sqrt(1 - share))
+
+
+def _misfit(curve: AveragedCurve, noise: NoiseEstimate, signal: FloatArray, miss: FloatArray, freedom: int) -> float:
+    """Return the misfit with which squares add up to their number; 0 where chance explains them without it."""
+    from scipy.special import gammaincinv  # noqa: PLC0415 - SciPy is loaded only for fits
+
+    def excess(misfit: float) -> float:
+        return float(((miss / replace(noise, misfit=misfit).of_means(curve.count, signal)) ** 2).sum()) - freedom
+
+    if excess(0.0) + freedom <= 2 * float(gammaincinv(freedom / 2, _SURE_OF_MISFIT)):  # the quantile of chi squared
+        return 0.0
+    low, high = 0.0, _LARGEST_MISFIT
+    while high - low > _MISFIT_KNOWN and excess(_LARGEST_MISFIT) < 0:
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high
+
+
+_LEVEL: Final = 0.02  # chance of naming a distance of a curve that has no bad one
+_SUSPECT: Final = 4.0  # robust standard deviations
+_CONSPICUOUS: Final = 3.0  # times what lies between the curve and the other means, all together
+_NEGLIGIBLE: Final = 1e-4  # of the largest signal: no bad reading, however exact all others are
+_FEWEST: Final = 6
+
+
+def bad_distances(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
+    """Find the indices of distances whose mean lies beyond what chance allows from a curve fitted without it."""
+    # The test is Student's t, with Bonferroni's level. What is judged by is how far the other means lie from their
+    # curve, however many readings each is of: fifty readings that are all off by what others are off, too, are misfit,
+    # and stay. The nearest distance is never judged: nothing confirms the curve there.
+    found: list[int] = []
+    kept = np.arange(len(curve.distance))
+    while len(kept) >= _FEWEST and len(found) < max(1, len(curve.distance) // 8):
+        worst = _worst(curve.part(kept), known, offset)
+        if worst is None:
+            break
+        found.append(int(kept[worst]))
+        kept = np.delete(kept, worst)
+    return tuple(sorted(found))
+
+
+def _worst(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> int | None:
+    families = quick_families(curve)
+    noise = find_noise(curve, known, offset, families)
+    value = None if offset is None else offset.value
+    suspects: dict[int, None] = {}
+    for family in families:
+        row = np.abs(_robust(curve, family, noise, value))
+        suspects |= {int(i): None for i in np.argsort(-row)[:2] if i > 0 and row[i] > _SUSPECT}
+    return next((i for i in suspects if _is_bad(curve, i, known, offset, families)), None)
+
+
+def _robust(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
+    """Return residuals about a fit that outliers hardly move, over their robust standard deviation."""
+    row = weight = np.ones(len(curve.distance))
+    x = fit_free(curve, family, noise, value).x
+    problem = problem_at(curve, family, noise, value)
+    for _ in range(8):
+        x = replace(problem, weights=weight[None]).minimize(x).x
+        row = problem.residuals(x, np.zeros(1, int))[0]
+        row = row / max(MAD_TO_SIGMA * float(np.median(np.abs(row))), 1e-12)
+        weight = 1 / np.maximum(1.0, np.abs(row) / 1.5)
+        weight[np.abs(row) > _SUSPECT] *= 0.1
+    return row
+
+
+def _is_bad(
+    curve: AveragedCurve, i: int, known: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
+) -> bool:
+    """Judge one distance by a curve through all others, of the family that meets it best."""
+    from scipy.special import stdtr  # noqa: PLC0415 - SciPy is loaded only for fits
+
+    part = curve.part(np.arange(len(curve.distance)) != i)
+    value = None if offset is None else offset.value
+    freedom = len(part.distance) - 3 - (value is None)
+    if freedom < 2:
+        return False
+    noise = find_noise(part, known, offset, families)
+    chance = 0.0
+    for family in families:
+        fit = fit_free(part, family, noise, value)
+        x, base = fit.x[0], fit.x[0][-1] if value is None else value
+        at, u = curve.distance[[i]], x[: family.size]
+
+        def output(v: FloatArray, distance: FloatArray, family: Family = family) -> FloatArray:
+            return np.exp(family.log_output(v, distance))
+
+        signal = float(output(u, at)[0])
+        change = np.append(forward_change(output, u, at)[:, 0], [1.0] if value is None else [])
+        inflation = max(1.0, float(fit.costs[0]) / freedom)
+        variance = inflation * float(change @ fit.covariances[0] @ change)
+        own = float(noise.of_means(curve.count[[i]], np.array([signal]))[0])
+        miss = abs(float(curve.output[i]) - base - signal)
+        others = output(u, part.distance)
+        relative = (part.output - base - others) / np.maximum(others, 1e-300)
+        near = others > 0.2 * signal  # what is much smaller is off by more of itself
+        typical = float(np.sqrt(np.mean(relative[near] ** 2))) * signal if near.any() else 0.0
+        if miss < max(_CONSPICUOUS * typical, _NEGLIGIBLE * float(others.max())):
+            return False
+        chance = max(chance, 2 * float(stdtr(freedom, -miss / np.sqrt(variance + inflation * own**2))))
+    return chance < _LEVEL / len(curve.distance)

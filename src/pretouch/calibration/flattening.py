@@ -20,8 +20,6 @@ from .averaging import AveragedCurve, slope_weights
 from .family_fits import Problem, families_of, forward_change
 from .result import NoiseEstimate, OffsetEstimate
 
-__all__ = ["first_steep"]
-
 _FALL: Final = 0.5  # of ln xi: over so much the slope is judged
 _AHEAD: Final = 0.25  # of ln xi: from so far out on the curve is fitted that foretells the slope
 _MISFIT: Final = 0.005

@@ -15,8 +15,6 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
-__all__ = ["Fits", "Residuals", "gradient", "intervals", "minimize_many"]
-
 Residuals: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
 """From parameters, shape (b, p), and the numbers of their problems, shape (b,), to residuals, shape (b, n)."""
 

@@ -12,8 +12,6 @@ from pretouch._core.vocabulary import words_for
 
 from .result import CalibrationReport, Estimate, SensorFit
 
-__all__ = ["calibration_page", "fit_page", "fitted_blocks"]
-
 Row = tuple[Cell, ...]
 
 

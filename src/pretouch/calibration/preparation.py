@@ -11,19 +11,13 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 
-from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, reading_noise
-from .condensing import condense
+from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
 from .courses import Courses, find_courses
 from .data import Calibration
-from .family_fits import quick_families
-from .far_end import end_of_falling, is_rising
+from .family_fits import bad_distances, find_noise, quick_families
 from .flattening import first_steep
-from .noise import find_noise
-from .outliers import bad_distances
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
-from .window import NearEnd, declared_offset, find_near_end, window_of
-
-__all__ = ["FEWEST_POINTS", "OffsetChoice", "Prepared", "prepare"]
+from .window import NearEnd, declared_offset, end_of_falling, find_near_end, is_rising, window_of
 
 OffsetChoice: TypeAlias = "str | float | tuple[float, float]"
 

@@ -3,21 +3,56 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Protocol
 
 import numpy as np
 
 from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
-from pretouch._core.json_text import plain
+from pretouch._core.files import plain
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .data import Calibration
-from .knowledge import AllowedCurves, SlopeKnowledge
 
-__all__ = ["CalibrationReport", "Estimate", "NoiseEstimate", "OffsetEstimate", "SensorFit", "UsableWindow"]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlopeKnowledge(Value):
+    """What all curves that the readings allow say about g, in the part where most of the virtual force is given.
+
+    Args:
+        distances: from the nearest usable one to where the signal is a tenth of that there [m], shape (N,).
+        slope: the mean of g over all curves [1/m], shape (N,).
+        uncertainty: half the width of the 95 % interval of g, relative to it, shape (N,).
+        worst_at: where that is largest [m].
+    """
+
+    distances: FloatArray
+    slope: FloatArray
+    uncertainty: FloatArray
+    worst_at: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnCurve(Value):
+    """One curve that the readings allow, with the offset that goes with it.
+
+    Args:
+        sensor: the curve, valid on the window.
+        offset: what would have to be subtracted for it, in the unit of the outputs.
+    """
+
+    sensor: SensorModel
+    offset: float
+
+
+class AllowedCurves(Protocol):
+    """All curves that the readings allow."""
+
+    def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
+        """Draw some, each as likely as the readings make it."""
+
 
 _FINEST: Final = 1e-4  # of xi: nothing is known better; exact numbers are weighed as their logarithms
 

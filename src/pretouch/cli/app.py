@@ -13,8 +13,6 @@ from .fit import fit
 from .sweep import sweep
 from .verbs import design, pareto, reproduce, robust, simulate, verify
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     name="pretouch",
     add_completion=False,

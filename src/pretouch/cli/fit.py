@@ -12,16 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.json_text import as_json
+from pretouch._core.files import as_json
 from pretouch._core.units import read_quantity
 
 from .terminal import Presentation, end, option, print_progress, print_text, verb
 
 if TYPE_CHECKING:
     from pretouch.calibration import Calibration, CalibrationReport
-    from pretouch.config.fitting import FitRequest
-
-__all__ = ["fit"]
+    from pretouch.config.sensor import FitRequest
 
 
 @verb
@@ -56,7 +54,7 @@ def fit(
 
     Exit status: 0 a usable fit, 1 no usable signal, 2 a mistake in the request.
     """
-    from pretouch.config.fitting import FitRequest, read_no_object, read_output  # noqa: PLC0415 - `pretouch --help` stays quick
+    from pretouch.config.sensor import FitRequest, read_no_object, read_output  # noqa: PLC0415 - `pretouch --help` stays quick
 
     request = FitRequest(
         path=file,

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from pretouch.sweep import Progress
     from pretouch.uncertainty import Reservations
 
-__all__ = ["sweep"]
 
 _FIGURES = (".png", ".svg", ".pdf")
 _SECONDS = 1.0  # between two lines of progress
@@ -122,8 +121,7 @@ def _sweep(
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
     """Read the axes; which inputs there are depends on whether gains are designed."""
-    from pretouch.sweep.axes import read_axis  # noqa: PLC0415
-    from pretouch.sweep.inputs import inputs_of  # noqa: PLC0415
+    from pretouch.sweep.axes import inputs_of, read_axis  # noqa: PLC0415
 
     contacts = task.gain is not None or any(text.partition("=")[0].strip() == "gain" for text in texts)
     known = inputs_of(task.replace(objective=None) if contacts else task)
@@ -166,7 +164,7 @@ def _telling() -> Callable[[Progress], None]:
 
 
 def _present(found: xr.Dataset, reservations: Reservations | None, shown: Presentation, figure: Path | None) -> None:
-    from pretouch.sweep.summary import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
+    from pretouch.sweep.results import counts, sweep_as_dict, sweep_as_text  # noqa: PLC0415
 
     if figure is not None:
         from pretouch._core.files import write_bytes  # noqa: PLC0415

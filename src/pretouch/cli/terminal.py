@@ -14,27 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, TypeAlias
 import typer
 
 from pretouch._core.errors import PretouchError
-from pretouch._core.files import is_own_unchanged
-from pretouch._core.json_text import as_json
+from pretouch._core.files import as_json, is_own_unchanged
 from pretouch._core.units import read_quantity
 
 if TYPE_CHECKING:
     from pretouch.design import Task
     from pretouch.uncertainty import Reservations
 
-__all__ = [
-    "Presentation",
-    "ScenarioFile",
-    "conclude",
-    "end",
-    "option",
-    "print_message",
-    "print_progress",
-    "print_text",
-    "read_gain",
-    "reservations_about",
-    "verb",
-]
 
 ScenarioFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 _OPTIONS: Final[dict[str, tuple[Any, Any]]] = {

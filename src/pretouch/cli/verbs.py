@@ -13,7 +13,6 @@ from .terminal import Presentation, ScenarioFile, option, print_progress, read_g
 if TYPE_CHECKING:
     from pretouch.design import Task
 
-__all__ = ["design", "pareto", "reproduce", "robust", "simulate", "verify"]
 
 UncertainFile: TypeAlias = Annotated[
     Path, typer.Argument(metavar="FILE", help="Scenario file (TOML) with [uncertainty].")

@@ -21,13 +21,11 @@ from pretouch.sensors import Recessed, SensorModel
 from pretouch.uncertainty.reservations import recess_in_words
 
 from .document import read_document
-from .fitting import FitRequest, fit_sensor_of, read_no_object, read_output
 from .quantities import KeyPath
-from .reading import Reading
+from .reading import Reading, ScenarioSource, place
 from .robust import robust_fields
 from .schema import FREE, LOOP_SECTIONS
-from .sensor_sections import CALIBRATION, FROM_SURFACE
-from .source import ScenarioSource, place
+from .sensor import CALIBRATION, FROM_SURFACE, FitRequest, fit_sensor_of, read_no_object, read_output
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import (
@@ -21,18 +24,159 @@ from pretouch.simulation import (
     chain_of_fit,
 )
 
-from .loop_law import controller_of, refuse_a_curve_below_the_floor
-from .output_units import refuse_mixed_units
+from .quantities import KeyPath, Quantity, output_unit
 from .schema import FREE, LOOP_SECTIONS
 from .section import one_of
-from .sensor_sections import CALIBRATION
+from .sensor import CALIBRATION
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
     from .reading import Reading
 
-__all__ = ["loop_fields"]
+
+def refuse_mixed_units(file: Reading, part: SensorPart | None, calibration: CalibrationReport | None) -> None:
+    """Refuse a part and outputs of the loop in another unit than the sensor's; bare numbers are in whichever it is."""
+    path, unit = _of_sensor(file, calibration)
+    if part is not None and unit and part.unit not in {"", unit}:
+        file.refuse(
+            ("chain", "part"),
+            f"found a part that reports {part.unit} beside a sensor in {unit} ({_named(file, path)}), "
+            f"expected one unit in the file: give the curve in {part.unit}, or choose a part that reports {unit}",
+        )
+        return
+    if part is not None and not unit:
+        path, unit = ("chain", "part"), part.unit
+    for key, found, other in _given(file):
+        if not unit:
+            path, unit = key, other
+        elif other != unit:
+            file.refuse(key, f'found "{found}", expected {unit}, the unit of {_named(file, path)}')
+
+
+def _of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[KeyPath, str]:
+    """Return where the unit of the sensor stands, and the unit; empty where its outputs are bare."""
+    if calibration is not None:
+        return ("sensor", "calibration"), calibration.calibration.unit
+    sensor = file.data["sensor"] if "sensor" in file.sections else {}
+    if "outputs" in sensor:
+        units = [output_unit(output) for output in sensor["outputs"]]
+        return ("sensor", "outputs"), next(filter(None, units), "")
+    return ("sensor", "scale"), output_unit(sensor.get("scale"))
+
+
+def _given(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
+    """Return the outputs of the loop that name a unit, with their places and units."""
+    for section in ("chain", "controller"):
+        keys = file.sections[section][0].keys if section in file.sections else {}
+        for key, value in file.data[section].items() if keys else ():
+            read = keys[key].read
+            unit = output_unit(value) if isinstance(read, Quantity) and read.unit.startswith("output") else ""
+            if unit:
+                yield (section, key), value, unit
+
+
+def _named(file: Reading, path: KeyPath) -> str:
+    line = file.source.lines.get(path)
+    return f"{'.'.join(map(str, path))}" + (f", line {line}" if line else "")
+
+
+_FLOOR: Final = 3.0  # standard deviations of the noise
+_SAME: Final = 1e-9  # relative: two periods that differ by the rounding of 1 / rate
+_LIMITS: Final = ("force", "speed", "acceleration", "excursion")
+_CONDITIONING: Final = ("median_window", "low_pass_order", "cutoff", "timeout", "fade_time", "largest_rate")
+_LAW: Final = ("approach_only", "release", "ramp_time")
+
+
+def controller_of(
+    file: Reading, given: Mapping[str, Any], chain: SensorChain, scenario: Scenario, positioned: bool
+) -> Controller | None:
+    """Build the controller, with a gain of 0 where the file names none, checked with the start of the encounter."""
+    period = 1 / given["rate"] if "rate" in given else given["period"]
+    sensing = _conditioning(file, given, chain, period)
+    own = {key: given[key] for key in _LAW}
+    law = file.attempt("controller", lambda: VirtualDamper(gain=given.get("gain", 0.0), **own))
+    largest = {name: given.get(f"largest_{name}") for name in _LIMITS}
+    limits = file.attempt("controller", lambda: Limits(**largest))
+    if sensing is None or law is None or limits is None:
+        return None
+    virtual = scenario.admittance
+
+    def make() -> Controller:
+        controller = Controller(
+            period=period,
+            conditioning=sensing,
+            law=law,
+            admittance=VirtualAdmittance(mass=virtual.mass, damping=virtual.damping, stiffness=virtual.stiffness),
+            limits=limits,
+            # a robot that is position-controlled feels no contact force itself
+            contact_gain=given.get("contact_gain", 1.0 if positioned else 0.0),
+            contact_threshold=given["contact_threshold"],
+        )
+        start, reference = scenario.plant, scenario.reference
+        controller.start(start.position - reference.position, start.velocity - reference.velocity)
+        return controller
+
+    return file.attempt("controller", make)
+
+
+def _conditioning(file: Reading, given: Mapping[str, Any], chain: SensorChain, period: float) -> Conditioning | None:
+    if chain.period < period * (1 - _SAME):
+        file.refuse(
+            ("controller", "rate" if "rate" in given else "period"),
+            f"found {1 / period:g} Hz, slower than the sensor with its {chain.rate:g} Hz, expected at least that; "
+            f'or read the sensor as often as the loop runs: [chain] with rate = "{1 / period:g} Hz"',
+        )
+    slower = chain.period > period * (1 + _SAME)
+    floor = given.get("floor", _FLOOR * chain.noise)
+    if "floor" not in given and not floor > 0:
+        file.refuse(
+            ("controller", "floor"),
+            "missing, expected a sensor output above drift and what the scene reflects, since the chain has no noise "
+            f"that it could be {_FLOOR:g} times of; add, for example: floor = 30.0",
+        )
+    if chain.period < period * (1 - _SAME) or not floor > 0:
+        return None
+    offset, saturation = given.get("offset", chain.offset + chain.crosstalk), given.get("saturation")
+    if saturation is None and np.isfinite(chain.highest):
+        saturation = chain.highest
+        if saturation <= offset + floor:
+            file.refuse(
+                ("chain", "highest"),
+                f"found readings that saturate at {saturation:g}, expected more than the controller's offset and floor "
+                f"together, {offset + floor:g}",
+            )
+            return None
+    return file.attempt(
+        "controller",
+        lambda: Conditioning(
+            floor=floor,
+            offset=offset,
+            saturation=saturation,
+            sensor_period=chain.period if slower else period,
+            **{key: given[key] for key in _CONDITIONING if key in given},
+        ),
+    )
+
+
+def refuse_a_curve_below_the_floor(
+    file: Reading, sensor: SensorModel, conditioning: Conditioning, part: SensorPart | None
+) -> None:
+    """Refuse a curve whose scale is not that of the readings, on which a loop depends, unlike a design."""
+    if not sensor.contains(0.0):
+        return  # which is a mistake of its own
+    log_output = float(sensor.log_output(0.0))  # its exponential may be beyond all numbers
+    if log_output > math.log(conditioning.floor):
+        return
+    unit = f" in {part.unit}, which {part.name} reports," if part is not None and part.unit else ""
+    key = next(k for k in ("scale", "outputs", "calibration") if k in file.data["sensor"])
+    file.refuse(
+        ("sensor", key),
+        f"found an output of {math.exp(log_output):.4g} at contact, which the controller's floor of "
+        f"{conditioning.floor:.4g} hides, expected outputs{unit} well above it: in a loop the scale of the curve "
+        "counts, since noise and floor have its unit",
+    )
+
 
 _FITTED: Final = ("noise", "relative_noise", "misfit", "misfit_length", "offset")
 _NEEDED: Final = {"chain": 'part = "VCNL4010" or rate = "250 Hz"', "controller": 'rate = "1 kHz"'}

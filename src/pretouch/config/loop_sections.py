@@ -7,17 +7,13 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from pretouch._core.errors import UnitError
-from pretouch._core.magnitudes import has_workable_magnitude
-from pretouch._core.units import parse_unit
+from pretouch._core.units import has_workable_magnitude, parse_unit
 from pretouch.control import Conditioning, Limits, VirtualDamper
 from pretouch.simulation.chain import SensorChain
-from pretouch.simulation.contact import HuntCrossley, SpringDamper
-from pretouch.simulation.plant import IdealPlant, ImpedancePlant, PositionPlant
+from pretouch.simulation.robot import HuntCrossley, IdealPlant, ImpedancePlant, PositionPlant, SpringDamper
 
 from .quantities import Quantity, UnfitValueError
 from .section import REQUIRED, TAG, Key, Section, declared_keys, text, whole
-
-__all__ = ["LOOP_VARIANTS"]
 
 _POWER_LAW: Final = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\w*N)/(\w*m)(?:\^(\d+\.?\d*))?\s*", re.I

@@ -10,12 +10,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
-from pretouch._core.declared import Sign
 from pretouch._core.errors import UnitError
-from pretouch._core.magnitudes import WORKABLE, has_workable_magnitude
-from pretouch._core.units import parse_unit, to_si
-
-__all__ = ["KeyPath", "Quantity", "UnfitValueError", "output_unit", "printable", "shown"]
+from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit, to_si
+from pretouch._core.values import Sign
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """Where something stands in a file: keys as text, elements of arrays by their index."""

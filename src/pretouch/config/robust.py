@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.constraints import Constraint
 from pretouch.design.robust.measures import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
-from pretouch.motion.inputs import sensor_inputs
-from pretouch.motion.scenario import Scenario
+from pretouch.motion.scenario import Scenario, sensor_inputs
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import (
     CorrelatedNormal,
@@ -32,8 +31,6 @@ if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
     from .reading import Reading
-
-__all__ = ["robust_fields"]
 
 
 def robust_fields(

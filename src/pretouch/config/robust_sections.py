@@ -1,6 +1,6 @@
 """The sections [uncertainty] and [robust] of a scenario file: what is known of inputs, and what must hold all the same.
 
-The keys of [uncertainty] are the inputs of `pretouch.motion.inputs`, each with its unit.
+The keys of [uncertainty] are the inputs of `pretouch.motion.scenario`, each with its unit.
 """
 
 from __future__ import annotations
@@ -10,14 +10,12 @@ from dataclasses import fields
 from typing import Any, Final
 
 from pretouch.design.constraints import CONSTRAINT_NAMES
-from pretouch.motion.inputs import SCENARIO_INPUTS
+from pretouch.motion.scenario import SCENARIO_INPUTS
 from pretouch.sensors import known_curves
-from pretouch.uncertainty.sampling import SAMPLINGS
+from pretouch.uncertainty.ensemble import SAMPLINGS
 
 from .quantities import Quantity, UnfitValueError, shown
 from .section import Key, Section, list_of, name_of, whole
-
-__all__ = ["FROM_CALIBRATION", "ROBUST", "uncertainty_section"]
 
 FROM_CALIBRATION: Final = "parameters"
 """The key of [uncertainty] `sensor` that takes the covariance of the calibration."""

@@ -8,23 +8,6 @@ from typing import Any, Final, TypeAlias
 
 from .quantities import KeyPath, Quantity, UnfitValueError, shown
 
-__all__ = [
-    "LENGTH",
-    "REQUIRED",
-    "TAG",
-    "WEIGHT",
-    "Key",
-    "Section",
-    "checked",
-    "declared_keys",
-    "list_of",
-    "name_of",
-    "nearest",
-    "one_of",
-    "text",
-    "whole",
-]
-
 Reader: TypeAlias = Callable[[Any], Any]
 """Turns what `tomllib` read into a value, or raises UnfitValueError."""
 

@@ -10,11 +10,11 @@ from struct import Struct
 from typing import Any, Final, NamedTuple
 
 from pretouch._core.blocks import Cell, Measured
-from pretouch._core.declared import ONE_ROBOT, check_declared, quantity
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.native import Structure, copy_of, location
 from pretouch._core.numbers import finite
-from pretouch._core.structures import Structure, copy_of, location
 from pretouch._core.units import format_quantity
+from pretouch._core.values import ONE_ROBOT, check_declared, quantity
 
 from .laws import PROTOTYPE, CompiledStep, Law, VirtualDamper, as_step, start_drive, start_sensing
 from .parts import NO_LIMIT, Conditioning, Limits, VirtualAdmittance, discretize, output_in_words, stopping_distance
@@ -28,8 +28,6 @@ from .structures import (
     RawSample,
     Sample,
 )
-
-__all__ = ["Controller", "Parts", "Run"]
 
 Row = tuple[str, Cell]
 

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
 from pretouch._core.blocks import Cell, Measured
-from pretouch._core.declared import ONE_ROBOT, check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.native import DOUBLE, POINTER, entry, kernel
-from pretouch._core.structures import copy_of, location, machine_code
+from pretouch._core.native import DOUBLE, POINTER, copy_of, entry, kernel, location, machine_code
+from pretouch._core.values import ONE_ROBOT, check_declared, flag, quantity
 
 from .structures import (
     DamperNumbers,
@@ -28,21 +27,6 @@ from .structures import (
     SensingNumbers,
     SensingState,
 )
-
-__all__ = [
-    "PROTOTYPE",
-    "CompiledStep",
-    "Law",
-    "Push",
-    "VirtualDamper",
-    "as_step",
-    "drive",
-    "observe",
-    "output_of",
-    "raw_sample",
-    "start_drive",
-    "start_sensing",
-]
 
 PROTOTYPE: Final = ctypes.PYFUNCTYPE(None)
 """Of a step; it keeps the interpreter's lock: letting go of it takes as long as a step."""

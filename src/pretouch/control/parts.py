@@ -5,23 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pretouch._core.declared import ONE_ROBOT, OUTPUT, check_declared, count, quantity, units_of_fields
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import positive
+from pretouch._core.values import ONE_ROBOT, OUTPUT, check_declared, count, quantity, units_of_fields
 
 from .structures import AdmittanceNumbers, FilterSection, MotionLimits, SensingNumbers
-
-__all__ = [
-    "LONGEST_WINDOW",
-    "NO_LIMIT",
-    "Conditioning",
-    "Limits",
-    "VirtualAdmittance",
-    "design_low_pass",
-    "discretize",
-    "output_in_words",
-    "stopping_distance",
-]
 
 LONGEST_WINDOW = 16
 """Readings of the longest running median."""

@@ -10,31 +10,7 @@ from enum import IntFlag
 from functools import partial
 from typing import NamedTuple
 
-from pretouch._core.structures import Structure, numbers
-
-__all__ = [
-    "AdmittanceNumbers",
-    "ControllerNumbers",
-    "ControllerState",
-    "DamperNumbers",
-    "DamperState",
-    "Delivery",
-    "DriveNumbers",
-    "DriveState",
-    "FilterSection",
-    "MedianState",
-    "MotionLimits",
-    "MotionState",
-    "Observation",
-    "Output",
-    "Push",
-    "RawOutput",
-    "RawSample",
-    "Sample",
-    "SensingNumbers",
-    "SensingState",
-    "Status",
-]
+from pretouch._core.native import Structure, numbers
 
 _MEDIAN, _SECTIONS = 16, 4
 _integers = partial(numbers, kind=ctypes.c_int32)

@@ -12,15 +12,12 @@ from pretouch.motion import Scenario
 
 from .admittance_result import AdmittanceCertificate, AdmittanceDesign, AdmittanceMap, AdmittanceMinimum
 from .certificate import DesignStatus
+from .gain import GainDesign
 from .problem import GainProblem
-from .result import GainDesign
 from .search import HELD, GainAxis
-from .search.freedom import make_freedom
 from .search.local import descend, kkt_residual
-from .search.trials import Trials
+from .search.trials import Trials, make_freedom
 from .task import Task, placed
-
-__all__ = ["design_admittance"]
 
 _GAINS: Final = 65
 _STARTS: Final = 8

@@ -8,13 +8,11 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.motion import ContactState, Scenario
-from pretouch.motion.windows import farthest
+from pretouch.motion.curve import farthest
 from pretouch.sensors import SensorModel
-from pretouch.sensors.kept import kept_by_curve
+from pretouch.sensors.model import kept_by_curve
 
 from .objectives import Objective
-
-__all__ = ["falls", "least_objective", "premises_hold", "touches_later"]
 
 _PROBES: Final = 257
 

@@ -12,8 +12,6 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.motion.contact import ContactState
 
-__all__ = ["Certificate", "ConstraintOutcome", "DesignStatus", "IdealDesign", "Sensitivity", "TradeOff"]
-
 
 class DesignStatus(StrEnum):
     """How a design ended."""

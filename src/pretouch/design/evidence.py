@@ -18,11 +18,8 @@ from .certificate import Certificate, ConstraintOutcome, DesignStatus, IdealDesi
 from .constraints import Constraint
 from .problem import Answer, GainProblem
 from .search import HELD, Minimum, Scan, refine, scan
-from .search.compiled import search_compiled
-from .search.many import design_many, settle_one
+from .search.compiled import design_many, search_compiled, settle_one
 from .sensitivity import gain_sensitivities
-
-__all__ = ["GainEvidence", "settle"]
 
 R = TypeVar("R")
 

@@ -13,9 +13,7 @@ from pretouch._core.units import format_quantity, format_range
 from pretouch.motion.describing import solved_on
 
 from .certificate import IdealDesign
-from .result import GainDesign
-
-__all__ = ["evidence_section", "ideal_in_words", "sensitivity_section"]
+from .gain import GainDesign
 
 Row = tuple[Cell, ...]
 

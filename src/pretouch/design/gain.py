@@ -1,13 +1,213 @@
-"""The gain that is optimal within its bounds and constraints, with the evidence that it is."""
+"""The gain that is optimal within its bounds and constraints, and what it leads to."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from pretouch._core.files import plain
+from pretouch._core.units import format_quantity
+from pretouch.motion import ContactResult, ContactStatus
+from pretouch.motion.evaluator import NoisyEvaluator
+
+from .certificate import DesignStatus
+from .evidence import GainEvidence, settle
 from .problem import GainProblem
-from .result import GainDesign
 from .search import GainAxis
+from .sensitivity import gain_gradient
 from .task import Task, placed
 
-__all__ = ["design_gain"]
+_RESIDUAL: Final = 1e-9  # of the impulse balance: what is above it is told
+_KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class GainDesign(GainEvidence):
+    """What `design_gain` returns: the gain at once, its evidence when it is first read.
+
+    Args:
+        problem: the task, and the gains between which the optimum was sought.
+        settled: status, gain [N s] and objective, as far as these were settled without the whole scan.
+    """
+
+    page: ClassVar[str] = "pretouch.design.page:gain_page"
+
+    @classmethod
+    def of(cls, problem: GainProblem) -> GainDesign:
+        """Design the gain of a problem, or of each encounter of an array."""
+        found = cls(problem=problem, settled=settle(problem))
+        _ = found.answer  # is searched for now, and not when it is read
+        return found
+
+    def at(self, *index: int) -> GainDesign:
+        """Return the design of one encounter of an array, at one integer per axis, with its evidence."""
+        return GainDesign.of(self.problem.at(index)) if self.scenario.shape else self
+
+    @property
+    def method(self) -> str:
+        """How the encounters were solved: "closed-form", "integration", "uniform-motion", or "loop" by a ClosedLoop."""
+        return self.no_mitigation.method
+
+    @property
+    def objective_parts(self) -> dict[str, float]:
+        """The terms of the objective by quantity, which add up to it; empty unless optimal.
+
+        Of an objective of a user's own what it declares by `parts`; empty where that does not add up to its value.
+        """
+        if self.result is None:
+            return {}
+        speed = abs(self.scenario.obstacle.velocity)
+        return {k: float(v) for k, v in self.definition.parts(self.result.end, speed, self.impact).items()}
+
+    @property
+    def damping_at_contact(self) -> Any:
+        """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact; an array for an array."""
+        if self.gain is None:
+            return None
+        return self.gain * self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0))
+
+    def gradient(self, by: str) -> Any:
+        """Return how the optimal gain follows one input, exact where objective and limits are those of the contact.
+
+        Args:
+            by: the input, such as `obstacle.velocity` or `sensor.exponent`: one of `ContactGradients.inputs`, the gain
+                excepted.
+
+        Returns:
+            d D_p / d input, in N s per unit of the input: a float, or an array of the scenario's shape. NaN where there
+            is no optimal gain, beside an edge of contact, and where the objective has a corner or a jump.
+        """
+        if self.gain is None:
+            return math.nan
+        found = gain_gradient(self.problem, self.gain, by, lambda index: self.at(*index))
+        return found if self.scenario.shape else float(found)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences that a user should read before relying on the gain, in order of weight."""
+        return tuple(_warnings(self, self.scan_result))
+
+    @property
+    def headline(self) -> str:
+        """The answer in one or two sentences."""
+        if self.result is not None and self.gain is not None:
+            left = abs(self.result.end.relative_velocity)
+            text = f"Optimal gain D_p = {format_quantity(self.gain, 'N*s')}: contact at {format_quantity(left, 'm/s')}"
+            before = self.no_mitigation
+            if before.reached.all():
+                speed = abs(before.end.relative_velocity)
+                text += (
+                    f" instead of {format_quantity(speed, 'm/s')} without mitigation "
+                    f"({100 * (1 - left / speed):.1f} % less)"
+                )
+            return text + f", after an excursion of {format_quantity(self.result.end.largest_excursion, 'm')}."
+        if self.nearest is not None:
+            return "Infeasible: " + _conflict(self)
+        return "No gain within the bounds ends in contact."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the design as one JSON object: numbers in SI, None where there is none."""
+        known = {"status": self.status, "gain": self.gain, "objective": self.objective}
+        if self.scenario.shape:
+            return known
+        names = ("method", "objective_parts", "result", "no_mitigation", "nearest", "ideal", "damping_at_contact")
+        more = ("bounds", "constraints", "certificate", "sensitivities", "sensor", "trade_off", "warnings")
+        found = {_KEYS.get(name, name): getattr(self, name) for name in (*names, *more)}
+        told: dict[str, Any] = plain({**known, "objective_name": self.definition.name, **found})
+        return told
+
+    def __str__(self) -> str:
+        return repr(self) if self.scenario.shape else super().__str__()
+
+    def _repr_html_(self) -> str | None:
+        return None if self.scenario.shape else super()._repr_html_()
+
+    def __repr__(self) -> str:
+        if self.scenario.shape:
+            return f"<GainDesign: {(self.status == DesignStatus.OPTIMAL).sum()} of {self.status.size} optimal>"
+        return super().__repr__()
+
+
+def _conflict(design: GainDesign) -> str:
+    """Name the constraint that cannot be met and its nearest achievable value, or those that exclude each other."""
+    impossible = [o for o in design.constraints if not o.achievable]
+    if impossible:
+        return "; ".join(
+            f"{o.name} cannot be held at {format_quantity(o.limit, o.unit)}: the nearest achievable value is "
+            f"{format_quantity(o.best_value or 0.0, o.unit)}, at D_p = {format_quantity(o.best_gain or 0.0, 'N*s')}"
+            for o in impossible
+        )
+    names = " and ".join(o.name for o in design.constraints)
+    nearest = ", ".join(
+        f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
+        for o in design.constraints
+    )
+    gain = format_quantity(design.nearest.gain if design.nearest else 0.0, "N*s")
+    return f"{names} cannot be held together; nearest, at D_p = {gain}: {nearest}"
+
+
+def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
+    """Yield what should be read before relying on a design, in order of weight."""
+    yield from _about_contact(design, scanned)
+    if design.certificate is not None and design.certificate.at == "bound":
+        yield (
+            f"the optimum lies on the bound {format_quantity(design.gain or 0.0, 'N*s')}: a wider range of gains may "
+            "hold a better one"
+        )
+    if design.certificate is not None and design.certificate.at == "edge of contact":
+        yield "the optimum lies where contact is just still made: a slightly larger gain misses the object"
+    if design.method == "uniform-motion":
+        yield (
+            "the uniform motion L(16)-(19) is one particular motion that does not start from the given state; it "
+            "shifts the optimal gain by about 10 %: compare with method 'integration'"
+        )
+    if _is_luck(design):
+        yield (
+            "the gain is optimal for one run and its noise: another run has another optimum; design_robust_gain with "
+            "the same evaluate averages over runs"
+        )
+    if design.gain is not None and design.gain > 0:
+        yield "the optimal gain is positive: it drives the plant toward the object"
+    if design.result is not None:
+        residual = float(np.asarray(design.result.impulse_residual))
+        if residual > _RESIDUAL:
+            yield f"the impulse balance of the motion is met to {residual:.0e} only: its numbers are less certain"
+
+
+def _is_luck(design: GainDesign) -> bool:
+    """Tell whether the encounter at the optimum comes out otherwise with the noise of another run."""
+    evaluator = design.problem.task.evaluate
+    if design.result is None or not isinstance(evaluator, NoisyEvaluator):
+        return False
+    again = evaluator.after(1)(design.scenario, design.sensor, design.gain)
+    return bool(again.end.time != design.result.end.time)
+
+
+def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
+    """Yield what became of the gains without contact."""
+    status = np.asarray(scanned.status)
+    for kind in ContactStatus:
+        count = int((status == kind).sum())
+        if kind is ContactStatus.CONTACT or not count:
+            continue
+        share = "every gain" if count == status.size else f"{count} of {status.size} scanned gains"
+        text = f"{share} ended without contact ({kind.label}): {kind.meaning[0].lower()}{kind.meaning[1:]}"
+        distances = np.asarray(scanned.closest_distance)[status == kind]
+        text += f" Nearest approach {format_quantity(float(distances.min()), 'm')}."
+        low = design.sensor.valid_range[0]
+        if kind is ContactStatus.LEFT_RANGE and low > 0:
+            text += (
+                f" The curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the contact "
+                "surface and give this as its recess."
+            )
+        yield text
+    if design.gain is not None and not design.no_mitigation.reached.all():
+        yield "without mitigation the encounter would not end in contact at all"
 
 
 @placed

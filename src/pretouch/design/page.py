@@ -16,20 +16,10 @@ from pretouch.motion.contact import ContactState
 from pretouch.motion.describing import inputs_section, method_section, solved_on
 
 from .certificate import ConstraintOutcome, DesignStatus
+from .constraints import ImpactModel, quantity_of
 from .evidence_page import evidence_section, sensitivity_section
-from .impact import ImpactModel
-from .objectives import Objective
-from .own_objective import OwnObjective
-from .quantities import quantity_of
-from .result import GainDesign
-
-__all__ = [
-    "gain_page",
-    "impact_rows",
-    "objective_rows",
-    "shows_equals",
-    "traded_quantity",
-]
+from .gain import GainDesign
+from .objectives import Objective, OwnObjective
 
 Row = tuple[Cell, ...]
 

@@ -15,17 +15,14 @@ from pretouch.motion.evaluator import Evaluator
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 
-from .constraints import Constraint, each_once
-from .impact import ImpactModel
-from .objectives import Objective
-from .own_objective import AnyObjective, as_objective
+from .constraints import Constraint, ImpactModel, each_once
+from .objectives import AnyObjective, Objective, as_objective
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
     from .robust.measures import Measure, Required
 
-__all__ = ["Choice", "Source", "Task", "placed"]
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -11,8 +11,6 @@ from pretouch._core.numbers import FloatArray
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, sensor
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "Section VI-A: orbits around the uniform motion l = A t + B are drawn to it, but slower than contact comes.",
     {

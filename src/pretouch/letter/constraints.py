@@ -10,8 +10,6 @@ from pretouch.design import Constraint, GainDesign, Task, design_gain
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import APPROACH, BOUNDS, F_1, ONE_APPROACH, SENSORS, approach, f_1, sensor
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "Section VI-B: limits on the range of motion and on the relative velocity as inequality constraints.",
     ONE_APPROACH,

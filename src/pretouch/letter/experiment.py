@@ -16,19 +16,6 @@ from pretouch._core.values import Value
 
 from .printed import Agreement, Parameter, Printed, short_exponent
 
-__all__ = [
-    "IDS",
-    "Finding",
-    "LetterReport",
-    "Program",
-    "Ran",
-    "Reproduction",
-    "Step",
-    "finding",
-    "readings",
-    "reproduce",
-]
-
 EXPERIMENTS: Final = {
     "table-1": ("Table I", "The sensor curves"),
     "figure-3": ("Fig. 3", "Sensor output over the distance"),

@@ -9,8 +9,6 @@ import numpy as np
 from .experiment import Program, Ran, Reproduction, readings
 from .given import SENSORS, sensor
 
-__all__ = ["PROGRAM", "reproduce"]
-
 CURVES: Final = {name: sensor(name) for name in ("inverse-power", "exponential-1", "exponential-2")}
 PROGRAM: Final = Program(
     "Figure 3: the three curves of Table I over the distance, and their slopes g, which are what the motion feels.",

@@ -15,8 +15,6 @@ from .experiment import Finding, Program, Ran, Reproduction, finding
 from .given import APPROACH, EXPERIMENT_GAIN, SENSORS, approach, over_rounding, sensor
 from .printed import Printed
 
-__all__ = ["GIVEN", "MOTIONS", "NAMES", "PARAMETERS", "PROGRAM", "reproduce"]
-
 NAMES: Final = {
     "inverse-power": "inverse power, integrated",
     "exponential-1": "first order, closed form L(10)",

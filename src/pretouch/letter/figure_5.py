@@ -13,8 +13,6 @@ from .figure_4 import GIVEN, MOTIONS, NAMES, PARAMETERS
 from .given import EXPERIMENT_GAIN, approach, over_rounding
 from .printed import Printed
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "Figure 5: the relative velocity until contact, D_p = -1 N s, by three ways to solve the motion.",
     GIVEN,

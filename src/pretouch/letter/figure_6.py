@@ -12,8 +12,6 @@ from pretouch._core.numbers import FloatArray
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import ADMITTANCE, F_1, SENSORS, approach, sensor
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "Figure 6: the optimal gain over the obstacle's speed, for both readings of the typical velocity l'_typ.",
     {

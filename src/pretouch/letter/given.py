@@ -16,25 +16,6 @@ from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, Inve
 
 from .printed import Parameter, resolution
 
-__all__ = [
-    "ADMITTANCE",
-    "APPROACH",
-    "BOUNDS",
-    "DISRUPTION",
-    "EXPERIMENT_GAIN",
-    "F_1",
-    "F_2",
-    "ONE_APPROACH",
-    "SENSORS",
-    "approach",
-    "best_gain",
-    "disruption",
-    "f_1",
-    "f_2",
-    "over_rounding",
-    "sensor",
-]
-
 
 def _given(place: str, *lines: str) -> tuple[Parameter, ...]:
     """Read inputs that stand at one place, each as `name: symbol = value unit`."""

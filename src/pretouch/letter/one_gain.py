@@ -9,8 +9,6 @@ import numpy as np
 from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import ADMITTANCE, F_1, SENSORS, approach, sensor
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "One gain for all speeds: what it costs beside the best gain for each speed.",
     {"admittance": approach().admittance, "sensor": sensor("inverse-power")},

@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from typing import Final
 
 from pretouch._core.blocks import Cell, Chapter, Code, Download, Listing, Page, Paragraph, Picture, Rows
-from pretouch._core.json_text import as_json
+from pretouch._core.files import as_json
 from pretouch._core.units import pretty_unit
 from pretouch.motion.describing import method_section
 
 from .experiment import Finding, LetterReport, Reproduction
 from .printed import Agreement, Printed
-
-__all__ = ["letter_page"]
 
 _TITLE: Final = "The letter, computed again"
 _ALL_HOLD: Final = "Reproduced: every finding holds, and every number that disagrees has its reason."

@@ -11,8 +11,6 @@ from typing import Any, Final
 
 from pretouch._core.values import Value
 
-__all__ = ["Agreement", "Parameter", "Printed", "numeral", "resolution", "short_exponent"]
-
 _MORE: Final = 2  # digits beyond the printed ones: enough to see how ours rounds
 _LONGEST: Final = 14
 

@@ -13,8 +13,6 @@ from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import F_1, SENSORS, best_gain, sensor
 from .printed import Printed
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "Table I: both exponential curves by least squares on xi, fitted to the inverse power curve over 0 to 42.2 mm.",
     {"power": sensor("inverse-power")},

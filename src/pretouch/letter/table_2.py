@@ -16,8 +16,6 @@ from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import APPROACH, F_1, ONE_APPROACH, SENSORS, approach, best_gain, f_1, over_rounding, sensor
 from .printed import Printed, resolution
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "Table II: the objective f_1 of L(20) over the whole range of gains, with the gains of the table on it.",
     ONE_APPROACH,

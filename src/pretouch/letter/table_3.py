@@ -12,8 +12,6 @@ from .experiment import Finding, Program, Ran, Reproduction, finding, readings
 from .given import DISRUPTION, F_2, SENSORS, best_gain, disruption, f_2, sensor
 from .printed import Printed
 
-__all__ = ["PROGRAM", "reproduce"]
-
 PROGRAM: Final = Program(
     "Table III: contact times and impact forces measured on hardware beside the model's contact times and speeds.",
     {"admittance": disruption().admittance, "scenario": disruption(), "sensor": sensor("fingertip")},

@@ -1,11 +1,10 @@
 """Pre-contact motion: the encounter, its solution for any sensor curve, and the contact that it ends in."""
 
-from .admittance import Admittance
-from .contact import ContactResult, ContactState, ContactStatus
+from .contact import ContactResult, ContactState, Motion, find_contact, solve_motion
 from .gradients import ContactGradients
+from .layout import ContactStatus
 from .request import METHODS
-from .scenario import Obstacle, Plant, Reference, Scenario
-from .solve import Motion, find_contact, solve_motion
+from .scenario import Admittance, Obstacle, Plant, Reference, Scenario
 
 __all__ = [
     "METHODS",

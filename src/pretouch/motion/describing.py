@@ -10,10 +10,7 @@ from pretouch._core.blocks import Block, Cell, Chapter, Listing, Measured, Parag
 from pretouch._core.vocabulary import words_for
 from pretouch.sensors import SensorModel
 
-from .inputs import SCENARIO_INPUTS
-from .scenario import Scenario
-
-__all__ = ["METHODS", "inputs_section", "method_section", "scenario_rows", "sensor_rows", "solved_on"]
+from .scenario import SCENARIO_INPUTS, Scenario
 
 Row = tuple[Cell, ...]
 

@@ -10,8 +10,6 @@ from pretouch.sensors import SensorModel
 from .contact import ContactResult
 from .scenario import Scenario
 
-__all__ = ["Evaluator", "ManySensorEvaluator", "NoisyEvaluator", "with_noise_after"]
-
 Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
 """From encounters, their sensor and gains [N s], which broadcast, to what they come to."""
 

@@ -18,11 +18,7 @@ from pretouch._core.values import Travels
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import SlopeChange
 
-from .layout import RELATIVE_INPUTS, ContactStatus
-from .native_lanes import OPEN, find_contacts, follow_gradients
-from .parallel import for_stretches
-from .solution import STIFF, Solution, fill_by_lanes
-from .windows import (
+from .curve import (
     MIDDLE,
     TERMS,
     alone,
@@ -34,8 +30,10 @@ from .windows import (
     interpolate,
     reach_of,
 )
-
-__all__ = ["GradientRows", "bend_at_contact"]
+from .kernels import OPEN, find_contacts, follow_gradients
+from .layout import RELATIVE_INPUTS, ContactStatus
+from .request import for_stretches
+from .solution import STIFF, Solution, fill_by_lanes
 
 _KEPT: Final = 1 << 20  # encounters up to which all rows are kept: 150 MB
 _BLOCK: Final = 1 << 12  # encounters of which a kernel's whole output is held at a time

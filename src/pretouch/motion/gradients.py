@@ -24,11 +24,9 @@ from pretouch.sensors import SensorModel
 from pretouch.sensors.change import CurveChange, curve_change
 
 from .gradient_rows import GradientRows, bend_at_contact
-from .inputs import input_units, sensor_inputs
 from .layout import RELATIVE_INPUTS, ContactStatus
+from .scenario import input_units, sensor_inputs
 from .solution import Solution
-
-__all__ = ["ContactGradients", "ManyGradients", "input_names"]
 
 _QUANTITIES: Final = {
     "time": "s",

@@ -16,14 +16,11 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.sensors import SensorModel
 
+from .curve import curve_pieces, curve_tops
+from .kernels import respond_many, solve_linear, solve_series
 from .layout import COLUMNS, ContactStatus, named
 from .many_curves import ManyCurves
-from .native_lanes import respond_many, solve_linear, solve_series
-from .parallel import for_stretches
-from .request import Request, Which
-from .windows import curve_pieces, curve_tops
-
-__all__ = ["solve_guaranteed", "trace_guaranteed", "uniform_motion"]
+from .request import Request, Which, for_stretches
 
 _BLOCK: Final = 16
 _DISTANCE: Final = COLUMNS.index("distance")
@@ -199,7 +196,7 @@ def uniform_motion(
 
 
 def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Fill rows and statuses of some encounters, up to their contact l = 0."""
+    """Solve some encounters by the uniform motion L(16)-(19), up to their contact l = 0."""
     curvature, rate = _second_order_parameters(request.sensor)
     values, gain = request.part(which)
     a, b = uniform_motion(values, curvature, rate, gain)

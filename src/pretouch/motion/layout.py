@@ -7,19 +7,6 @@ from typing import Final, NamedTuple
 
 from pretouch._core.numbers import FloatArray
 
-__all__ = [
-    "COLUMNS",
-    "INPUTS",
-    "PEAKS",
-    "RELATIVE_INPUTS",
-    "RESOLUTION",
-    "STATES",
-    "TRACE_COLUMNS",
-    "ContactStatus",
-    "Relative",
-    "named",
-]
-
 
 class Relative(NamedTuple):
     """Encounters relative to their reference, as L(8) and L(9) have them, with their gains: flat columns.

@@ -12,11 +12,9 @@ from pretouch._core.errors import OutOfRangeError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import SensorModel
 
+from .curve import reach_of
 from .many_windows import ManyWindows, find_images, windows_of_images, windows_side_by_side
 from .scenario import Scenario
-from .windows import reach_of
-
-__all__ = ["ManyCurves", "many_curves"]
 
 _METHODS: Final = ("auto", "integration")
 

@@ -14,12 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.chebyshev import chebyshev_basis, chebyshev_extremes, chebyshev_nodes
-from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray, chebyshev_basis, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
 from pretouch.sensors.change import curve_change
 
-from .windows import (
+from .curve import (
     EDGE,
     HIGH_DEGREE,
     LOW,
@@ -32,8 +31,6 @@ from .windows import (
     polynomial_windows,
     power_window,
 )
-
-__all__ = ["ManyWindows", "find_images", "windows_of_images", "windows_side_by_side"]
 
 _BETWEEN: Final = 4.0  # times the tolerance: for a curve between those for which the windows were chosen
 _COUNTS: Final = (16, 20, 24, 32, 48, 64)  # nodes of one polynomial over all windows

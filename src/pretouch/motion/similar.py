@@ -21,10 +21,7 @@ from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, ContactState
-from .inputs import SCENARIO_INPUTS, scenario_with
-from .scenario import Scenario
-
-__all__ = ["Likeness", "find_likeness"]
+from .scenario import SCENARIO_INPUTS, Scenario, scenario_with
 
 _LENGTHS: Final = {*ContactState.names(), "closest_distance", "settling_distance"} - {"time"}
 """What grows with the unit of length; forces do, since masses stay."""

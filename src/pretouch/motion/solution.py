@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
+from .curve import Curves, alone, curve_windows, farthest, line_windows, reach_of
 from .guaranteed import solve_guaranteed
+from .kernels import contact_times, find_contacts
 from .layout import COLUMNS, PEAKS, STATES
-from .native_lanes import contact_times, find_contacts
-from .parallel import for_stretches
-from .request import Request
-from .windows import Curves, alone, curve_windows, farthest, line_windows, reach_of
-
-__all__ = ["STIFF", "Solution", "fill_by_lanes"]
+from .request import Request, for_stretches
 
 STIFF: Final = 500.0
 """Time over that of the damping at contact, from which l'' is a difference of much larger numbers."""

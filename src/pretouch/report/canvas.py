@@ -9,8 +9,6 @@ from matplotlib.figure import Figure
 
 from .style import drawing
 
-__all__ = ["ReportFigure"]
-
 
 class ReportFigure(Figure):
     """A matplotlib figure that a notebook displays; a bare `Figure` is shown as text only."""

@@ -1,21 +1,234 @@
-"""The picture of what moves the optimum of a design."""
+"""The pictures of a design: what is traded, what moves the optimum."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
-from pretouch.design.certificate import Sensitivity
-from pretouch.design.result import GainDesign
+from pretouch._core.vocabulary import unit_of, words_for
+from pretouch.design.certificate import ConstraintOutcome, Sensitivity
+from pretouch.design.constraints import quantity_of
+from pretouch.design.gain import GainDesign
+from pretouch.design.page import shows_equals, traded_quantity
 
 from .new_figure import new_figure
-from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, minus, scale_for
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel, Span
+from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, gain_axis, minus, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["sensitivity"]
+
+_TERMS: Final = (2, 3, 4)  # places in the palette
+_WIDE: Final = 30.0  # ratio from which an objective is shown on a logarithmic axis
+_WIDE_COST: Final = 100.0  # and a price
+_ROUND: Final = (-0.1, -1.0, -10.0, -100.0, -0.01, 0.1, 1.0, 10.0)  # gains that are marked along the curve [N s]
+_CLOSE: Final = 0.06  # of the panel, between marks that would hide each other
+
+
+def trade_off(design: GainDesign) -> Figure:
+    """Draw the objective over all gains, and the trade-off between the speed at contact and its price.
+
+    Args:
+        design: a design of any status.
+
+    Returns:
+        Two panels: the objective with its terms over the gain [N s], where gains without contact and gains that
+        break a constraint are hatched; and the relative speed at contact against what it costs. Where no gain ends in
+        contact, how near each comes.
+    """
+    if not design.trade_off.reached.any():
+        return panel_figure(_misses(design))
+    return panel_figure(_objective(design), _plane(design), height=3.5)
+
+
+def _misses(design: GainDesign) -> Panel:
+    """Return how near each gain comes where none ends in contact."""
+    scanned = design.scan_result
+    gain = _shown_gain(design, np.asarray(scanned.gain, float))
+    nearest = np.asarray(scanned.closest_distance, float)
+    scale = scale_for("m", float(nearest.max()))
+    return Panel(
+        **_gain_axis(design),
+        y_label=f"{words_for('closest_distance')} [{scale.unit}]",
+        title="No gain within the bounds ends in contact",
+        curves=[Curve(x=gain, y=nearest / scale.factor)],
+        spans=[Span(start=float(gain.min()), end=float(gain.max()), label="no contact", kind="missing")],
+    )
+
+
+def _objective(design: GainDesign) -> Panel:
+    """Return f(D_p) and its terms, the optimum, and the gains that are out of the question."""
+    gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
+    known = total[np.isfinite(total)]
+    low, high = float(known.min()), float(known.max())
+    wide = low > 0 and high > _WIDE * low
+    limits = (low / 8, 2.5 * high) if wide else (0.0, 1.12 * high or 1.0)
+    terms = {f"{name.replace('_', ' ')} term": values for name, values in _terms(design).items()}
+    curves = []
+    styles = [*_TERMS, *_TERMS, *_TERMS][: len(terms)]
+    for (name, values), style in zip([*terms.items(), ("f", total)], [*styles, 0], strict=True):
+        known = np.isfinite(values) & (values > 0 if wide else True)
+        if np.any(known & (values >= limits[0]) & (values <= limits[1])):
+            curves.append(Curve(x=gain, y=np.where(known, values, np.nan), label=name, style=style))
+    marks = []
+    if design.gain is not None and design.objective is not None:
+        text = f"optimum D\u209a = {minus(f'{design.gain:#.4g}')} N s\nf = {design.objective:#.4g}"
+        marks = [Mark(x=float(_shown_gain(design, design.gain)), y=design.objective, label=text, style=0)]
+    return Panel(
+        **_gain_axis(design),
+        y_label="objective f [1]",
+        title="Objective over the gain",
+        curves=curves,
+        marks=marks,
+        spans=list(_blocked(design, gain)),
+        y_log=wide,
+        y_limits=limits,
+    )
+
+
+def _plane(design: GainDesign) -> Panel:
+    """Return the relative speed that is left at contact against what it costs, along the gains."""
+    name = traded_quantity(design)
+    state, reached = design.trade_off.state, design.trade_off.reached
+    cost = np.where(reached, np.abs(quantity_of(name, state, design.impact)), np.nan)
+    speed = np.where(reached, np.abs(state.relative_velocity), np.nan)
+    points = list(_points(design, name))
+    across = _scale(unit_of(name), np.array([*cost, *(p[0] for p in points)]))
+    up = _scale("m/s", np.array([*speed, *(p[1] for p in points)]))
+    x, y = cost / across.factor, speed / up.factor
+    marks = [Mark(x=c / across.factor, y=v / up.factor, **how) for c, v, how in points]
+    marks += _round_gains(design, x, y, marks)
+    kept = np.where(design.trade_off.feasible, y, np.nan)
+    path = Curve(x=x, y=y, quiet=True)
+    known = np.array([*x[np.isfinite(x)], *(mark.x for mark in marks)])
+    wide = bool(known.min() > 1e-6 * known.max() and known.max() > _WIDE_COST * known.min())
+    equal = [] if wide else _equals(design, name, across, up, (float(known.max()), float(np.nanmax(y))))
+    levels, positions = _limits(design, name, across, up)
+    return Panel(
+        x_label=f"{words_for(name)} [{across.unit}]",
+        y_label=f"{words_for('relative_velocity')} |l\u2032| [{up.unit}]",
+        title="What the gain trades",
+        curves=[path, *([Curve(x=x, y=kept, style=0)] if np.isfinite(kept).any() else []), *equal],
+        marks=marks,
+        levels={text: at for text, at in levels.items() if at < 1.1 * np.nanmax(y)},
+        positions={text: at for text, at in positions.items() if at < 1.1 * known.max()},
+        x_log=wide,
+    )
+
+
+def _shown_gain(design: GainDesign, gain: Any) -> Any:
+    return gain_axis(design.bounds)[0] * gain
+
+
+def _gain_axis(design: GainDesign) -> dict[str, Any]:
+    _, label, logarithmic = gain_axis(design.bounds)
+    ends = sorted(_shown_gain(design, np.array(design.bounds)))
+    return {"x_label": label, "x_log": logarithmic, "x_limits": tuple(ends)}
+
+
+def _terms(design: GainDesign) -> dict[str, FloatArray]:
+    parts = design.definition.parts(design.trade_off.state, abs(design.scenario.obstacle.velocity), design.impact)
+    weighed = {t.quantity for t in design.definition.terms if t.weight > 0} or set(parts)
+    return {name: np.where(design.trade_off.reached, value, np.nan) for name, value in parts.items() if name in weighed}
+
+
+def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
+    """Yield each stretch of gains that is out of the question, with the reason."""
+    trade = design.trade_off
+    reasons = np.full(len(gain), "", dtype=object)
+    for outcome in design.constraints:
+        for i in np.flatnonzero(trade.reached & _breaks(design, outcome)):
+            name = outcome.name.replace("_", " ")
+            reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else f"broken: {name}"
+    reasons[~trade.reached] = "no contact"
+    order = np.argsort(gain)
+    edges = _edges(gain[order], logarithmic=gain_axis(design.bounds)[2])
+    ordered = reasons[order]
+    changes = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1), len(gain)]
+    for first, last in pairwise(changes):
+        if ordered[first]:
+            kind: Any = "missing" if ordered[first] == "no contact" else "blocked"
+            yield Span(start=float(edges[first]), end=float(edges[last]), label=ordered[first], kind=kind)
+
+
+def _breaks(design: GainDesign, outcome: ConstraintOutcome) -> BoolArray:
+    magnitude = np.abs(quantity_of(outcome.quantity, design.trade_off.state, design.impact))
+    return np.asarray(magnitude > outcome.limit * (1 + 1e-9))
+
+
+def _edges(gain: FloatArray, *, logarithmic: bool) -> FloatArray:
+    """Return the ends of the gains and the middles between them."""
+    middles = np.sqrt(gain[1:] * gain[:-1]) if logarithmic else (gain[1:] + gain[:-1]) / 2
+    return np.concatenate([gain[:1], middles, gain[-1:]])
+
+
+def _points(design: GainDesign, name: str) -> Iterator[tuple[float, float, dict[str, Any]]]:
+    """Yield the points that are marked in the plane: cost and speed in SI, and how they are shown."""
+    nearest = design.nearest if design.result is None else None
+    for run, how in (
+        (design.no_mitigation, {"label": "no mitigation", "style": 1, "shape": "square"}),
+        (design.result, {"label": "chosen", "style": 0}),
+        (nearest, {"label": "nearest to the limits", "style": 0}),
+    ):
+        if run is not None and run.reached.all():
+            cost = abs(float(quantity_of(name, run.end, design.impact)))
+            yield cost, abs(float(run.end.relative_velocity)), how
+
+
+def _scale(unit: str, values: FloatArray) -> Scale:
+    return scale_for(unit, float(np.nanmax(np.abs(values))))
+
+
+def _limits(design: GainDesign, name: str, across: Scale, up: Scale) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the limits of the two quantities that the plane shows: upward, and across."""
+    levels, positions = {}, {}
+    for outcome in design.constraints:
+        text = f"{outcome.name.replace('_', ' ')} limit"
+        if outcome.quantity == name or (name == "displacement" and outcome.quantity == "largest_excursion"):
+            positions[text] = outcome.limit / across.factor
+        elif outcome.quantity == "relative_velocity":
+            levels[text] = outcome.limit / up.factor
+    return levels, positions
+
+
+def _equals(design: GainDesign, name: str, across: Scale, up: Scale, most: tuple[float, float]) -> list[Curve]:
+    """Return where the objective equals its optimum: the curve of what is possible touches it and stays outside."""
+    if not shows_equals(design):
+        return []
+    terms = {t.quantity: t for t in design.definition.terms if t.weight > 0}
+    speed = abs(design.scenario.obstacle.velocity)
+    a, b = (
+        abs(float(terms[q].scale_for(speed))) * np.sqrt(design.objective / terms[q].weight) / scale.factor
+        for q, scale in ((name, across), ("relative_velocity", up))
+    )
+    turn = np.linspace(0.0, np.pi / 2, 90)
+    x, y = a * np.cos(turn), b * np.sin(turn)
+    seen = (x <= most[0]) & (y <= most[1])
+    text = f"f = {design.objective:#.4g}"
+    return [Curve(x=x, y=np.where(seen, y, np.nan), label=text, quiet=True)] if seen.any() else []
+
+
+def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[Mark]) -> list[Mark]:
+    """Return round gains along the curve, so that one can read which gain leads where."""
+    order = np.argsort(design.trade_off.gain)
+    size = np.array([np.nanmax(x), np.nanmax(y)])
+    found: list[Mark] = []
+    for wanted in _ROUND:
+        if not design.bounds[0] <= wanted <= design.bounds[1]:
+            continue
+        here = np.array([np.interp(wanted, design.trade_off.gain[order], values[order]) for values in (x, y)])
+        apart = [np.abs((here - [mark.x, mark.y]) / size).max() for mark in (*marks, *found)]
+        if np.isfinite(here).all() and min(apart, default=1.0) > _CLOSE:
+            found.append(Mark(x=float(here[0]), y=float(here[1]), label=minus(f"{wanted:g} N s"), shape="ring"))
+    return found
 
 
 def sensitivity(design: GainDesign) -> Figure:

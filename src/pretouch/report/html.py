@@ -14,9 +14,8 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
-from pretouch._core.block_html import blocks_as_html, page_top
 from pretouch._core.blocks import Chapter, Code, Page, Paragraph, Picture
-from pretouch._core.described import Described, page_of
+from pretouch._core.described import Described, blocks_as_html, page_of, page_top
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import sign, write_text
 
@@ -26,7 +25,6 @@ from .style import draw_svg
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
-__all__ = ["page_html", "report_html", "write_report"]
 
 _PACKAGES: Final = ("pretouch", "numpy", "scipy", "matplotlib")
 _METHOD: Final = (

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Annotation
 
-__all__ = ["dense_points", "label_inside", "label_near", "marks_in"]
 
 _DIRECTIONS: Final = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
 _GAPS: Final = (5.0, 11.0, 20.0, 34.0, 52.0, 75.0, 100.0)

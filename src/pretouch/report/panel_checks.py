@@ -13,18 +13,6 @@ from pretouch._core.numbers import FloatArray, finite
 
 from .style import CURVES
 
-__all__ = [
-    "as_column",
-    "as_limits",
-    "as_number",
-    "as_values",
-    "called",
-    "check_axis",
-    "check_choice",
-    "check_ends",
-    "check_style",
-]
-
 
 def called(kind: str, label: str) -> str:
     """Name a value in a message by what it is and by its label, where it has one."""

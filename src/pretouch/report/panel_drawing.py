@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from .panels import Curve, Panel
 
-__all__ = ["Name", "draw_panel", "names_of"]
 
 _FAINT: Final = "#b4b4b4"
 _HATCHED: Final = "#bdbdbd"

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from .panels import Panel
 
-__all__ = ["draw_figure"]
 
 _WIDTH: Final = 7.4  # inch
 _WIDTH_OF_ONE: Final = 5.2

@@ -27,8 +27,6 @@ from .panel_checks import (
 )
 from .style import CURVES
 
-__all__ = ["Curve", "Mark", "Panel", "Span"]
-
 _UNIT: Final = re.compile(r"\[[^\]]+\]")
 _KINDS: Final = ("line", "points", "both")
 _SHAPES: Final = ("dot", "ring", "square")

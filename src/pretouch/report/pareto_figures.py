@@ -12,7 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.admittance_result import AdmittanceDesign
-from pretouch.design.front.domination import shortfall
+from pretouch.design.front.fronts import shortfall
 from pretouch.design.front.result import FrontPoint, ParetoFront
 
 from .panel_figure import panel_figure
@@ -22,7 +22,6 @@ from .style import Scale, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["admittance", "pareto"]
 
 _WIDE: Final = 30.0  # ratio from which an axis is logarithmic
 _WORSE: Final = 2e-3  # of the extent of the front, in every quantity at once

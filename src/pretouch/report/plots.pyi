@@ -1,6 +1,7 @@
-from .calibration_panels import calibration as calibration
+from .calibration_figures import calibration as calibration
 from .design_figures import sensitivity as sensitivity
-from .motion_panels import motion as motion
+from .design_figures import trade_off as trade_off
+from .motion_figures import motion as motion
 from .pareto_figures import admittance as admittance
 from .pareto_figures import pareto as pareto
 from .robust_figures import outcome as outcome
@@ -8,7 +9,6 @@ from .robust_figures import price as price
 from .robust_figures import robust as robust
 from .simulation_figures import simulation as simulation
 from .sweep_figures import sweep as sweep
-from .trade_off_panels import trade_off as trade_off
 from .verdict_figures import verdict as verdict
 from .verdict_figures import verdict_run as verdict_run
 from .verdict_gains import verdict_gain as verdict_gain

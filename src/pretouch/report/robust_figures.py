@@ -9,19 +9,16 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.design.robust.evidence import RobustOutcomes
-from pretouch.design.robust.price import Price
+from pretouch.design.robust.beside import Price, RobustOutcomes
 from pretouch.design.robust.result import RobustDesign
 
-from .panel_figure import panel_figure
+from .panel_figure import outcome_panel, panel_figure, share_panel
 from .panels import Curve, Mark, Panel
-from .share_panels import outcome_panel, share_panel
 from .style import Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["outcome", "price", "robust"]
 
 _HEADROOM: Final = 6.0  # times the smallest measure, up to where the measure is shown
 _MOST_PRICES: Final = 4

@@ -19,7 +19,6 @@ from .style import Scale, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["simulation"]
 
 _LOOP, _NONE, _PREDICTED = 0, 1, 4  # places in the palette: the same run looks the same in every panel
 _MOST: Final = 900  # points of a curve: about two per pixel

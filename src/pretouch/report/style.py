@@ -19,26 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "BASELINE",
-    "BLOCKED",
-    "CHOSEN",
-    "CURVES",
-    "INK",
-    "LIMIT",
-    "MARKERS",
-    "QUIET",
-    "Scale",
-    "draw_svg",
-    "drawing",
-    "gain_axis",
-    "log_axis",
-    "log_ticks",
-    "minus",
-    "minus_signs",
-    "scale_for",
-    "span",
-]
 
 # Okabe & Ito's palette (2008), ordered so that neighbors differ in luminance as well as in hue
 CHOSEN: Final = "#0072b2"

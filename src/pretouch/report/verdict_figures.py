@@ -14,15 +14,13 @@ from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
 from pretouch.verification.appraisal import simulated_quantity
 
-from .panel_figure import panel_figure
+from .panel_figure import outcome_panel, panel_figure
 from .panels import Curve, Mark, Panel
-from .share_panels import outcome_panel
 from .style import Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["verdict", "verdict_run"]
 
 _WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # places in the palette: the same looks the same in every picture
 _MOST: Final = 900  # points of a curve: about two per pixel

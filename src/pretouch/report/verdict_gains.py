@@ -19,7 +19,6 @@ from .style import Scale, gain_axis, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["verdict_gain", "verdict_stability"]
 
 _LOOP, _STRONGEST, _MARGIN, _IDEAL = 0, 1, 2, 4  # places in the palette
 _DECADES: Final = 1e3  # times the least stable gain, beyond which a limit is none

@@ -1,18 +1,30 @@
-"""How a parameter of a sensor curve changes the curve: what derivatives of a motion by that parameter need."""
+"""How a parameter of a sensor curve changes the curve, and which curves are one in other units."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.chebyshev import chebyshev_basis, chebyshev_extremes, chebyshev_sum
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray
+from pretouch._core.numbers import FloatArray, chebyshev_basis, chebyshev_extremes, chebyshev_sum
 
-__all__ = ["CurveChange", "curve_change"]
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Alike:
+    """How many curves of one kind are one: with X = s x the equation of motion keeps its form if the force does.
+
+    The lengths of each are multiplied by s, its `length`, and its gain by `gain`; of the parameters that matter, the
+    derivatives of the logarithms of both factors by each.
+    """
+
+    curve: Any
+    length: Any
+    gain: Any
+    parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+
 
 SlopeChange: TypeAlias = Callable[[FloatArray], FloatArray]
 

@@ -14,8 +14,6 @@ from pretouch._core.values import Value
 
 from .model import SensorModel
 
-__all__ = ["LawCheck", "SensorConformance", "check_sensor"]
-
 _REACH = 0.2  # how far beyond its start an unbounded valid range is probed [m]
 _ROUNDING = 1e-12  # relative
 _SLOPE_TOLERANCE = 1e-6  # of the largest slope
@@ -25,7 +23,13 @@ _FEW = 64
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawCheck(Value):
-    """One law in a sentence, whether it holds at every probed distance, and the number that told, with its unit."""
+    """One law, whether the curve obeys it, and what was measured.
+
+    Args:
+        law: the law in one sentence.
+        holds: whether it was obeyed at every probed distance.
+        evidence: the number that decided it, with its unit.
+    """
 
     law: str
     holds: bool
@@ -34,7 +38,12 @@ class LawCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorConformance(Value):
-    """What `check_sensor` found on the sensor of that name: one check for every law."""
+    """What `check_sensor` found.
+
+    Args:
+        sensor: the name of the curve.
+        checks: one entry per law.
+    """
 
     sensor: str
     checks: tuple[LawCheck, ...]

@@ -12,19 +12,16 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-from .alike import Alike
-from .change import CurveChange
+from .change import Alike, CurveChange
 from .family import Family
 from .model import SensorModel, parameter
-
-__all__ = ["ExponentialFirstOrder", "ExponentialSecondOrder"]
 
 _STRAIGHT: Final = 1e-6  # curvature over rate [1/m] that is not felt in a kilometer
 _FEW_DIGITS: Final = 100.0  # how many times itself a difference of terms may be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FirstOrderFamily(Family):
+class _FirstOrderFamily(Family):
     """u = (ln xi(l_m), ln -c_1)."""
 
     @property
@@ -50,7 +47,7 @@ class FirstOrderFamily(Family):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SecondOrderFamily(Family):
+class _SecondOrderFamily(Family):
     """u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first distance).
 
     The curve falls over the whole window whatever u is, and c_2, its slope at l = 0, stays negative by the upper bound.
@@ -119,7 +116,7 @@ class ExponentialFirstOrder(SensorModel):
     rate: float = parameter("c_1", "1/m", sign="negative", example='"-61 1/m"')
 
     name: ClassVar[str] = "exponential-1"
-    family: ClassVar[type[Family]] = FirstOrderFamily
+    family: ClassVar[type[Family]] = _FirstOrderFamily
 
     @property
     def constant_log_slope(self) -> float | None:
@@ -173,7 +170,7 @@ class ExponentialSecondOrder(SensorModel):
     curvature: float = parameter("b_2", "1/m^2", example='"474 1/m^2"')
 
     name: ClassVar[str] = "exponential-2"
-    family: ClassVar[type[Family]] = SecondOrderFamily
+    family: ClassVar[type[Family]] = _SecondOrderFamily
 
     def __post_init__(self) -> None:
         SensorModel.__post_init__(self)

@@ -16,8 +16,6 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-__all__ = ["Family", "PlainFamily"]
-
 _NO_CURVE: Final = -1e3  # ln xi where parameters make no curve: no fit goes there
 _WIDE: Final = 30.0  # of a logarithm, to either side
 

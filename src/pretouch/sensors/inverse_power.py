@@ -13,12 +13,9 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
-from .alike import Alike
-from .change import CurveChange
+from .change import Alike, CurveChange
 from .family import Family
 from .model import SensorModel, parameter
-
-__all__ = ["InversePower"]
 
 _HEAVIEST_KAPPA: Final = 1 / 0.7
 """1 / n of the flattest inverse power that is considered."""
@@ -28,7 +25,7 @@ _POINT_SOURCE: Final = 2.0  # the exponent of a point of light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InversePowerFamily(Family):
+class _InversePowerFamily(Family):
     """u = (ln xi(l_m), ln r_1, kappa), r_1 = -1 / g at the first distance.
 
     g = -1 / (r + kappa (l - l_m)) with kappa = 1 / n and r = (l_m + l_0) / n contains the exponential as kappa -> 0.
@@ -86,7 +83,7 @@ class InversePowerFamily(Family):
         return self.parameters(q)
 
     @classmethod
-    def at_large(cls, curve: Any, first: float, last: float) -> InversePowerFamily:
+    def at_large(cls, curve: Any, first: float, last: float) -> _InversePowerFamily:
         return cls(curve=curve, first=first, last=last, kappa_max=_HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA)
 
     def prior(self, u: FloatArray) -> FloatArray:
@@ -145,7 +142,7 @@ class InversePower(SensorModel):
     exponent: float = parameter("n", "", sign="positive", example="3.32")
 
     name: ClassVar[str] = "inverse-power"
-    family: ClassVar[type[Family]] = InversePowerFamily
+    family: ClassVar[type[Family]] = _InversePowerFamily
 
     def __post_init__(self) -> None:
         SensorModel.__post_init__(self)

@@ -1,15 +1,12 @@
-"""The curves by name: those of this folder, and every other class of a sensor that a program has defined."""
+"""The curves that files and fits may name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Final
 
-from .custom import CustomSensor
+from .made import CustomSensor, Recessed
 from .model import SensorModel
-from .recessed import Recessed
-
-__all__ = ["known_curves"]
 
 _HOME: Final = "pretouch."
 

@@ -16,8 +16,6 @@ from .change import CurveChange
 from .family import Family
 from .model import SensorModel, parameter
 
-__all__ = ["MittagLeffler", "mittag_leffler"]
-
 # Weideman & Trefethen (2007), Math. Comp. 76, 1341-1356: on the parabola s(u) = mu (1 + i u)^2 with mu = pi N / 12
 # and the step 3 / N, the 2 N nodes of the inverse Laplace transform leave an error of order 2.85^-2N for a function
 # that is analytic off the negative real axis. N = 18 leaves 1e-14 of the derivative at zero, which decays slowest;
@@ -111,7 +109,7 @@ def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MittagLefflerFamily(Family):
+class _MittagLefflerFamily(Family):
     """u = (ln xi(l_m), ln -c, alpha)."""
 
     informs: ClassVar[bool] = True
@@ -181,7 +179,7 @@ class MittagLeffler(SensorModel):
     order: float = parameter("alpha", "", sign="positive", example="0.9", largest=1.0)
 
     name: ClassVar[str] = "mittag-leffler"
-    family: ClassVar[type[Family]] = MittagLefflerFamily
+    family: ClassVar[type[Family]] = _MittagLefflerFamily
 
     def __post_init__(self) -> None:
         SensorModel.__post_init__(self)

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, replace
-from typing import Any, ClassVar, final
+from functools import cached_property, lru_cache, wraps
+from typing import Any, ClassVar, Concatenate, ParamSpec, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.declared import Sign, quantity
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
-from pretouch._core.json_text import plain
+from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray, finite
+from pretouch._core.values import Sign, quantity
 
-from .alike import Alike
-from .change import CurveChange
+from .change import Alike, CurveChange
 from .family import Family, PlainFamily
 
-__all__ = ["SensorModel", "parameter"]
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def parameter(
@@ -229,3 +230,33 @@ def _number(value: Any, name: str, unit: str) -> float:
 def _limit(value: Any, name: str) -> float:
     """Check that a value is one number [m], which may be infinite."""
     return float(value) if isinstance(value, float) and math.isinf(value) else _number(value, name, "m")
+
+
+def kept_by_curve(
+    most: int,
+) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
+    """Keep `most` results of a function of a curve and of numbers; what was asked before changes nothing of them."""
+    # Equal curves share their results. Curves compare their fields: one that holds anything else, which a comparison
+    # does not see, has its results computed anew.
+
+    def keeping(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
+        kept = lru_cache(maxsize=most)(function)
+
+        @wraps(function)
+        def found(sensor: SensorModel, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            return (kept if _is_what_it_compares(sensor) else function)(sensor, *args, **kwargs)  # type: ignore[arg-type]
+
+        return found
+
+    return keeping
+
+
+def _is_what_it_compares(sensor: SensorModel) -> bool:
+    """Tell whether a curve, and each that it is made of, holds its fields and what it has computed from them only."""
+    held = getattr(sensor, "__dict__", None)
+    if held:
+        others = held.keys() - {f.name for f in fields(sensor)}
+        if any(not isinstance(getattr(type(sensor), name, None), cached_property) for name in others):
+            return False
+    inner = getattr(sensor, "sensor", None)
+    return _is_what_it_compares(inner) if isinstance(inner, SensorModel) else True

@@ -2,11 +2,10 @@
 
 from .chain import LoopTiming, SensorChain, chain_of_fit, timing_of
 from .closed_loop import ClosedLoop
-from .contact import ContactModel, HuntCrossley, SpringDamper
 from .loop import simulate
 from .parts import PARTS, SensorPart, sensor_part
-from .plant import IdealPlant, ImpedancePlant, PlantModel, PositionPlant
 from .result import LoopTrace, SimulationResult
+from .robot import ContactModel, HuntCrossley, IdealPlant, ImpedancePlant, PlantModel, PositionPlant, SpringDamper
 from .stability import DampingLimit, GainLimit, gain_limit, largest_damping, lowest_rate
 
 __all__ = [

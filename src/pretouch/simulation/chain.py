@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from pretouch._core.blocks import Cell, Measured
-from pretouch._core.declared import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
+from pretouch._core.values import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch.calibration import SensorFit
 from pretouch.control import Controller
 from pretouch.control.parts import design_low_pass, output_in_words
-
-__all__ = ["LoopTiming", "SensorChain", "chain_of_fit", "timing_of"]
 
 Row = tuple[str, Cell]
 

@@ -25,8 +25,6 @@ from pretouch._core.numbers import BoolArray, FloatArray
 
 from .chain import LoopTiming
 
-__all__ = ["LinearLoop", "first_crossover", "linear_loop", "spectral_radius", "zero_between"]
-
 _Complex: TypeAlias = NDArray[np.complex128]
 _TERMS: Final = 18  # of an exponential: the next is 1/19! of it, below rounding
 _ROUNDING: Final = 4 * 2.0**-52

@@ -9,13 +9,9 @@ from pretouch.sensors import SensorModel
 
 from .chain import SensorChain
 from .closed_loop import ClosedLoop
-from .contact import ContactModel
 from .law import SampledLaw, TunableLaw
-from .plant import IdealPlant, PlantModel
-from .result import SimulationResult, result_of
-from .size import FOLLOW, HORIZON
-
-__all__ = ["simulate"]
+from .result import FOLLOW, HORIZON, SimulationResult, result_of
+from .robot import ContactModel, IdealPlant, PlantModel
 
 
 def simulate(

@@ -17,8 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError
-from pretouch._core.extras import require
+from pretouch._core.errors import InvalidInputError, require
 from pretouch._core.numbers import FloatArray, nonnegative, positive
 from pretouch._core.values import Value
 from pretouch.control import Sample
@@ -26,12 +25,9 @@ from pretouch.control.laws import as_step
 from pretouch.motion import ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
-from .contact import ContactModel, SpringDamper
 from .law import SampledLaw
-from .plant import PlantModel
-from .size import FOLLOW, HORIZON
-
-__all__ = ["WitnessResult", "WitnessTrace", "witness_encounter"]
+from .result import FOLLOW, HORIZON
+from .robot import ContactModel, PlantModel, SpringDamper
 
 _TIME_STEP: Final = 2e-5
 _COARSEST: Final = 0.2  # of the shortest time scale: what a method of the first order may take at once

@@ -16,35 +16,20 @@ from typing import Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
+from pretouch._core.native import DOUBLE, INTEGER, POINTER, Structure, address, kernel, location, numbers
 from pretouch._core.numbers import FloatArray, IntArray
-from pretouch._core.structures import Structure, location, numbers
 from pretouch._core.values import Value
 from pretouch.control import CompiledStep, Output, Sample
 from pretouch.control.laws import as_step
 from pretouch.control.structures import RawOutput, RawSample
 from pretouch.motion import Scenario
-from pretouch.motion.parallel import for_stretches
+from pretouch.motion.request import for_stretches
 from pretouch.sensors import SensorModel
-from pretouch.sensors.kept import kept_by_curve
+from pretouch.sensors.model import kept_by_curve
 
 from .chain import SensorChain
-from .contact import ContactModel
 from .law import SampledLaw
-from .plant import COEFFICIENTS, PlantModel, plant_step
-
-__all__ = [
-    "CONTACT_COLUMNS",
-    "CONTACT_NUMBERS",
-    "COURSE_COLUMNS",
-    "FIRST_CONTACT",
-    "RESULT_COLUMNS",
-    "TOUCHES",
-    "TRACE_COLUMNS",
-    "Loop",
-    "contact_step",
-    "run_loop",
-]
+from .robot import COEFFICIENTS, ContactModel, PlantModel, plant_step
 
 RESULT_COLUMNS: Final = (
     *("status", "time", "position", "velocity", "displacement", "relative_velocity", "closest_distance"),

@@ -12,8 +12,6 @@ from pretouch._core.errors import InvalidInputError
 
 from .chain import SensorChain
 
-__all__ = ["PARTS", "SensorPart", "sensor_part"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPart:

@@ -18,9 +18,7 @@ from pretouch.sensors import SensorModel
 
 from .chain import LoopTiming
 from .linear_loop import first_crossover, linear_loop, spectral_radius, zero_between
-from .plant import IdealPlant, PlantModel, linear_plant
-
-__all__ = ["DampingLimit", "GainLimit", "gain_limit", "largest_damping", "lowest_rate", "passed_distances"]
+from .robot import IdealPlant, PlantModel, linear_plant
 
 _PLACES: Final = 65  # at which an encounter is linearized, contact and start included
 _PER_DECADE: Final = 12  # rates of the scan for the lowest one

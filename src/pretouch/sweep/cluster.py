@@ -7,14 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from pretouch._core.errors import InvalidInputError
-from pretouch._core.extras import require
+from pretouch._core.errors import InvalidInputError, require
 
 from .executors import BlockRecord, run_block
 from .plan import Plan
 from .stores import ZarrStore
-
-__all__ = ["connected", "run_on", "worker_count"]
 
 _WAITING: Final = 3  # blocks per thread of the cluster that are under way or wait at a worker
 _RETRIES: Final = 3  # of a block whose worker was lost; finished ones are never computed again

@@ -13,14 +13,11 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import finite, positive
 from pretouch.design import OBSTACLE_SPEED, Task
-from pretouch.design.own_objective import OwnObjective
-from pretouch.motion.inputs import scenario_with
+from pretouch.design.objectives import OwnObjective
+from pretouch.motion.scenario import scenario_with
 
-from .axes import Axes, Axis, make_axes
-from .inputs import ENCOUNTER_INPUTS, with_input
+from .axes import ENCOUNTER_INPUTS, Axes, Axis, make_axes, with_input
 from .results import WHOLE_MOTION, check_results
-
-__all__ = ["Plan", "Region", "held_at", "make_plan", "part_shape"]
 
 Region: TypeAlias = tuple[slice, ...]
 """A part of the grid: one slice per axis."""

@@ -13,24 +13,21 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError, OutOfRangeError, OutputExistsError
-from pretouch._core.extras import require
+from pretouch._core.errors import InvalidInputError, OutOfRangeError, OutputExistsError, require
 from pretouch._core.numbers import finite
 from pretouch.design import Task
 from pretouch.design.task import placed
 
 from .axes import Axes
 from .cluster import connected, run_on, worker_count
+from .dataset import DIGEST, attributes_of, differing_parts, open_netcdf, write_netcdf
 from .executors import BlockRecord, Progress, chunks_per_block, run_block
-from .netcdf import open_netcdf, write_netcdf
 from .plan import Plan, make_plan
-from .provenance import DIGEST, attributes_of, differing_parts
 from .stores import MemoryStore, Store, ZarrStore, is_sweep, refuse_beyond_memory, replace_sweep
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["sweep"]
 
 S = TypeVar("S", bound=Store)
 

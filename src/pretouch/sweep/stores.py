@@ -16,19 +16,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pretouch._core.errors import InvalidInputError, OutputExistsError
-from pretouch._core.extras import require
+from pretouch._core.errors import InvalidInputError, OutputExistsError, require
 from pretouch._core.numbers import BoolArray
 
-from .dataset import make_dataset
+from .dataset import DIGEST, attributes_of, differing_parts, make_dataset
 from .plan import Plan, Region
-from .provenance import DIGEST, attributes_of, differing_parts
 from .results import STATUS, result_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["LEDGER", "MemoryStore", "Store", "ZarrStore", "is_sweep", "refuse_beyond_memory", "replace_sweep"]
 
 LEDGER: Final = "finished"
 _PER_BLOCK: Final = "chunks_per_block"

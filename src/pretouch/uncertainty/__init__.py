@@ -2,9 +2,8 @@
 
 from .correlated import CorrelatedNormal, parameter_distribution
 from .distributions import Distribution, Empirical, Interval, JointDistribution, Normal, TruncatedNormal, Uniform
-from .ensemble import Ensemble, make_ensemble
+from .ensemble import Ensemble, Uncertainty, make_ensemble, sample_inputs
 from .reservations import Reservations, reservations_of
-from .sampling import Uncertainty, sample_inputs
 
 __all__ = [
     "CorrelatedNormal",

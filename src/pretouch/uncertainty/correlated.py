@@ -11,14 +11,13 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
-from pretouch.motion.inputs import sensor_with
+from pretouch.motion.scenario import sensor_with
 
 from .distributions import JointDistribution, Normal, normal_in_words
 
 if TYPE_CHECKING:
     from pretouch.calibration import SensorFit
 
-__all__ = ["CorrelatedNormal", "parameter_distribution"]
 
 _DEVIATIONS: Final = 4.0  # beyond which one sample in 16,000 lies
 

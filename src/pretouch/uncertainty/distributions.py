@@ -10,30 +10,16 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from pretouch._core.declared import check_declared, quantity
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.json_text import with_kind
+from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_quantity, format_range
-
-__all__ = [
-    "Distribution",
-    "Empirical",
-    "Interval",
-    "JointDistribution",
-    "Normal",
-    "TruncatedNormal",
-    "Uniform",
-    "normal_in_words",
-]
+from pretouch._core.values import check_declared, quantity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointDistribution(ABC):
-    """What is known of several inputs that go together: all that an uncertainty is asked for.
-
-    A new one defines the six that follow. `Distribution` does so for a single input.
-    """
+    """What is known of several inputs that go together; one of your own defines the six that follow."""
 
     @abstractmethod
     def inputs(self, name: str) -> tuple[str, ...]:

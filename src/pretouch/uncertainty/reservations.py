@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch._core.json_text import plain
+from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
     from pretouch.calibration.result import OffsetEstimate
 
-__all__ = ["Reservations", "recess_in_words", "reservations_of"]
 
 _DECISIVE: Final = 0.05  # of the impulse of the virtual force: what may be given where no data support the curve
 _ROUNDING: Final = 1e-9  # of the impulse, likewise

@@ -13,29 +13,14 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
 from pretouch.design import ElasticImpact, ImpactModel, Task
-from pretouch.design.own_objective import OwnObjective, appraise
+from pretouch.design.objectives import OwnObjective, appraise
 from pretouch.design.robust import Required
 from pretouch.design.robust.measures import limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario, find_contact
-from pretouch.motion.inputs import map_fields
+from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
-
-__all__ = [
-    "Draws",
-    "Effect",
-    "LoopOutcomes",
-    "LoopProblem",
-    "Requirement",
-    "draw_encounters",
-    "effect_of",
-    "foreseen_impact",
-    "mean_and_error",
-    "part_of",
-    "predicted_contact",
-    "simulated_quantity",
-]
 
 _ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
 _SAME: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less

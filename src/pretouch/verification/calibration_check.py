@@ -12,15 +12,13 @@ from pretouch._core.numbers import BoolArray, FloatArray, finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
-from pretouch.calibration.knowledge import DrawnCurve
+from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
 from pretouch.sensors import Recessed, SensorModel
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_in_words
 
 from .appraisal import simulated_quantity
-
-__all__ = ["CalibrationCheck", "check_calibration"]
 
 _DRAWS: Final = 100
 _ALIKE: Final = 20  # times as many are drawn, of which those with the nearest offsets are taken: as if it were known

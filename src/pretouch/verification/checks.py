@@ -14,17 +14,14 @@ from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
-from pretouch.design.robust.measures import limits_of
-from pretouch.design.robust.validation import least_probability
+from pretouch.design.robust.measures import least_probability, limits_of
 from pretouch.motion import ContactResult, Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
-from pretouch.simulation.describing import loop_sentences
-from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
+from pretouch.simulation.closed_loop import loop_sentences
+from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .appraisal import Draws, LoopOutcomes, foreseen_impact, mean_and_error
 from .result import Comparison, LimitCheck, Reached, RunSpread
-
-__all__ = ["assumptions_of", "cautions_of", "check_limits", "check_reached", "compare_quantities"]
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
 _SHARE: Final = 0.1  # of a late detection, below which a cause is not named

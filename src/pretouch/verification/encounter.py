@@ -10,17 +10,17 @@ from typing import Any, ClassVar, Final
 from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.json_text import plain
+from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
-from pretouch.design.impact import ImpactModel
+from pretouch.design.constraints import ImpactModel
 from pretouch.design.page import impact_rows
 from pretouch.motion import ContactResult, ContactStatus, Motion, Scenario, solve_motion
 from pretouch.motion.describing import inputs_section, method_section
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
-from pretouch.simulation.describing import loop_section
+from pretouch.simulation.closed_loop import loop_section
 
 from .encounter_parts import (
     Detection,
@@ -35,8 +35,6 @@ from .encounter_parts import (
     flags_of,
     headline_of,
 )
-
-__all__ = ["SimulatedEncounter"]
 
 _SAMPLES: Final = 400
 _PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing

@@ -14,24 +14,10 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.control import Status
-from pretouch.design.impact import ImpactModel
+from pretouch.design.constraints import ImpactModel
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult
-
-__all__ = [
-    "Detection",
-    "LoopContact",
-    "QuantityComparison",
-    "ReportedFlag",
-    "cautions_in_words",
-    "compare_contacts",
-    "contacts_of",
-    "detection_of",
-    "ending_in_words",
-    "flags_of",
-    "headline_of",
-]
 
 _SAME: Final = 5e-5  # relative: what four digits do not tell apart
 _LATE: Final = 0.1  # of the change of ln xi until contact, from which a detection is called late

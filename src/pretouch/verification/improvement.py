@@ -22,8 +22,6 @@ from pretouch.simulation import GainLimit
 from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, foreseen_impact, mean_and_error, part_of
 from .stability import Candidate, StabilityCheck, candidates_of, limit_of, stability_margin
 
-__all__ = ["LoopChange", "LoopCurve", "Loss", "Verified", "find_improvements"]
-
 _ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
 _WORTH: Final = 0.01  # of the objective: less is not worth a change
 _MARGIN: Final = (

@@ -16,8 +16,6 @@ from pretouch.design.page import objective_rows
 from .improvement import LoopChange, Loss
 from .result import Verdict
 
-__all__ = ["best_change_section", "changes_section", "gain_section"]
-
 Row = tuple[Cell, ...]
 
 _MARGIN: Final = 2.0  # to instability: the usual 6 dB

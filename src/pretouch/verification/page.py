@@ -11,14 +11,12 @@ from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragr
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.motion.describing import inputs_section, method_section
-from pretouch.simulation.describing import loop_section
-from pretouch.uncertainty.describing import share_in_words, uncertainty_in_words
+from pretouch.simulation.closed_loop import loop_section
+from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from .improvement_page import best_change_section, changes_section, gain_section
 from .result import Comparison, LimitCheck, RunSpread, Verdict, VerdictStatus
 from .stability import StabilityCheck
-
-__all__ = ["verdict_page"]
 
 Row = tuple[Cell, ...]
 

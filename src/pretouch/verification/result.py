@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Any, ClassVar, Final
 
 from pretouch._core.described import Described
-from pretouch._core.json_text import plain
+from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
@@ -24,8 +24,6 @@ from .appraisal import Effect
 from .calibration_check import CalibrationCheck
 from .improvement import LoopChange, Loss
 from .stability import StabilityCheck
-
-__all__ = ["Comparison", "LimitCheck", "Reached", "RunSpread", "Verdict", "VerdictStatus"]
 
 
 class VerdictStatus(StrEnum):

@@ -27,19 +27,6 @@ from pretouch.simulation import (
     timing_of,
 )
 
-__all__ = [
-    "Candidate",
-    "StabilityCheck",
-    "acts_as_damper",
-    "candidates_of",
-    "chain_at",
-    "check_stability",
-    "limit_of",
-    "loop_at",
-    "stability_margin",
-    "told_period",
-]
-
 _PROBE: Final = 1e-3  # change of ln xi: small beside any limit of the force, large beside rounding
 _WAIT: Final = 0.5  # s before and after the change, for ramps and filters to settle
 _READINGS: Final = 40

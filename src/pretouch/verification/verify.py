@@ -14,9 +14,9 @@ from pretouch.design.task import placed
 from pretouch.motion import ContactResult
 from pretouch.simulation import ClosedLoop
 from pretouch.simulation.law import TunableLaw
-from pretouch.simulation.size import refuse_too_many_runs
+from pretouch.simulation.result import refuse_too_many_runs
 from pretouch.simulation.stability import passed_distances
-from pretouch.uncertainty.describing import share_in_words
+from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
 from .calibration_check import check_calibration
@@ -25,8 +25,6 @@ from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
 from .result import LimitCheck, Verdict, VerdictStatus
 from .stability import acts_as_damper, check_stability, limit_of, stability_margin
-
-__all__ = ["simulate_encounter", "verify_gain"]
 
 _NO_LOOP: Final = (
     "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "

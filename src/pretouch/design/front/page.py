@@ -14,8 +14,6 @@ from pretouch.motion.describing import inputs_section, method_section
 from ..page import impact_rows
 from .result import FREE_UNITS, FrontPoint, FrontStatus, ParetoFront
 
-__all__ = ["front_page"]
-
 Row = tuple[Cell, ...]
 
 _BEHIND: Final = 1e-3  # of the extent of the front: less is on it

@@ -1,4 +1,4 @@
-"""The trade-off between contact quantities: every choice that no other choice beats in all of them."""
+"""The trade-off between contact quantities: every choice that no other choice beats in all of them, and its knee."""
 
 from __future__ import annotations
 
@@ -12,22 +12,48 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
 
-from ..criteria import magnitude
-from ..problem import GainProblem
-from ..quantities import QUANTITY_UNITS
-from ..result import GainDesign
-from ..search.freedom import make_freedom
-from ..search.trials import Trials
+from ..constraints import QUANTITY_UNITS
+from ..gain import GainDesign
+from ..problem import GainProblem, magnitude
+from ..search import refine
+from ..search.local import descend
+from ..search.trials import Trials, make_freedom
 from ..task import Choice, Task, placed
-from .comparison import compare_with_bound
-from .curve import trace_front
-from .domination import FoundFront, extent_of, shortfall
-from .knee import find_knee
-from .physical_bound import PhysicalBound, find_physical_bound, why_no_bound
+from .fronts import FoundFront, extent_of, find_front, shortfall, trace_front
+from .physical_bound import PhysicalBound, compare_with_bound, find_physical_bound, why_no_bound
 from .result import FrontPoint, FrontStatus, ParetoFront
-from .surface import find_front
 
-__all__ = ["pareto_front"]
+_LEAST: Final = 1e-3  # depth below which a front counts as straight
+
+
+# In coordinates in which the front reaches from 0 to 1 in every quantity, the knee is the point that lies deepest below
+# the plane through the front's ends, sum p = 1 (Das 1999, On characterizing the "knee" of the Pareto curve based on
+# normal-boundary intersection; for three quantities we take the plane through the ends of the axes). As the least sum
+# of all points, it is on the front whatever the front's shape.
+def find_knee(
+    trials: Trials, at: FloatArray, values: FloatArray, scanned: FloatArray, scanned_values: FloatArray
+) -> tuple[FloatArray, float] | None:
+    """Return coordinates and depth of the knee, of the extent of the front."""
+    # None for a front that is straight, bulges outward, or does not trade at all.
+    low, extent = values.min(axis=0), np.ptp(values, axis=0)
+    if len(values) < 3 or not (extent > 0).all():
+        return None
+    best = at[int(((values - low) / extent).sum(axis=1).argmin())]
+    if trials.freedom.size == 1:
+        minima = refine(
+            lambda u: ((trials.values(u[:, None]) - low) / extent).sum(axis=1),
+            scanned[:, 0],
+            ((scanned_values - low) / extent).sum(axis=1),
+        )
+        found = np.array([minima[0].coordinate]) if minima else best
+    else:
+        searched = descend(trials, best, 1 / extent)
+        found = best if searched is None else searched
+    both = np.stack([best, found])
+    sums = ((trials.values(both) - low) / extent).sum(axis=1)
+    depth = float((1 - sums.min()) / np.sqrt(values.shape[1]))
+    return (both[int(sums.argmin())], depth) if depth > _LEAST else None
+
 
 _ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
 

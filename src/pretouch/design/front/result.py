@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.json_text import plain
+from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
@@ -18,10 +18,7 @@ from pretouch.motion.contact import ContactResult
 
 from ..constraints import Constraint
 from ..problem import Answer
-from .comparison import BoundComparison
-from .physical_bound import PhysicalBound
-
-__all__ = ["FREE_UNITS", "FrontPoint", "FrontStatus", "ParetoFront"]
+from .physical_bound import BoundComparison, PhysicalBound
 
 FREE_UNITS: Final = {"gain": "N*s", "natural_frequency": "rad/s", "damping_ratio": ""}
 """What can be chosen along a front, with its SI unit."""

@@ -11,21 +11,10 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.json_text import with_kind
+from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray, finite, float_or_array
 
 from ..constraints import Constraint
-
-__all__ = [
-    "ConditionalValueAtRisk",
-    "Expected",
-    "Measure",
-    "Quantile",
-    "Required",
-    "WorstCase",
-    "checked_measure",
-    "limits_of",
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,3 +251,10 @@ def _quantile(values: Any, probability: float) -> Any:
     f = np.asarray(values, dtype=np.float64)
     rank = min(max(math.ceil(probability * f.shape[-1] - 1e-9), 1), f.shape[-1]) - 1
     return float_or_array(np.partition(f, rank, axis=-1)[..., rank])
+
+
+def least_probability(held: int, count: int, confidence: float) -> float:
+    """Return the one-sided lower bound of a probability after so many successes (Clopper and Pearson, 1934)."""
+    from scipy.special import betaincinv  # noqa: PLC0415 - SciPy, only when something is validated
+
+    return 0.0 if held == 0 else float(betaincinv(held, count - held + 1, 1 - confidence))

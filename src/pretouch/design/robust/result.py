@@ -11,24 +11,18 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
-from pretouch._core.json_text import plain
+from pretouch._core.files import plain
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
 from pretouch.uncertainty import Uncertainty
-from pretouch.uncertainty.describing import share_in_words
-from pretouch.uncertainty.sampling import names_of
+from pretouch.uncertainty.ensemble import names_of, share_in_words
 
 from ..certificate import DesignStatus
 from ..problem import Answer
 from ..search import Scan
-from .evidence import RobustOutcomes, RobustTradeOff
-from .importance import InputImportance, rank_uncertain_inputs
+from .beside import InputImportance, Price, RobustOutcomes, RobustTradeOff, price_of_robustness, rank_uncertain_inputs
 from .measures import Measure, Required
-from .price import Price, price_of_robustness
-from .problem import RobustProblem
-from .validation import LossOfNominal, Validation, WorstEncounter
-
-__all__ = ["RobustDesign"]
+from .problem import LossOfNominal, RobustProblem, Validation, WorstEncounter
 
 _BEYOND: Final = 17  # gains between the end of the scan and the strongest that is wanted
 

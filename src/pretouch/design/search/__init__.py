@@ -5,9 +5,8 @@ arrays of others are scanned side by side (`many`). Over several coordinates, `T
 grid by local steps (`local`); `box_maximum` certifies the largest value on a box.
 """
 
-from .axis import GainAxis
 from .minima import Minimum, refine, search_axis
-from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, Landscape, Scan, scan
+from .scan import EXACT, HELD, RUNS, SAMPLED, Effort, GainAxis, Landscape, Scan, scan
 
 __all__ = [
     "EXACT",

@@ -12,8 +12,6 @@ from pretouch._core.numbers import FloatArray
 from .scan import HELD
 from .trials import Trials
 
-__all__ = ["advance", "descend", "kkt_residual"]
-
 _FAR: Final = 1e3  # what stands for a row without contact, beside rows of about 1
 _ITERATIONS: Final = 120
 _CLOSE: Final = 1e-6  # of a limit or a bound: active

@@ -1,21 +1,30 @@
-"""The local minima of a scanned function: each is zoomed in on and, where it is smooth, polished by a polynomial."""
+"""Extrema: refined minima, certified maximum on a box.
+
+The largest value of a smooth function on a box, and why none is larger: branch and bound by gradients. Each box is
+looked at in its middle and its corners. How much the gradient differs there, half as much again, is taken for how much
+it differs anywhere in the box: the one assumption, which holds better the smaller the box. Then
+
+- a coordinate in which the gradient keeps its sign is put at its better end, and the box loses a dimension;
+- a box whose value in the middle, plus what gradient and its change can add, stays below the best value is dropped;
+- what is left is halved where the gradient changes most.
+
+A function that is monotone in every coordinate is settled by one box, exactly: at a corner.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.chebyshev import chebyshev_basis, chebyshev_sum
-from pretouch._core.numbers import BoolArray, FloatArray
+from pretouch._core.numbers import BoolArray, FloatArray, chebyshev_basis, chebyshev_sum
 from pretouch._core.values import Value
 
 from .scan import EXACT, Effort, Evaluate, Scan, scan
-
-__all__ = ["NODES", "Minimum", "interpolate", "minimize_polynomials", "refine", "search_axis"]
 
 _COUNT: Final = 17
 _FIT: Final = 1e-7  # of the range of values: how well a polynomial must meet the nodes
@@ -167,3 +176,86 @@ def interpolate(values: FloatArray, z: FloatArray) -> FloatArray:
     """Return what functions known at NODES, shape (m, 17), are at one place each, by polynomials through all nodes."""
     with np.errstate(invalid="ignore"):  # a function that does not exist at some node is NaN
         return chebyshev_sum(_THROUGH.to_terms @ values.T, z)
+
+
+_BEYOND: Final = 0.5  # of the observed change of a gradient: what is added to it on either side
+_MOST: Final = 200_000  # boxes
+_AT_ONCE: Final = 4096
+_NOISE: Final = 1e-9  # of the largest value: what a gradient times the width of a box must exceed to have a sign
+
+Function: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""From points, shape (n, d), to values, shape (n,), and gradients, shape (n, d)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertifiedMaximum:
+    """The largest value on a box; where the function is infinite somewhere, that."""
+
+    point: FloatArray  # where it is taken, shape (d,)
+    value: float
+    bound: float  # what no point exceeds
+    boxes: int  # how many boxes were looked at
+    signs: tuple[int, ...]  # 1 or -1 for each coordinate in which the function grows or falls all over the box, else 0
+
+
+def maximize_on_box(function: Function, low: FloatArray, high: FloatArray, *, tolerance: float) -> CertifiedMaximum:
+    """Find the largest value of a function between two corners; the bound comes as close as the relative tolerance."""
+    d = len(low)
+    upper = np.array(list(product((False, True), repeat=d))).reshape(-1, d)
+    waiting = [(low[None].astype(np.float64), high[None].astype(np.float64))]
+    best, where, boxes = -np.inf, low, 0
+    whole: tuple[int, ...] = (0,) * d
+    bound = -np.inf  # of what was dropped
+    while waiting and boxes < _MOST:
+        lows, highs = waiting.pop()
+        if len(lows) > _AT_ONCE:
+            waiting.append((lows[_AT_ONCE:], highs[_AT_ONCE:]))
+            lows, highs = lows[:_AT_ONCE], highs[:_AT_ONCE]
+        middle, half = 0.5 * (lows + highs), 0.5 * (highs - lows)
+        corners = np.where(upper, highs[:, None], lows[:, None])
+        points = np.concatenate([middle[:, None], corners], axis=1)
+        values, slopes = function(points.reshape(-1, d))
+        values, slopes = values.reshape(points.shape[:2]), slopes.reshape(points.shape)
+        at = np.unravel_index(np.argmax(values), values.shape)
+        if values[at] > best:
+            best, where = float(values[at]), points[at]
+        if not np.isfinite(best) or not np.isfinite(slopes).all():
+            return CertifiedMaximum(point=where, value=best, bound=np.inf, boxes=boxes + len(lows), signs=whole)
+        least, most, change = _range_of(slopes)
+        noise = _NOISE * abs(best)
+        grows, falls = least * half > noise, most * half < -noise
+        flat = half == 0
+        if boxes == 0:
+            whole = tuple(int(g) - int(f) for g, f in zip(grows[0], falls[0], strict=True))
+        boxes += len(lows)
+        settled = (grows | falls | flat).all(axis=1)  # the best corner is one of those that were looked at
+        reach = values[:, 0] + ((np.abs(slopes[:, 0]) + 0.5 * (1 + _BEYOND) * change) * half).sum(axis=1)
+        over = ~settled & (reach > best + tolerance * abs(best))
+        bound = max(bound, float(reach[~settled & ~over].max(initial=-np.inf)))
+        if over.any():
+            lows, highs = np.where(grows, highs, lows)[over], np.where(falls, lows, highs)[over]
+            waiting.append(_halved(lows, highs, change[over], (grows | falls)[over]))
+    left = np.inf if waiting else -np.inf
+    return CertifiedMaximum(point=where, value=best, bound=max(best, bound, left), boxes=boxes, signs=whole)
+
+
+def _range_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return bounds of the gradients in boxes, and how much they change, from those at middles and corners."""
+    change = np.abs(slopes[:, 1:] - slopes[:, :1]).max(axis=1)
+    beyond = _BEYOND * change
+    return slopes.min(axis=1) - beyond, slopes.max(axis=1) + beyond, change
+
+
+def _halved(
+    lows: FloatArray, highs: FloatArray, change: FloatArray, collapsed: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Halve boxes in the coordinate that changes most; those that have lost a dimension are looked at again first."""
+    width = highs - lows
+    axis = np.argmax(change * width, axis=1)
+    rows = np.arange(len(lows))
+    middle = 0.5 * (lows + highs)[rows, axis]
+    again = collapsed.any(axis=1) | (width[rows, axis] == 0)
+    upper_of_first, lower_of_second = highs.copy(), lows.copy()
+    upper_of_first[rows, axis] = np.where(again, highs[rows, axis], middle)
+    lower_of_second[rows, axis] = middle
+    return np.concatenate([lows, lower_of_second[~again]]), np.concatenate([upper_of_first, highs[~again]])

@@ -19,20 +19,8 @@ from numpy.typing import NDArray
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, columns, kernel, rows_of, shaped
 from pretouch._core.numbers import FloatArray, IntArray
 
+from .curve import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
 from .layout import COLUMNS, INPUTS, PEAKS, STATES, TRACE_COLUMNS
-from .windows import HIGH_DEGREE, LOW_DEGREE, TERMS, Curves
-
-__all__ = [
-    "CONTACT",
-    "OPEN",
-    "contact_times",
-    "find_contacts",
-    "follow_gradients",
-    "of_core",
-    "respond_many",
-    "solve_linear",
-    "solve_series",
-]
 
 CONTACT: Final = 0
 """The status of an encounter whose first contact is proved."""

@@ -16,37 +16,12 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.chebyshev import chebyshev_extremes, chebyshev_nodes
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import FloatArray, IntArray, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
-from pretouch.sensors.kept import kept_by_curve
+from pretouch.sensors.model import kept_by_curve
 
 from .scenario import Scenario
-
-__all__ = [
-    "EDGE",
-    "HIGH_DEGREE",
-    "LOW",
-    "LOW_DEGREE",
-    "MIDDLE",
-    "SWITCH",
-    "TERMS",
-    "TOLERANCE",
-    "TOP",
-    "Curves",
-    "alone",
-    "curve_pieces",
-    "curve_reach",
-    "curve_tops",
-    "curve_windows",
-    "farthest",
-    "interpolate",
-    "line_windows",
-    "polynomial_windows",
-    "power_window",
-    "reach_of",
-]
 
 Curves: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 """Curves as the block kernel reads them: the windows of all, where those of each start, the curve of each encounter."""

@@ -1,4 +1,4 @@
-"""The picture of a calibration: the readings, what the controller feels of them, its slope, and what is left over."""
+"""Name like the others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from pretouch.calibration.result import CalibrationReport, SensorFit
 
-__all__ = ["calibration"]
 
 _WINDOW: Final = "#eef4f9"
 _FINE: Final = 120

@@ -1,17 +1,18 @@
-"""The picture of the motion: distance, position, relative velocity and virtual force until contact."""
+"""The picture of a motion."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from pretouch._core.numbers import FloatArray
-from pretouch.design.result import GainDesign
-from pretouch.motion import ContactResult, Motion, solve_motion
+from pretouch.design.gain import GainDesign
+from pretouch.motion import ContactResult, Motion, Scenario, solve_motion
+from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
 
-from .loop_motion import LoopMotion, loop_motion
 from .panel_figure import panel_figure
 from .panels import Curve, Panel
 from .style import Scale, minus, scale_for
@@ -19,7 +20,61 @@ from .style import Scale, minus, scale_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["DrawnMotion", "motion", "runs_of"]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopMotion:
+    """One run until contact, a sample per step of the law; each array has the shape (n,).
+
+    Args:
+        time: t [s].
+        distance: l [m].
+        position: x of the plant [m].
+        relative_velocity: l' [m/s].
+        virtual_force: F_p [N].
+        result: how it ended.
+    """
+
+    time: FloatArray
+    distance: FloatArray
+    position: FloatArray
+    relative_velocity: FloatArray
+    virtual_force: FloatArray
+    result: ContactResult
+
+
+def loop_motion(
+    loop: ClosedLoop, scenario: Scenario, sensor: SensorModel, gain: float, *, horizon: float
+) -> LoopMotion:
+    """Run an encounter on a loop, with the noise of its first run.
+
+    Args:
+        loop: the loop.
+        scenario: the encounter.
+        sensor: the sensor curve.
+        gain: D_p [N s].
+        horizon: up to when the motion is kept [s], where it does not end in contact.
+
+    Returns:
+        The motion, with the instant of contact as its last sample.
+    """
+    result = loop(scenario, sensor, gain)
+    trace = replace(loop, contact=None).run(scenario, sensor, gain).trace()
+    end = result.end
+    last = float(end.time) if result.reached.all() else min(horizon, float(end.time))
+    kept = trace.time < last
+    obstacle = scenario.obstacle
+    closing = obstacle.velocity + obstacle.acceleration * trace.time - trace.velocity
+    columns = {
+        "time": (trace.time, end.time),
+        "distance": (trace.distance, end.distance),
+        "position": (trace.position, end.position),
+        "relative_velocity": (closing, end.relative_velocity),
+        "virtual_force": (trace.virtual_force, end.virtual_force),
+    }
+    whole = last == end.time
+    joined = {name: np.append(values[kept], at) if whole else values[kept] for name, (values, at) in columns.items()}
+    return LoopMotion(**joined, result=result)
+
 
 _PANELS: Final = (
     ("distance", "distance l", "m"),

@@ -1,0 +1,230 @@
+"""Curves made of a user's functions, of measured points, or of another curve behind the contact surface."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite, positive
+
+from .change import CurveChange, curve_change
+from .model import SensorModel, _limit, _number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CustomSensor(SensorModel):
+    """A curve given as two functions, ln xi(l) and g(l), each from an array to an array of the same shape.
+
+    `check_sensor` tells whether the two belong together and obey the laws.
+
+    Args:
+        log_output_function: ln xi of the distance l [m].
+        log_slope_function: g = d ln xi / dl [1/m] of the distance l [m].
+        corners: distances [m] at which a higher derivative of ln xi jumps, if any.
+        minimum_distance: smallest valid l [m].
+        maximum_distance: largest valid l [m].
+
+    Examples:
+        >>> gaussian = CustomSensor(
+        ...     log_output_function=lambda l: -((l / 0.03) ** 2) - 40 * l,
+        ...     log_slope_function=lambda l: -2 * l / 0.03**2 - 40,
+        ... )
+        >>> round(gaussian.log_slope(0.01), 3)
+        -62.222
+    """
+
+    log_output_function: Callable[[FloatArray], FloatArray] = field()
+    log_slope_function: Callable[[FloatArray], FloatArray] = field()
+    corners: tuple[float, ...] = ()
+
+    name: ClassVar[str] = "custom"
+
+    def __post_init__(self) -> None:
+        SensorModel.__post_init__(self)
+        corners = np.atleast_1d(finite(self.corners, "corners", "m"))
+        object.__setattr__(self, "corners", tuple(map(float, corners.ravel())))
+
+    def _knots(self) -> Iterable[float]:
+        return self.corners
+
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(self.log_output_function(distance), dtype=np.float64)
+
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(self.log_slope_function(distance), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table(SensorModel):
+    """Monotone table: ln xi interpolated between measured points by a piecewise cubic that keeps their shape.
+
+    The interpolant (Fritsch & Carlson's, SciPy's `PchipInterpolator`) has a continuous slope g and never rises
+    where the table falls. It is valid between its first and its last distance.
+
+    Args:
+        distances: l of the points [m], at least two, strictly increasing.
+        outputs: xi of the points > 0, strictly decreasing, in the unit of the calibration.
+        minimum_distance: smallest valid l [m]; the first distance, where that is larger.
+        maximum_distance: largest valid l [m]; the last distance, where that is smaller.
+
+    Examples:
+        >>> sensor = Table(distances=(0.0, 0.01, 0.02), outputs=(4.0, 2.0, 1.0))
+        >>> round(sensor.output(0.01), 12)
+        2.0
+    """
+
+    distances: tuple[float, ...] = field(metadata={"points": "m"})
+    outputs: tuple[float, ...] = field(metadata={"points": "output"})
+    minimum_distance: float = -np.inf
+
+    name: ClassVar[str] = "table"
+
+    def __post_init__(self) -> None:
+        distances = _column(finite(self.distances, "distances", "m"), "distances")
+        outputs = _column(positive(self.outputs, "outputs"), "outputs")
+        if len(distances) != len(outputs):
+            raise InvalidInputError(f"outputs: found {len(outputs)} values for {len(distances)} distances")
+        for name, column, sign in (("distances", distances, 1), ("outputs", outputs, -1)):
+            wrong = np.flatnonzero(sign * np.diff(column) <= 0)
+            if len(wrong):
+                i = int(wrong[0])
+                raise InvalidInputError(
+                    f"{name}: found {column[i]:g} followed by {column[i + 1]:g}; a table must be strictly "
+                    f"{'increasing in distance' if sign > 0 else 'decreasing in output: smooth or fit it first'}"
+                )
+        low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
+        object.__setattr__(self, "distances", tuple(map(float, distances)))
+        object.__setattr__(self, "outputs", tuple(map(float, outputs)))
+        object.__setattr__(self, "minimum_distance", max(low, self.distances[0]))
+        object.__setattr__(self, "maximum_distance", min(high, self.distances[-1]))
+        SensorModel.__post_init__(self)
+
+    def _knots(self) -> Iterable[float]:
+        return self.distances  # where the second derivative of ln xi jumps
+
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(_interpolant(self.distances, self.outputs)(distance))
+
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        # where the slope vanishes, at an end of the table, the polynomial may round to just above zero
+        return np.asarray(np.minimum(_interpolant(self.distances, self.outputs)(distance, 1), 0.0))
+
+
+def _column(values: ArrayLike, name: str) -> FloatArray:
+    column = np.asarray(values, dtype=np.float64)
+    if column.ndim != 1 or len(column) < 2:
+        raise InvalidInputError(f"{name}: found {values!r}, expected a list of two or more numbers")
+    return column
+
+
+@lru_cache(maxsize=64)
+def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> Any:
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for tables
+
+    return PchipInterpolator(np.array(distances), np.log(outputs), extrapolate=True)
+
+
+_ROUNDING: Final = 1e-12  # of a recess as deep as the curve starts: the mean of equal distances is not quite theirs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recessed(SensorModel):
+    """A calibrated sensor mounted so that contact (l = 0) happens at a distance `recess` from its own zero.
+
+    Reflective sensors peak or saturate in the near field; sunk behind the contact surface by the start of their
+    usable window, they work in the part of their curve that falls.
+
+    Args:
+        sensor: the curve over the distance from the sensor's own zero.
+        recess: distance from the sensor's zero to the contact surface [m].
+        minimum_distance: smallest valid l [m], from the contact surface; what the curve allows, where that is larger.
+        maximum_distance: largest valid l [m], likewise.
+
+    Examples:
+        >>> from pretouch.sensors import ExponentialFirstOrder
+        >>> bare = ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=0.005)
+        >>> Recessed(sensor=bare, recess=0.005).valid_range
+        (0.0, inf)
+    """
+
+    sensor: SensorModel = field()
+    recess: float = field()
+    minimum_distance: float = -np.inf
+
+    name: ClassVar[str] = "recessed"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.sensor, SensorModel):
+            raise InvalidInputError(f"sensor: found {self.sensor!r}, expected a sensor curve")
+        recess = _number(self.recess, "recess", "m")
+        low, high = self.sensor.valid_range
+        nearest, farthest = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
+        object.__setattr__(self, "recess", recess)
+        reach = 0.0 if math.isclose(low, recess, rel_tol=_ROUNDING) else low - recess
+        object.__setattr__(self, "minimum_distance", max(nearest, reach))
+        object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
+        if not self.maximum_distance > 0:
+            raise InvalidInputError(
+                f"recess: found {recess:g} m, which leaves no distance in front of the contact surface: "
+                f"the {self.sensor.name} curve ends at {high:g} m"
+            )
+        SensorModel.__post_init__(self)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters of the curve and the recess, in SI."""
+        return {**self.sensor.parameters, "recess": self.recess}
+
+    @property
+    def bare(self) -> tuple[SensorModel, float]:
+        """The curve and its recess [m]."""
+        return self.sensor, self.recess
+
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """The units of the curve's parameters and of the recess."""
+        return {**self.sensor.parameter_units, "recess": "m"}
+
+    def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
+        """Return the recessed curve with other parameters; the curve's own range decides where it holds."""
+        curve = {name: value for name, value in values.items() if name != "recess"}
+        inner = self.sensor.with_parameters(curve) if curve else self.sensor
+        return Recessed(sensor=inner, recess=values.get("recess", self.recess))
+
+    def _knots(self) -> Iterable[float]:
+        return (knot - self.recess for knot in self.sensor.knots)
+
+    @property
+    def constant_log_slope(self) -> float | None:
+        """The slope of the curve [1/m] where it is the same at every distance, else None."""
+        return self.sensor.constant_log_slope
+
+    def _change_by(self, name: str) -> CurveChange | None:
+        if name == "recess":
+            return CurveChange(shift=1.0)
+        known = curve_change(self.sensor, name)
+        slope = known.slope
+        return CurveChange(
+            output=known.output,
+            shift=known.shift + known.stretch * self.recess,  # (l + recess) g
+            stretch=known.stretch,
+            slope=None if slope is None else lambda distance: slope(self._own(distance)),
+            nearest=known.nearest,
+        )
+
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(self.sensor.log_output(self._own(distance)))
+
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(self.sensor.log_slope(self._own(distance)))
+
+    def _own(self, distance: FloatArray) -> FloatArray:
+        low, high = self.sensor.valid_range  # l + recess may round to just outside
+        return np.clip(distance + self.recess, low, high)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import pretouch as pt
+import scenario_text
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, velocity_limit
 
 TASK = pt.Task(
@@ -66,3 +68,12 @@ def test_a_task_is_a_value() -> None:
     assert TASK.replace() == TASK == pickle.loads(pickle.dumps(TASK))  # noqa: S301
     assert TASK.replace(constraints=list(TASK.constraints)) == TASK
     assert TASK.replace(gain=-0.5) != TASK
+
+
+def test_where_a_task_was_read_does_not_change_what_it_asks(tmp_path: Path) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(scenario_text.WHOLE, encoding="utf-8")
+    task = pt.load_scenario(file)
+    assert task.source is not None
+    assert task.replace(source=None) == task
+    assert pt.design_gain(task.replace(source=None)) == pt.design_gain(task)

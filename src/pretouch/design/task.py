@@ -164,7 +164,7 @@ class Task(Value):
     runs: int = 1000
     stability_margin: float | None = None
     calibration: CalibrationReport | None = None
-    source: Source | None = None
+    source: Source | None = field(default=None, compare=False)
     part: Any = None
 
     @property

@@ -17,7 +17,7 @@ from plain_law.filters import advance_low_pass, advance_median, fill_low_pass, f
 from plain_law.motion import advance_admittance
 from pretouch._core.errors import InvalidInputError
 from pretouch.control import VirtualAdmittance
-from pretouch.control.parts import LONGEST_WINDOW, design_low_pass, discretize
+from pretouch.control.components import LONGEST_WINDOW, design_low_pass, discretize
 from properties import examples
 
 readings = st.lists(st.one_of(st.floats(-1e6, 1e6), st.sampled_from([0.0, 1.0, 2.0])), min_size=1, max_size=60)

@@ -15,7 +15,7 @@ from control_samples import controller
 from plain_law.motion import limit_motion
 from pretouch._core.errors import InvalidInputError
 from pretouch.control import Limits, Sample
-from pretouch.control.parts import NO_LIMIT, stopping_distance
+from pretouch.control.components import NO_LIMIT, stopping_distance
 from pretouch.control.structures import MotionLimits
 from properties import examples
 

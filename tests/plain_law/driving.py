@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from pretouch.control import Output, Sample, Status
-from pretouch.control.parts import NO_LIMIT
+from pretouch.control.components import NO_LIMIT
 
 from .damping import Push
 from .motion import advance_admittance, limit_motion

@@ -20,7 +20,7 @@ from pretouch._core.values import Value
 from .choice import chosen_labels, read_choice
 from .csv_file import read_table
 from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
-from .layout import long_layout, wide_layout
+from .table_layout import long_layout, wide_layout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,9 +3,9 @@
 It knows no sensor model and no motion model, and imports nothing but `_core`: what a robot runs is what is here.
 """
 
+from .components import Conditioning, Limits, VirtualAdmittance
 from .controller import Controller, Run
 from .laws import CompiledStep, VirtualDamper
-from .parts import Conditioning, Limits, VirtualAdmittance
 from .structures import Observation, Output, Sample, Status
 
 __all__ = [

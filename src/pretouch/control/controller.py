@@ -16,8 +16,16 @@ from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
 from pretouch._core.values import ONE_ROBOT, check_declared, quantity
 
+from .components import (
+    NO_LIMIT,
+    Conditioning,
+    Limits,
+    VirtualAdmittance,
+    discretize,
+    output_in_words,
+    stopping_distance,
+)
 from .laws import PROTOTYPE, CompiledStep, Law, VirtualDamper, as_step, start_drive, start_sensing
-from .parts import NO_LIMIT, Conditioning, Limits, VirtualAdmittance, discretize, output_in_words, stopping_distance
 from .structures import (
     ControllerNumbers,
     ControllerState,

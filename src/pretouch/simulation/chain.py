@@ -16,7 +16,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch.calibration import SensorFit
 from pretouch.control import Controller
-from pretouch.control.parts import design_low_pass, output_in_words
+from pretouch.control.components import design_low_pass, output_in_words
 
 Row = tuple[str, Cell]
 

@@ -13,7 +13,7 @@ from pretouch.sensors import SensorModel
 
 from .contact import ContactResult
 from .drag_columns import DragColumns
-from .drag_path import Approach, at, follow, where_reached
+from .drag_path import DragApproach, at, follow, where_reached
 from .drag_request import make_drag_request
 from .scenario import Scenario
 from .solve import Motion
@@ -146,7 +146,7 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     steepest = float(np.abs(sensor.log_slope(grid)).max())
     strength = 1.0 / (steepest**2 * flat)  # so that its exponential is resolved where g^2 is
     none = np.zeros_like(flat)
-    path = follow(sensor, Approach(strength, none, flat, none + 1.0, none), float(grid[0]), np.inf)
+    path = follow(sensor, DragApproach(strength, none, flat, none + 1.0, none), float(grid[0]), np.inf)
     total = np.zeros_like(flat)
     for cells, nodes in path.walk():
         total[cells.lane] += nodes.whole_growth

@@ -12,7 +12,7 @@ from pretouch._core.values import Value
 
 from .drag_demands import impulse_residual, largest_acceleration, largest_force, largest_speed, largest_travel
 from .drag_gradients import DragGradients
-from .drag_path import Approach, follow
+from .drag_path import DragApproach, follow
 from .drag_request import DragRequest
 from .status import ContactStatus
 
@@ -43,8 +43,8 @@ class DragColumns(Value):
         self.lanes: IntArray = np.flatnonzero(status < 0)
         on = self.lanes
         square = np.where(request.returns, 0.0, request.velocity**2)
-        approach = Approach(request.strength, request.acceleration, request.farthest, square, self.begins)
-        self.path = follow(request.sensor, Approach(*(c[on] for c in approach)), low, request.horizon)
+        approach = DragApproach(request.strength, request.acceleration, request.farthest, square, self.begins)
+        self.path = follow(request.sensor, DragApproach(*(c[on] for c in approach)), low, request.horizon)
         time = self.begins.copy()
         distance = request.distance + (request.velocity + request.acceleration * time / 2) * time
         speed, force = request.velocity + request.acceleration * time, np.zeros_like(time)

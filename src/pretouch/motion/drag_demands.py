@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from pretouch._core.numbers import FloatArray, IntArray
 
-from .drag_path import NODES, TO_TERMS, WEIGHTS, Path, so_far
+from .drag_path import NODES, TO_TERMS, WEIGHTS, DragPath, so_far
 from .drag_request import DragRequest
 
 __all__ = ["DragRun", "impulse_residual", "largest_acceleration", "largest_force", "largest_speed", "largest_travel"]
@@ -28,7 +28,7 @@ class DragRun(Protocol):
     """Encounters that were followed, as DragColumns has them."""
 
     request: DragRequest
-    path: Path
+    path: DragPath
     lanes: IntArray
     begins: FloatArray
 

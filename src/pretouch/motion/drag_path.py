@@ -5,7 +5,7 @@ With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is line
     dw/dl = 2 (a_o + k g^2 w),   so   w = e^-q W,   W = w_0 - 2 a_o int_l^{l_0} e^q dl,   q = 2 k int_l^{l_0} g^2 dl,
 
 from any l_0 on, and t = int dl / sqrt(w). A cell is a stretch of the distance without a knot of the curve; the
-integrals are those of the polynomials through 16 Gauss points on it. Cells are halved until the last Legendre
+integrals are those of the polynomials through 16 Gauss points on it. DragCells are halved until the last Legendre
 coefficients of both integrands vanish. Where w is zero at one end of a cell, 1 / sqrt(w) is not smooth, but sqrt(w) is
 as a function of the root of the distance from there; so the share of the cell that is passed, s(r) with r from 0 to 1,
 is r - b r (1 - r): r^2 from rest, b = 1, and 1 - (1 - r)^2 to rest, b = -1.
@@ -26,7 +26,18 @@ from pretouch.sensors import SensorModel
 
 from .status import ContactStatus
 
-__all__ = ["NODES", "TO_TERMS", "WEIGHTS", "Approach", "Cells", "Path", "at", "follow", "so_far", "where_reached"]
+__all__ = [
+    "NODES",
+    "TO_TERMS",
+    "WEIGHTS",
+    "DragApproach",
+    "DragCells",
+    "DragPath",
+    "at",
+    "follow",
+    "so_far",
+    "where_reached",
+]
 
 NODES: Final = 16
 _TOLERANCE: Final = 1e-12  # of the largest Legendre coefficient
@@ -75,7 +86,7 @@ def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
     return np.clip(z, -1.0, 1.0)
 
 
-class Approach(NamedTuple):
+class DragApproach(NamedTuple):
     """Encounters that approach from now on: each a column.
 
     Args:
@@ -93,7 +104,7 @@ class Approach(NamedTuple):
     time: FloatArray
 
 
-class Cells(NamedTuple):
+class DragCells(NamedTuple):
     """One cell of each of some encounters.
 
     Args:
@@ -112,10 +123,10 @@ class Cells(NamedTuple):
     square: FloatArray
     time: FloatArray
 
-    def some(self, which: BoolArray | IntArray) -> Cells:
+    def some(self, which: BoolArray | IntArray) -> DragCells:
         """Return the cells of some rows."""
         columns: Any = tuple(column[which] for column in self)
-        return Cells(*columns)
+        return DragCells(*columns)
 
     def share(self, z: FloatArray) -> FloatArray:
         """Return the share of the cell that is passed at one z for each."""
@@ -166,7 +177,7 @@ def _last_terms(values: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Path(Value):
+class DragPath(Value):
     """Approaches that were followed to their ends.
 
     Args:
@@ -184,22 +195,22 @@ class Path(Value):
 
     sensor: SensorModel
     borders: FloatArray
-    approach: Approach
+    approach: DragApproach
     status: IntArray
     distance: FloatArray
     square: FloatArray
     time: FloatArray
     slope: FloatArray
     error: FloatArray
-    steps: list[Cells] = field(default_factory=list)
+    steps: list[DragCells] = field(default_factory=list)
 
-    def walk(self) -> Iterator[tuple[Cells, _Nodes]]:
+    def walk(self) -> Iterator[tuple[DragCells, _Nodes]]:
         """Yield all cells and what is known on them, once more."""
         for cells in self.steps:
             yield cells, _evaluate(self.sensor, self.approach, cells)
 
 
-def follow(sensor: SensorModel, approach: Approach, end: float, horizon: float) -> Path:
+def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
     """Follow approaches until the distance is l = end, until they come to rest or until the horizon.
 
     Args:
@@ -211,7 +222,7 @@ def follow(sensor: SensorModel, approach: Approach, end: float, horizon: float) 
     Returns:
         Their paths: CONTACT at l = end, NEVER where l' comes to zero before, HORIZON or UNRESOLVED.
     """
-    path = Path(
+    path = DragPath(
         sensor=sensor,
         borders=np.array([end, *(knot for knot in sensor.knots if knot > end)]),
         approach=approach,
@@ -247,7 +258,7 @@ def follow(sensor: SensorModel, approach: Approach, end: float, horizon: float) 
     return path
 
 
-def _next_cells(path: Path, lanes: IntArray, room: FloatArray, scale: FloatArray) -> Cells:
+def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatArray) -> DragCells:
     """Propose a cell for each encounter: to the next border, or as far as both integrands are likely to be smooth."""
     square, start, strength = path.square[lanes], path.distance[lanes], path.approach.strength[lanes]
     push = 2 * path.approach.acceleration[lanes]
@@ -259,10 +270,10 @@ def _next_cells(path: Path, lanes: IntArray, room: FloatArray, scale: FloatArray
     comes_to_rest = push * far > square
     far = np.where((square > 0) & ~comes_to_rest, np.fmin(far, near), far)
     bend = np.where(square == 0, 1.0, 0.0)
-    return Cells(lanes, start, scale * far, bend, square, path.time[lanes])
+    return DragCells(lanes, start, scale * far, bend, square, path.time[lanes])
 
 
-def _ended(path: Path, cells: Cells, horizon: float) -> tuple[Cells, _Nodes, IntArray]:
+def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray]:
     """Evaluate cells, shortened to where l' comes to zero or time to the horizon; with a status, _ON where neither."""
     nodes = _evaluate(path.sensor, path.approach, cells)
     status = np.full(len(cells.lane), _ON)
@@ -286,7 +297,7 @@ def _ended(path: Path, cells: Cells, horizon: float) -> tuple[Cells, _Nodes, Int
     return cells, nodes, status
 
 
-def _evaluate(sensor: SensorModel, approach: Approach, cells: Cells) -> _Nodes:
+def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> _Nodes:
     bend, width, square = (column[:, None] for column in (cells.bend, cells.width, cells.square))
     twice = 2 * approach.acceleration[cells.lane]
     distance = cells.start[:, None] - width * (_R - bend * _R * (1 - _R))

@@ -46,8 +46,10 @@ _BEFORE_REST: Final = 0.45  # of the distance to a virtual rest beyond its end
 _GROWTH: Final = 3.0  # of q on a cell: its exponential is then a polynomial of degree 15 to rounding
 _MOST: Final = 4_000
 _PER_PIECE: Final = 16
+_PARTS: Final = 3.0 ** -np.arange(4)  # of a cell, of which the largest is tried on which q is likely to be small
 _TOO_MUCH: Final = 100.0
 _ON: Final = -1
+_ENDINGS: Final = (ContactStatus.NEVER, ContactStatus.HORIZON)
 
 _X, WEIGHTS = legendre.leggauss(NODES)
 _R: Final = (1 + _X) / 2
@@ -239,8 +241,8 @@ def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: flo
             break
         border = path.borders[np.searchsorted(path.borders, path.distance[lanes]) - 1]
         proposed = _next_cells(path, lanes, path.distance[lanes] - border, scale[lanes])
-        cells, nodes, status = _ended(path, proposed, horizon)
-        error = nodes.error()
+        cells, nodes, status, miss = _ended(path, proposed, horizon)
+        error = np.maximum(nodes.error(), miss)
         good = (error <= _TOLERANCE) & np.isfinite(nodes.duration)
         scale[lanes] = np.where(good, np.minimum(2 * scale[lanes], 1.0), scale[lanes] / 2)
         whole = (cells.width == cells.start - border)[good]
@@ -264,21 +266,35 @@ def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatA
     push = 2 * path.approach.acceleration[lanes]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         far = np.fmin(room, _GROWTH / (2 * strength * path.slope[lanes] ** 2))
-        there = np.asarray(path.sensor.log_slope(start - far))
-        far = np.fmin(far, _GROWTH / (2 * strength * there**2))
+        tried = far[:, None] * _PARTS
+        ahead = 2 * strength[:, None] * np.asarray(path.sensor.log_slope(start[:, None] - tried)) ** 2  # dq/dl
+        far = tried[np.arange(len(lanes)), np.argmax(ahead * tried <= 2 * _GROWTH, axis=1)]
+        far = np.where((ahead * tried > 2 * _GROWTH).all(axis=1), np.fmin(tried[:, -1], _GROWTH / ahead[:, -1]), far)
+        far = scale * far
         near = np.where(push < 0, _PAST_REST, _BEFORE_REST) * square / np.abs(push)
-    comes_to_rest = push * far > square
-    far = np.where((square > 0) & ~comes_to_rest, np.fmin(far, near), far)
+        rest = 1.01 * square / push  # beyond where l' comes to zero at the latest, since e^q is at least 1
+    limited = np.fmin(far, np.where(push * far > square, rest, near))
+    far = np.where(square > 0, limited, far)
     bend = np.where(square == 0, 1.0, 0.0)
-    return DragCells(lanes, start, scale * far, bend, square, path.time[lanes])
+    return DragCells(lanes, start, far, bend, square, path.time[lanes])
 
 
-def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray]:
-    """Evaluate cells, shortened to where l' comes to zero or time to the horizon; with a status, _ON where neither."""
+def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
+    """Evaluate cells, shortened to where l' comes to zero or time to the horizon.
+
+    Args:
+        path: so far.
+        cells: as proposed.
+        horizon: the longest time [s].
+
+    Returns:
+        The cells; what is known on them; how they end, _ON where neither; and by how much they miss that, relative: the
+        cell from which the end was found may have been too long.
+    """
     nodes = _evaluate(path.sensor, path.approach, cells)
     status = np.full(len(cells.lane), _ON)
     acceleration = path.approach.acceleration[cells.lane]
-    for ending in (ContactStatus.NEVER, ContactStatus.HORIZON):
+    for ending in _ENDINGS:
         if ending == ContactStatus.NEVER:
             found = nodes.last_square <= 0
             z = where_reached(nodes.grown[found], cells.square[found] / (2 * acceleration[found]))
@@ -294,7 +310,10 @@ def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells,
             cells = cells._replace(width=width, bend=bends)
             status[found] = ending
             nodes.put(found, _evaluate(path.sensor, path.approach, cells.some(found)))
-    return cells, nodes, status
+    turn = np.abs(1 - 2 * acceleration * (nodes.grown @ WEIGHTS) / np.where(cells.square > 0, cells.square, 1.0))
+    late = np.abs(1 - (cells.time + nodes.duration) / horizon)
+    none = np.zeros(len(status))
+    return cells, nodes, status, np.select([status == s for s in _ENDINGS], [turn, late], none)
 
 
 def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> _Nodes:

@@ -22,6 +22,7 @@ __all__ = ["sample_drag", "slope_integral", "solve_drag"]
 
 _HORIZON: Final = 600.0
 _PROBES: Final = 257
+_ROUNDING: Final = 1e-9
 
 
 def solve_drag(
@@ -115,8 +116,9 @@ def sample_drag(
     speed = r.velocity[:, None] + r.acceleration[:, None] * free
     for cells, nodes in columns.path.walk():
         own = columns.lanes[cells.lane]
-        inside = (times[own] >= cells.time[:, None]) & (times[own] > columns.begins[own, None])
-        row, which = np.nonzero(inside)  # what a later cell holds it overwrites
+        last = cells.time + nodes.duration * (1 + _ROUNDING)  # what the next cell holds it overwrites
+        inside = (times[own] >= cells.time[:, None]) & (times[own] <= last[:, None])
+        row, which = np.nonzero(inside & (times[own] > columns.begins[own, None]))
         passed = np.clip(times[own[row], which] - cells.time[row], 0.0, nodes.duration[row])
         z = where_reached(nodes.pace[row], passed)
         distance[own[row], which] = cells.start[row] - cells.width[row] * cells.some(row).share(z)

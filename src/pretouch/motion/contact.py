@@ -109,12 +109,12 @@ class ContactResult(Value):
 
     Args:
         columns: where the numbers come from.
-        method: "closed-form", "integration", "uniform-motion", or "loop" by a ClosedLoop.
+        method: "closed-form", "integration", "uniform-motion", "quadrature" of a drag, or "loop" by a ClosedLoop.
 
     Attributes:
         status: how each run ended: a ContactStatus, or an array of their numbers.
         end: the state in which each run ended, whatever its status; always finite.
-        gain: the gain D_p of each run [N s].
+        gain: the gain D_p of each run [N s]; NaN for a drag.
         closest_distance: the smallest distance of each run [m]; 0 at contact, and where it only decays to 0.
         settling_distance: the distance at which a run without contact comes to rest [m], 0 where it decays to 0;
             infinite where it does not.

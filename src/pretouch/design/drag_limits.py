@@ -1,0 +1,159 @@
+"""The drag that keeps a limit: by sections where its effect is monotone, else down from above by steps that prove."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, positive
+from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
+from pretouch.motion.drag import slope_integral, solve_drag
+from pretouch.sensors import SensorModel
+
+from .constraints import ImpactModel
+
+_STRONGEST: Final = 1e-9  # the smallest ratio that a limit may ask for: what comes of it is as good as stopped
+_PARTS: Final = 33
+_CLOSE: Final = 1e-13
+_MET: Final = 1e-12
+_PASSES: Final = 200
+_FOREVER: Final = 1e300
+
+
+def encounter(  # noqa: PLR0917
+    sensor: SensorModel, mass: Any, distance: Any, coefficient: Any, speed: Any, push: Any
+) -> ContactResult:
+    """Solve encounters of a plant at rest, whose admittance is held off, with objects from a distance.
+
+    Args:
+        sensor: the sensor curve.
+        mass: M [kg].
+        distance: l_d [m].
+        coefficient: phi [kg m].
+        speed: of the approach [m/s].
+        push: the acceleration of the object toward the plant [m/s^2].
+
+    Returns:
+        The contacts, however late.
+    """
+    obstacle = Obstacle(position=distance, velocity=-np.asarray(speed), acceleration=-np.asarray(push))
+    scenario = Scenario(admittance=Admittance(mass=mass, damping=0.0, stiffness=0.0), obstacle=obstacle)
+    return solve_drag(scenario, sensor, coefficient, horizon=_FOREVER)
+
+
+def allowed_speed(
+    contact_speed: float | None, impact_force: float | None, impact: ImpactModel | None, speed: float
+) -> float:
+    """Return the contact speed that is allowed.
+
+    Args:
+        contact_speed: the limit itself [m/s]; or None.
+        impact_force: the largest peak force [N], where there is none.
+        impact: what it follows the speed by.
+        speed: the approach speed [m/s]; no force asks for more.
+
+    Returns:
+        The speed [m/s].
+
+    Raises:
+        InvalidInputError: a limit is no positive number, or there is a force and no impact.
+    """
+    if impact_force is None:
+        return float(positive(contact_speed or 0.0, "contact_speed", "m/s"))
+    limit = positive(impact_force, "impact_force", "N")
+    if impact is None:
+        raise InvalidInputError("impact: found none, which a design by impact_force needs, such as SpringImpact")
+    return _last(lambda w: np.asarray(impact.peak_force(w)) <= limit, speed)
+
+
+def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
+    """Return the largest number up to `high` that keeps a limit which the numbers from some one on do not keep."""
+    low = 0.0
+    if bool(keeps(np.array([high]))[0]):
+        return high
+    while high - low > _CLOSE * high:
+        grid = np.linspace(low, high, _PARTS)[1:-1]
+        kept = int(np.count_nonzero(keeps(grid)))
+        ends = np.array([low, *grid, high])
+        if ends[kept] == low and ends[kept + 1] == high:
+            break
+        low, high = float(ends[kept]), float(ends[kept + 1])
+    return low
+
+
+def strongest_by_excursion(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
+    """Find the strongest drag by its excursion, which grows with phi: by sections.
+
+    Args:
+        sensor: the sensor curve.
+        distance: l_d [m].
+        mass: M [kg].
+        limit: the largest excursion [m].
+
+    Returns:
+        phi [kg m].
+
+    Raises:
+        InvalidInputError: even the strongest drag that is looked at keeps the limit.
+    """
+    strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
+
+    def keeps(coefficient: FloatArray) -> Any:
+        return -encounter(sensor, mass, distance, coefficient, 1.0, 0.0).end.displacement <= limit
+
+    found = _last(keeps, strongest)
+    if found == strongest:
+        raise InvalidInputError(
+            f"excursion: found a limit of {limit:g} m that even a ratio of {_STRONGEST:g} keeps; choose the drag by it"
+        )
+    return found
+
+
+def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
+    """Find the strongest drag by its peak acceleration over v^2, which is not monotone in phi.
+
+    The peak is the largest over l of k g^2 exp(-2 k int g^2): in ln k, none of these rises faster than ln k itself. So
+    from a drag that exceeds the limit by a factor, all down to this factor weaker exceed it as well: going down by it
+    never passes a drag that keeps the limit. All above limit / g(l_d)^2 exceed it at detection.
+
+    Args:
+        sensor: the sensor curve.
+        distance: l_d [m].
+        mass: M [kg].
+        limit: the largest acceleration over the square of the speed [1/m].
+
+    Returns:
+        phi [kg m].
+
+    Raises:
+        InvalidInputError: even the strongest drag that is looked at keeps the limit, or a peak just touches it.
+    """
+    strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
+    slope = float(sensor.log_slope(distance))
+    top = mass * limit / slope**2 if slope else math.inf
+
+    def peaks(coefficient: FloatArray) -> FloatArray:
+        return np.asarray(encounter(sensor, mass, distance, coefficient, 1.0, 0.0).end.largest_acceleration)
+
+    high = min(top, strongest)
+    excess, steepness = math.log(float(peaks(np.array([high]))[0]) / limit), 0.5
+    if high == strongest < top and excess <= 0:
+        raise InvalidInputError(
+            f"acceleration: found a limit that even a ratio of {_STRONGEST:g} keeps; choose the drag by its ratio"
+        )
+    for _ in range(_PASSES):
+        if excess <= _MET:
+            return float(high * math.exp(-max(excess, 0.0)))
+        steps = 0.9 * excess * (1 - 0.95 * steepness) ** np.arange(_PARTS)
+        grid = high * np.exp(-np.cumsum(steps))
+        beyond = np.log(peaks(grid) / limit)
+        end = int(np.argmin(np.append(beyond[:-1] >= steps[1:], False)))  # up to here each proves all down to the next
+        steepness = float(np.clip((excess - beyond[end]) / math.log(high / grid[end]), 0.0, 1.0))
+        high, excess = float(grid[end]), float(beyond[end])
+    raise InvalidInputError(
+        f"acceleration: found a limit of {limit:g}/m times v^2, which the peak of some drag touches; change it a little"
+    )

@@ -1,0 +1,144 @@
+"""What an encounter under the virtual drag demands of the robot, and the identity that certifies its motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from pretouch._core.numbers import FloatArray, IntArray
+
+from .drag_path import NODES, TO_TERMS, WEIGHTS, DragPath, so_far
+from .drag_request import DragRequest
+
+_FINE: Final = np.linspace(-1.0, 1.0, 33)
+_AT_FINE: Final[FloatArray] = legendre.legvander(_FINE, NODES - 1) @ TO_TERMS
+_RATE: Final[FloatArray] = np.asarray(legendre.legder(TO_TERMS), dtype=np.float64)
+_BEND: Final[FloatArray] = np.asarray(legendre.legder(TO_TERMS, 2), dtype=np.float64)
+_CHANGE: Final[FloatArray] = legendre.legvander(legendre.leggauss(NODES)[0], NODES - 2) @ _RATE
+"""From values at the nodes to derivatives there."""
+
+
+class DragRun(Protocol):
+    """Encounters that were followed, as DragColumns has them."""
+
+    request: DragRequest
+    path: DragPath
+    lanes: IntArray
+    begins: FloatArray
+
+    def raw(self, name: str) -> FloatArray:
+        """Return a quantity of every run, shape (n,)."""
+
+
+class _State(NamedTuple):
+    """What is known at nodes: of the bodies, t [s], l [m], |l'| [m/s] and k g^2 l'^2 [m/s^2]."""
+
+    bodies: dict[str, FloatArray]
+    time: FloatArray
+    distance: FloatArray
+    speed: FloatArray
+    rate: FloatArray
+
+
+def largest_acceleration(c: DragRun) -> FloatArray:
+    """Return max |x''| [m/s^2] of each run."""
+    return _peaks(c, lambda s: s.bodies["r_a"] - s.rate, c.raw("acceleration")[:, None])[0]
+
+
+def largest_force(c: DragRun) -> tuple[FloatArray, FloatArray]:
+    """Return max |F| [N] of each run, and the distance where it is [m]."""
+    return _peaks(c, lambda s: s.bodies["mass"] * s.rate, c.raw("virtual_force")[:, None])
+
+
+def largest_speed(c: DragRun) -> FloatArray:
+    """Return max |x'| [m/s] of each run."""
+    b = c.request.bodies
+    waiting = b["u0"] + b["r_v"] + b["r_a"] * c.begins
+    ends = np.stack([b["u0"] + b["r_v"], waiting, c.raw("velocity")], axis=1)
+    return _peaks(c, lambda s: _obstacle_velocity(s.bodies, s.time) + s.speed, ends)[0]
+
+
+def largest_travel(c: DragRun) -> FloatArray:
+    """Return max |x - x(0)| [m] of each run."""
+    b = c.request.bodies
+    turning = np.zeros(len(c.begins))  # of the reference, while the plant waits with it
+    np.divide(-(b["u0"] + b["r_v"]), b["r_a"], out=turning, where=b["r_a"] != 0)
+    times = np.stack([np.clip(turning, 0.0, c.begins), c.begins], axis=1)
+    moved = (b["u0"] + b["r_v"])[:, None] * times + b["r_a"][:, None] * times**2 / 2
+    here = c.raw("position") - b["x0"] - b["r"]
+
+    def travel(s: _State) -> FloatArray:
+        b = s.bodies
+        obstacle = b["p"] - b["x0"] + (b["v"] + b["r_v"] + (b["a"] + b["r_a"]) * s.time / 2) * s.time
+        return np.asarray(obstacle - s.distance)
+
+    return _peaks(c, travel, np.concatenate([moved, here[:, None]], axis=1))[0]
+
+
+def _obstacle_velocity(b: dict[str, FloatArray], time: FloatArray) -> FloatArray:
+    return np.asarray(b["v"] + b["r_v"] + (b["a"] + b["r_a"]) * time)
+
+
+def _peaks(c: DragRun, quantity: Callable[[_State], Any], at_ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the largest magnitude of a quantity over each run.
+
+    Args:
+        c: the columns.
+        quantity: from what is known at nodes to the quantity there.
+        at_ends: what it is at start and end and wherever else, shape (n, any).
+
+    Returns:
+        The maximum of its magnitude, and the distance where it is [m], the last one where it is at an end; shape (n,).
+    """
+    largest, where = np.abs(at_ends).max(axis=1), c.raw("distance").copy()
+    for cells, nodes in c.path.walk():
+        own = c.lanes[cells.lane]
+        b = {name: column[own, None] for name, column in c.request.bodies.items()}
+        time = cells.time[:, None] + so_far(nodes.pace)
+        rate = c.request.strength[own, None] * nodes.slope**2 * nodes.square
+        values = quantity(_State(b, time, nodes.distance, np.sqrt(nodes.square), rate))
+        for signed in (values, -values):
+            found, z = _largest(signed)
+            more = found > largest[own]
+            largest[own] = np.where(more, found, largest[own])
+            where[own] = np.where(more, cells.start - cells.width * cells.share(z), where[own])
+    return largest, where
+
+
+def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the maximum on each cell of the polynomial through values at its nodes, and its z, shape (n,)."""
+    fine = values @ _AT_FINE.T
+    best = fine.argmax(axis=1)
+    z = _FINE[best]
+    low, high = np.maximum(z - 0.0625, -1.0), np.minimum(z + 0.0625, 1.0)
+    rate, bend = values @ _RATE.T, values @ _BEND.T
+    for _ in range(4):
+        slope = np.einsum("ij,ij->i", legendre.legvander(z, NODES - 2), rate)
+        curve = np.einsum("ij,ij->i", legendre.legvander(z, NODES - 3), bend)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = np.where(curve < 0, np.clip(z - slope / curve, low, high), z)
+    there = np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T)
+    best_z, best_value = _FINE[best], fine.max(axis=1)
+    return np.maximum(best_value, there), np.where(there > best_value, z, best_z)
+
+
+def impulse_residual(c: DragRun) -> FloatArray:
+    """Return the residuals of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment, over the largest terms."""
+    r = c.request
+    impulse, moment = np.zeros(len(c.begins)), np.zeros(len(c.begins))
+    for cells, nodes in c.path.walk():
+        own = c.lanes[cells.lane]
+        log_output = np.asarray(r.sensor.log_output(nodes.distance))
+        rise = (log_output - log_output[:, :1]) @ _CHANGE.T  # ds/dz
+        force = -r.strength[own, None] * nodes.slope * np.sqrt(nodes.square) * rise
+        impulse[own] += force @ WEIGHTS
+        moment[own] += (force * (cells.time[:, None] + so_far(nodes.pace))) @ WEIGHTS
+    t, v, a = c.raw("time"), r.velocity, r.acceleration
+    speeds = np.stack([-c.raw("relative_velocity"), v, a * t, impulse])
+    lengths = np.stack([-c.raw("distance"), r.distance, v * t, a * t**2 / 2, impulse * t, -moment])
+    found = [np.abs(x.sum(axis=0)) / np.maximum(np.abs(x).max(axis=0), math.ulp(0.0)) for x in (speeds, lengths)]
+    return np.asarray(np.maximum(*found))

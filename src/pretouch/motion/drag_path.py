@@ -1,0 +1,322 @@
+"""An approach under the virtual drag as quadratures over cells of the distance, side by side for many encounters.
+
+With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
+
+    dw/dl = 2 (a_o + k g^2 w),   so   w = e^-q W,   W = w_0 - 2 a_o int_l^{l_0} e^q dl,   q = 2 k int_l^{l_0} g^2 dl,
+
+from any l_0 on, and t = int dl / sqrt(w). A cell is a stretch of the distance without a knot of the curve; the
+integrals are those of the polynomials through 16 Gauss points on it. DragCells are halved until the last Legendre
+coefficients of both integrands vanish. Where w is zero at one end of a cell, 1 / sqrt(w) is not smooth, but sqrt(w) is
+as a function of the root of the distance from there; so the share of the cell that is passed, s(r) with r from 0 to 1,
+is r - b r (1 - r): r^2 from rest, b = 1, and 1 - (1 - r)^2 to rest, b = -1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.values import Value
+from pretouch.sensors import SensorModel
+
+from .layout import ContactStatus
+
+NODES: Final = 16
+_TOLERANCE: Final = 1e-12  # of the largest Legendre coefficient
+_PAST_REST: Final = 0.9  # of the distance from a virtual rest behind the start of a cell
+_BEFORE_REST: Final = 0.45  # of the distance to a virtual rest beyond its end
+_GROWTH: Final = 3.0  # of q on a cell: its exponential is then a polynomial of degree 15 to rounding
+_MOST: Final = 4_000
+_PER_PIECE: Final = 16
+_PARTS: Final = 3.0 ** -np.arange(4)  # of a cell, of which the largest is tried on which q is likely to be small
+_TOO_MUCH: Final = 100.0
+_ON: Final = -1
+_ENDINGS: Final = (ContactStatus.NEVER, ContactStatus.HORIZON)
+
+_X, WEIGHTS = legendre.leggauss(NODES)
+_R: Final = (1 + _X) / 2
+TO_TERMS: Final[FloatArray] = np.asarray(np.linalg.inv(legendre.legvander(_X, NODES - 1)), dtype=np.float64)
+"""From values at the nodes to Legendre coefficients."""
+
+_INTEGRAL: Final[FloatArray] = legendre.legint(np.eye(NODES), lbnd=-1) @ TO_TERMS
+_SO_FAR: Final[FloatArray] = (legendre.legvander(_X, NODES) @ _INTEGRAL).T
+_TO_COME: Final[FloatArray] = _SO_FAR[::-1, ::-1].copy()
+
+
+def so_far(values: FloatArray) -> FloatArray:
+    """Integrate from the start of each cell to each of its nodes, shape (n, nodes), over z from -1 to 1."""
+    return np.asarray(values @ _SO_FAR)
+
+
+def at(values: FloatArray, z: FloatArray) -> FloatArray:
+    """Evaluate what is known at the nodes of each cell at one z each, shape (n,)."""
+    return np.asarray(np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T))
+
+
+def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
+    """Return the z of each cell up to which positive rates at its nodes integrate to a total, shape (n,)."""
+    terms = rates @ _INTEGRAL.T
+    low, high = np.full(len(total), -1.0), np.ones(len(total))
+    z = 2 * total / np.maximum(rates @ WEIGHTS, np.finfo(float).tiny) - 1
+    for _ in range(60):
+        z = np.where((z > low) & (z < high), z, (low + high) / 2)
+        basis = legendre.legvander(z, NODES)
+        excess = np.einsum("ij,ij->i", basis, terms) - total
+        low, high = np.where(excess <= 0, z, low), np.where(excess >= 0, z, high)
+        step = excess / np.einsum("ij,ij->i", basis[:, :-1], rates @ TO_TERMS.T)
+        z = z - step
+        if (np.abs(step) <= 1e-16).all() or (high - low <= 1e-16).all():
+            break
+    return np.clip(z, -1.0, 1.0)
+
+
+class DragApproach(NamedTuple):
+    """Encounters that approach from now on: each a column.
+
+    Args:
+        strength: k = phi / M [kg m/kg].
+        acceleration: a_o of the obstacle relative to the reference [m/s^2].
+        distance: l at the start [m].
+        square: l'^2 at the start [m^2/s^2].
+        time: t at the start [s].
+    """
+
+    strength: FloatArray
+    acceleration: FloatArray
+    distance: FloatArray
+    square: FloatArray
+    time: FloatArray
+
+
+class DragCells(NamedTuple):
+    """One cell of each of some encounters.
+
+    Args:
+        lane: which encounters.
+        start: l where the cell begins [m].
+        width: how far it goes down [m].
+        bend: b of the share that is passed: 0; 1 from rest; -1 to rest.
+        square: l'^2 at its start [m^2/s^2].
+        time: t at its start [s].
+    """
+
+    lane: IntArray
+    start: FloatArray
+    width: FloatArray
+    bend: FloatArray
+    square: FloatArray
+    time: FloatArray
+
+    def some(self, which: BoolArray | IntArray) -> DragCells:
+        """Return the cells of some rows."""
+        columns: Any = tuple(column[which] for column in self)
+        return DragCells(*columns)
+
+    def share(self, z: FloatArray) -> FloatArray:
+        """Return the share of the cell that is passed at one z for each."""
+        r = (1 + z) / 2
+        return np.asarray(r - self.bend * r * (1 - r))
+
+
+class _Nodes(NamedTuple):
+    """What is known at the nodes of cells, shape (n, nodes), and at their ends, shape (n,).
+
+    Args:
+        distance: l [m].
+        slope: g [1/m].
+        length: |dl/dz| [m].
+        growth: q.
+        grown: e^q |dl/dz| [m].
+        square: l'^2 [m^2/s^2].
+        pace: dt/dz [s].
+        whole_growth: q at the end.
+        last_square: l'^2 there; negative where the cell goes beyond where l' is zero.
+        duration: the time that the cell takes [s].
+    """
+
+    distance: FloatArray
+    slope: FloatArray
+    length: FloatArray
+    growth: FloatArray
+    grown: FloatArray
+    square: FloatArray
+    pace: FloatArray
+    whole_growth: FloatArray
+    last_square: FloatArray
+    duration: FloatArray
+
+    def put(self, which: BoolArray, others: _Nodes) -> None:
+        """Put others where they belong."""
+        for mine, other in zip(self, others, strict=True):
+            mine[which] = other
+
+    def error(self) -> FloatArray:
+        """Return the last two Legendre coefficients of the integrands, relative to the largest, shape (n,)."""
+        return np.maximum(_last_terms(self.pace), _last_terms(self.grown))
+
+
+def _last_terms(values: FloatArray) -> FloatArray:
+    terms = np.abs(values @ TO_TERMS[-2:].T).sum(axis=1)
+    return np.asarray(terms / np.abs(values).max(axis=1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DragPath(Value):
+    """Approaches that were followed to their ends.
+
+    Args:
+        sensor: the sensor curve.
+        borders: the end of the distances, and the knots of the curve beyond it [m].
+        approach: where they began.
+        steps: the cells, in the order in which each encounter passes them.
+        status: how each ended; the numbers of ContactStatus.
+        distance: l at the end [m].
+        square: l'^2 there [m^2/s^2].
+        time: t there [s].
+        slope: g there [1/m].
+        error: the estimated error of the time since the start, relative.
+    """
+
+    sensor: SensorModel
+    borders: FloatArray
+    approach: DragApproach
+    status: IntArray
+    distance: FloatArray
+    square: FloatArray
+    time: FloatArray
+    slope: FloatArray
+    error: FloatArray
+    steps: list[DragCells] = field(default_factory=list)
+
+    def walk(self) -> Iterator[tuple[DragCells, _Nodes]]:
+        """Yield all cells and what is known on them, once more."""
+        for cells in self.steps:
+            yield cells, _evaluate(self.sensor, self.approach, cells)
+
+
+def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
+    """Follow approaches until the distance is l = end, until they come to rest or until the horizon.
+
+    Args:
+        sensor: the sensor curve, which holds from `end` to the farthest start.
+        approach: the encounters.
+        end: the smallest distance [m].
+        horizon: the longest time [s].
+
+    Returns:
+        Their paths: CONTACT at l = end, NEVER where l' comes to zero before, HORIZON or UNRESOLVED.
+    """
+    path = DragPath(
+        sensor=sensor,
+        borders=np.array([end, *(knot for knot in sensor.knots if knot > end)]),
+        approach=approach,
+        status=np.full(len(approach.distance), _ON),
+        distance=approach.distance.copy(),
+        square=approach.square.copy(),
+        time=approach.time.copy(),
+        slope=np.asarray(sensor.log_slope(approach.distance)),
+        error=np.zeros(len(approach.distance)),
+    )
+    scale, lanes = np.ones(len(path.time)), np.arange(len(path.time))
+    for _ in range(_MOST):
+        if not len(lanes):
+            break
+        border = path.borders[np.searchsorted(path.borders, path.distance[lanes]) - 1]
+        proposed = _next_cells(path, lanes, path.distance[lanes] - border, scale[lanes])
+        cells, nodes, status, miss = _ended(path, proposed, horizon)
+        error = np.maximum(nodes.error(), miss)
+        good = (error <= _TOLERANCE) & np.isfinite(nodes.duration)
+        scale[lanes] = np.where(good, np.minimum(2 * scale[lanes], 1.0), scale[lanes] / 2)
+        whole = (cells.width == cells.start - border)[good]
+        cells, status, on = cells.some(good), status[good], lanes[good]
+        path.steps.append(cells)
+        path.distance[on] = np.where(whole, border[good], cells.start - cells.width)
+        path.square[on] = nodes.last_square[good]
+        path.time[on] += nodes.duration[good]
+        path.error[on] += error[good] * nodes.duration[good]
+        path.slope[on] = sensor.log_slope(path.distance[on])
+        path.status[on] = np.where((path.distance[on] <= end) & (status == _ON), ContactStatus.CONTACT, status)
+        lanes = lanes[path.status[lanes] == _ON]
+    path.status[lanes] = ContactStatus.UNRESOLVED
+    path.error[:] /= np.maximum(path.time - approach.time, np.finfo(float).tiny)
+    return path
+
+
+def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatArray) -> DragCells:
+    """Propose a cell for each encounter: to the next border, or as far as both integrands are likely to be smooth."""
+    square, start, strength = path.square[lanes], path.distance[lanes], path.approach.strength[lanes]
+    push = 2 * path.approach.acceleration[lanes]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        far = np.fmin(room, _GROWTH / (2 * strength * path.slope[lanes] ** 2))
+        tried = far[:, None] * _PARTS
+        ahead = 2 * strength[:, None] * np.asarray(path.sensor.log_slope(start[:, None] - tried)) ** 2  # dq/dl
+        far = tried[np.arange(len(lanes)), np.argmax(ahead * tried <= 2 * _GROWTH, axis=1)]
+        far = np.where((ahead * tried > 2 * _GROWTH).all(axis=1), np.fmin(tried[:, -1], _GROWTH / ahead[:, -1]), far)
+        far = scale * far
+        near = np.where(push < 0, _PAST_REST, _BEFORE_REST) * square / np.abs(push)
+        rest = 1.01 * square / push  # beyond where l' comes to zero at the latest, since e^q is at least 1
+    limited = np.fmin(far, np.where(push * far > square, rest, near))
+    far = np.where(square > 0, limited, far)
+    bend = np.where(square == 0, 1.0, 0.0)
+    return DragCells(lanes, start, far, bend, square, path.time[lanes])
+
+
+def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
+    """Evaluate cells, shortened to where l' comes to zero or time to the horizon.
+
+    Args:
+        path: so far.
+        cells: as proposed.
+        horizon: the longest time [s].
+
+    Returns:
+        The cells; what is known on them; how they end, _ON where neither; and by how much they miss that, relative: the
+        cell from which the end was found may have been too long.
+    """
+    nodes = _evaluate(path.sensor, path.approach, cells)
+    status = np.full(len(cells.lane), _ON)
+    acceleration = path.approach.acceleration[cells.lane]
+    for ending in _ENDINGS:
+        if ending == ContactStatus.NEVER:
+            found = nodes.last_square <= 0
+            z = where_reached(nodes.grown[found], cells.square[found] / (2 * acceleration[found]))
+            bend = np.full(len(z), -1.0)
+        else:
+            found = cells.time + nodes.duration > horizon
+            z = where_reached(nodes.pace[found], horizon - cells.time[found])
+            bend = np.maximum(cells.bend[found], 0.0)
+        if found.any():
+            width, bends = cells.width.copy(), cells.bend.copy()
+            width[found] *= cells.some(found).share(z)
+            bends[found] = bend
+            cells = cells._replace(width=width, bend=bends)
+            status[found] = ending
+            nodes.put(found, _evaluate(path.sensor, path.approach, cells.some(found)))
+    turn = np.abs(1 - 2 * acceleration * (nodes.grown @ WEIGHTS) / np.where(cells.square > 0, cells.square, 1.0))
+    late = np.abs(1 - (cells.time + nodes.duration) / horizon)
+    none = np.zeros(len(status))
+    return cells, nodes, status, np.select([status == s for s in _ENDINGS], [turn, late], none)
+
+
+def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> _Nodes:
+    bend, width, square = (column[:, None] for column in (cells.bend, cells.width, cells.square))
+    twice = 2 * approach.acceleration[cells.lane]
+    distance = cells.start[:, None] - width * (_R - bend * _R * (1 - _R))
+    length = width * (0.5 - 0.5 * bend * (1 - 2 * _R))
+    slope = np.asarray(sensor.log_slope(distance))
+    rate = 2 * approach.strength[cells.lane][:, None] * slope**2 * length
+    growth, whole = np.minimum(so_far(rate), _TOO_MUCH), np.minimum(rate @ WEIGHTS, _TOO_MUCH)
+    grown = np.exp(growth) * length
+    to_rest = cells.bend < 0
+    total = square - twice[:, None] * so_far(grown)
+    total[to_rest] = twice[to_rest, None] * (grown[to_rest] @ _TO_COME)
+    last = np.where(to_rest, 0.0, cells.square - twice * (grown @ WEIGHTS)) * np.exp(-whole)
+    squares = np.exp(-growth) * total
+    with np.errstate(invalid="ignore", divide="ignore"):
+        pace = length / np.sqrt(squares)
+    return _Nodes(distance, slope, length, growth, grown, squares, pace, whole, last, pace @ WEIGHTS)

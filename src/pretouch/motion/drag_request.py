@@ -1,0 +1,166 @@
+"""One call for encounters under the virtual drag, and the premises under which their motion is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError, OutOfRangeError
+from pretouch._core.numbers import BoolArray, FloatArray, nonnegative, positive
+from pretouch._core.values import Value
+from pretouch.sensors import SensorModel
+
+from .scenario import Scenario
+
+_PROBES: Final = 257
+_ROUNDING: Final = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DragRequest(Value):
+    """One call: encounters, curve, coefficients.
+
+    Args:
+        scenario: the encounters.
+        sensor: the sensor curve.
+        coefficient: phi [kg m].
+        horizon: how long to wait [s].
+        shape: the broadcast shape.
+    """
+
+    scenario: Scenario
+    sensor: SensorModel
+    coefficient: Any
+    horizon: float
+    shape: tuple[int, ...]
+
+    @cached_property
+    def bodies(self) -> dict[str, FloatArray]:
+        """The quantities of L(9), one of each for every encounter: what moves, relative to the reference, and that."""
+        names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
+        columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.coefficient)
+        flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
+        return dict(zip((*names, "r", "phi"), flat, strict=True))
+
+    @property
+    def mass(self) -> FloatArray:
+        """M [kg]."""
+        return self.bodies["mass"]
+
+    @property
+    def strength(self) -> FloatArray:
+        """The coefficient over the mass, k [m]."""
+        return self.bodies["phi"] / self.mass
+
+    @property
+    def distance(self) -> FloatArray:
+        """The distance l at the start [m]."""
+        return self.bodies["p"] - self.bodies["x0"]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """The relative velocity l' at the start [m/s]."""
+        return self.bodies["v"] - self.bodies["u0"]
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """The acceleration a_o of the obstacle relative to the reference [m/s^2]."""
+        return self.bodies["a"]
+
+    @property
+    def returns(self) -> Any:
+        """Which encounters recede first, or rest, and are then accelerated toward the robot."""
+        return (self.velocity >= 0) & (self.acceleration < 0)
+
+    @property
+    def farthest(self) -> FloatArray:
+        """The largest distance of each encounter that ever approaches [m], from which on the law acts."""
+        rise = np.zeros_like(self.distance)
+        np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
+        return np.asarray(self.distance + rise)
+
+
+def make_drag_request(scenario: Scenario, sensor: SensorModel, coefficient: ArrayLike, horizon: float) -> DragRequest:
+    """Check a call and flatten it.
+
+    Args:
+        scenario: the encounters.
+        sensor: the sensor curve.
+        coefficient: phi [kg m].
+        horizon: how long to wait [s].
+
+    Returns:
+        The request.
+
+    Raises:
+        InvalidInputError: a premise of the motion does not hold.
+        OutOfRangeError: an encounter starts outside the range of the curve.
+    """
+    phi = nonnegative(coefficient, "coefficient", "kg*m")
+    try:
+        shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
+    except ValueError:
+        raise InvalidInputError(
+            f"coefficient: shape {np.shape(phi)} does not broadcast with {scenario.shape}"
+        ) from None
+    request = DragRequest(
+        scenario=scenario, sensor=sensor, coefficient=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
+    )
+    low, high = sensor.valid_range
+    start = request.distance
+    outside = (start < low) | (start > high)
+    if outside.any():
+        raise OutOfRangeError(
+            f"obstacle position: found a distance of {start[outside][0]:g} m at the start, outside the {low:g} m to "
+            f"{high:g} m in which the {sensor.name} curve holds: the encounter starts when the object enters the "
+            "detection range"
+        )
+    _check_plant(request)
+    _check_curve(sensor, max(low, 0.0), float(min(high, request.farthest.max(initial=0.0))))
+    return request
+
+
+def _check_plant(request: DragRequest) -> None:
+    """Refuse encounters in which the admittance would not be held off all along."""
+    b = request.bodies
+    ahead, advance = b["x0"], b["u0"]
+    _refuse(
+        ahead > _ROUNDING * request.distance,
+        ahead,
+        "plant position: found the plant {0:g} m ahead of its reference, where the admittance is not held off; the "
+        "motion under a drag is known for a plant at its reference or behind it",
+    )
+    _refuse(
+        advance > _ROUNDING * np.abs(request.velocity),
+        advance,
+        "plant velocity: found the plant moving toward the object {0:g} m/s faster than its reference, which the "
+        "admittance brakes; give the reference the same velocity",
+    )
+    stays = (b["stiffness"] * ahead == 0) & (b["stiffness"] * advance == 0) & (b["damping"] * advance == 0)
+    _refuse(
+        (request.velocity >= 0) & ~stays,
+        request.velocity,
+        "obstacle velocity: found a relative velocity of {0:g} m/s at the start, which is no approach, beside a plant "
+        "that is not at rest at its reference: the admittance moves it then; start at rest, or with an approach",
+    )
+
+
+def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
+    """Refuse a curve whose ln xi rises with the distance: there the law would push when the object recedes."""
+    distance = np.linspace(low, high, _PROBES)
+    slope = np.asarray(sensor.log_slope(distance))
+    if not (np.isfinite(slope) & (slope <= 0)).all():
+        culprit = float(distance[~(slope <= 0)][0])
+        raise InvalidInputError(
+            f"sensor: found a slope of {float(sensor.log_slope(culprit)):g} 1/m at {culprit:g} m, which must not be "
+            "positive: the drag takes a growing ln xi for an approach; end the curve by maximum_distance where it turns"
+        )
+
+
+def _refuse(wrong: BoolArray, values: FloatArray, message: str) -> None:
+    if np.any(wrong):
+        raise InvalidInputError(message.format(float(np.asarray(values)[wrong][0])))

@@ -49,6 +49,29 @@ def test_quantiles_and_means_are_those_of_scipy(name: str) -> None:
     assert (ours.quantile(0.0), ours.quantile(1.0)) == ours.support
 
 
+@pytest.mark.parametrize("where", [-20.0, -1.2, 0.0, 1.0, 8.0])
+@pytest.mark.parametrize("width", [1e-13, 1e-9, 1e-6, 4e-5, 2e-4, 1e-2])
+def test_a_narrow_cut_of_a_normal_distribution_keeps_its_digits(where: float, width: float) -> None:
+    cut = TruncatedNormal(location=0.0, deviation=1.0, low=where, high=where + width)
+    low, high = cut.support
+    p, place, width = np.array([0.0, 0.1, 0.5, 0.8, 1.0]), np.linspace(0.0, 1.0, 4001), high - low
+    density = np.exp(-width * place * (low + width * place / 2))  # over that at the lower end
+    weight = (density[1:] + density[:-1]) / 2
+    inside = np.interp(p, np.concatenate([[0.0], np.cumsum(weight)]) / weight.sum(), place)
+    middle = weight @ (place[1:] + place[:-1]) / 2 / weight.sum()
+    # of the width: the square of 1e-4 that is left out, and beyond that the digits of differences of Phi
+    near = (1e-8 if width < 1e-4 else 4e-14 / width**2 + 1e-8) * width
+    np.testing.assert_allclose(cut.quantile(p), low + width * inside, rtol=1e-15, atol=near)
+    assert cut.mean == pytest.approx(low + width * middle, rel=1e-15, abs=near)
+
+
+@pytest.mark.parametrize(("location", "deviation"), [(-0.3, 1e16), (0.0, 1e300)])
+def test_a_deviation_that_says_nothing_leaves_both_ends(location: float, deviation: float) -> None:
+    cut = TruncatedNormal(location=location, deviation=deviation, low=-0.6, high=-0.05)
+    assert cut.mean == pytest.approx(-0.325, rel=1e-12)
+    assert cut.quantile([0.0, 0.25, 1.0]) == pytest.approx([-0.6, -0.4625, -0.05], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("known", "words"),
     [

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from figure_checks import assert_legible, visible_texts
 from pretouch._core.errors import InvalidInputError
-from pretouch.report import Curve, Mark, Panel, Span, panel_figure
+from pretouch.report import Curve, Map, Mark, Panel, Span, panel_figure
 from pretouch.report.style import CURVES, MARKERS
 
 X = np.linspace(0.0, 10.0, 200)
@@ -108,8 +108,16 @@ def gaps() -> Panel:
     return panel(line(y=y, label="interrupted, costs $5 or $6"), alone)
 
 
+def plane() -> Panel:
+    x, y = np.linspace(0.0, 10.0, 40), np.geomspace(0.1, 10.0, 30)
+    values = np.where(x > 8.0, np.nan, np.sin(x / 3.0) * np.log(y)[:, None])
+    border = Curve(x=x, y=1.0 + x / 5.0, label="border", style=1)
+    return panel(border, map=Map(x=x, y=y, values=values), title="height h [mm]", y_log=True)
+
+
 PANELS: dict[str, Callable[[], Panel]] = {
-    f.__name__: f for f in (crossing, motions, logarithmic, tiny, negative, family, border, stretches, dense, gaps)
+    f.__name__: f
+    for f in (crossing, motions, logarithmic, tiny, negative, family, border, stretches, dense, gaps, plane)
 }
 
 
@@ -257,6 +265,19 @@ def test_masked_numbers_are_missing() -> None:
     assert np.asarray(curve.known).tolist() == [True, True, False]
 
 
+def test_a_map_is_the_same_in_whatever_order_its_rows_and_columns_come() -> None:
+    values = np.arange(6.0).reshape(2, 3)
+    there = Map(x=[1, 2, 3], y=[0, 1], values=values)
+    assert Map(x=[3, 2, 1], y=[1, 0], values=values[::-1, ::-1]) == there
+
+
+def test_every_contour_line_with_room_carries_its_number() -> None:
+    x = np.linspace(0.0, 10.0, 30)
+    shown = Panel(x_label="x [m]", y_label="y [m]", title="x [m]", map=Map(x=x, y=x, values=np.tile(x, (30, 1))))
+    texts = [text.get_text() for text in panel_figure(shown).axes[0].texts]
+    assert sorted(map(float, texts)) == [1.5, 3.0, 4.5, 6.0, 7.5, 9.0]  # upright lines, as far apart as can be
+
+
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "no unit": (lambda: panel(line(), x_label="time"), r"^x_label: found 'time', expected a unit in brackets"),
     "lengths": (lambda: line(x=[0, 1], y=[1], label="a"), r"^curve 'a': found 2 values of x, 1 values of y"),
@@ -291,6 +312,20 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "one curve": (lambda: panel(curves=line()), r"^curves: found one Curve, expected a list"),
     "no curve": (lambda: panel(curves=[X]), r"^curves: found ndarray, expected Curve"),
     "six": (lambda: panel(*[line()] * 6), r"^curves: found 6, of which only 5 look different; try quiet=True"),
+    "map without unit": (
+        lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="height"),
+        r"^title: found 'height', expected a unit in brackets",
+    ),
+    "map of a row": (lambda: Map(x=[0, 1], y=[0], values=[[0, 1]]), r"^map: values: found 2 finite ones of shape"),
+    "map turned": (
+        lambda: Map(x=[0, 1], y=[0, 1, 2], values=np.ones((2, 3))),
+        r"expected shape \(3, 2\) as of y and x",
+    ),
+    "map of nothing": (lambda: Map(x=[0, 1], y=[0, 1], values=np.full((2, 2), np.nan)), r"found 0 finite ones"),
+    "map on log": (
+        lambda: panel(map=Map(x=[0, 1], y=[0, 1], values=np.eye(2)), title="h [m]", x_log=True),
+        r"^map: x: found 0 on a logarithmic axis",
+    ),
     "no panels": (panel_figure, r"^panels: found none"),
     "columns": (lambda: panel_figure(tiny(), columns=0), r"^columns: found 0"),
     "height": (lambda: panel_figure(tiny(), height=0.2), r"^height: found 0.2 inch"),

@@ -2,6 +2,6 @@
 
 from .html import report_html, write_report
 from .panel_figure import panel_figure
-from .panels import Curve, Mark, Panel, Span
+from .panels import Curve, Map, Mark, Panel, Span
 
-__all__ = ["Curve", "Mark", "Panel", "Span", "panel_figure", "report_html", "write_report"]
+__all__ = ["Curve", "Map", "Mark", "Panel", "Span", "panel_figure", "report_html", "write_report"]

@@ -10,7 +10,7 @@ from pretouch._core.numbers import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.text import Annotation
+    from matplotlib.text import Annotation, Text
 
 
 _DIRECTIONS: Final = ((1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1), (1, 0), (-1, 0))
@@ -65,10 +65,10 @@ def label_near(
     """
     label = _new_label(axes, text, color=color, fontsize=size, fontweight=weight)
     anchors = _display(axes, x, y)
-    places, boxes = _candidates(anchors, axes.figure.dpi / 72, *_size(label), side)
-    taken = _taken(axes, label)
+    places, boxes = _candidates(anchors, axes.figure.dpi / 72, *size_of(label), side)
+    taken = boxes_in(axes, label)
     apart = np.array([_WORD_SPACE, 0.0, _WORD_SPACE, 0.0]) if strict else np.zeros(4)
-    free = _free(axes, boxes, taken + apart * [-1, 0, 1, 0]) & (places[:, 3] <= reach)
+    free = free_places(axes, boxes, taken + apart * [-1, 0, 1, 0]) & (places[:, 3] <= reach)
     marks = marks_in(axes) if marks is None else marks
     every = np.concatenate(marks)
     choice = _best_place(anchors, places, boxes, every, taken=taken, free=np.flatnonzero(free), strict=strict)
@@ -122,14 +122,14 @@ def label_inside(axes: Axes, x: Any, y: Any, text: str, *, color: str, size: flo
     box = {"facecolor": fill, "edgecolor": "none", "pad": 1.0}
     label = _new_label(axes, text, color=color, fontsize=size, ha="center", va="center", bbox=box, zorder=1)
     anchors = _display(axes, x, y)
-    width, height = _size(label)
+    width, height = size_of(label)
     if width + 4 > np.ptp(anchors[:, 0]):
         label.set_rotation(90)
         width, height = height, width
     half = np.array([width, height]) / 2 + 1
     boxes = np.column_stack([anchors - half, anchors + half])
     low, high = anchors[:, 0].min() - 1, anchors[:, 0].max() + 1
-    free = _free(axes, boxes, _taken(axes, label)) & (boxes[:, 0] >= low) & (boxes[:, 2] <= high)
+    free = free_places(axes, boxes, boxes_in(axes, label)) & (boxes[:, 0] >= low) & (boxes[:, 2] <= high)
     if not free.any():
         label.remove()
         return None
@@ -191,7 +191,7 @@ def _candidates(
     return np.column_stack([rank, way, gap, cost]), np.column_stack([low, low + size])
 
 
-def _free(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
+def free_places(axes: Axes, boxes: FloatArray, taken: FloatArray) -> Any:
     """Tell which boxes lie inside the axes and on no other label."""
     (x0, y0), (x1, y1) = axes.bbox.get_points()
     inside = (boxes[:, 0] >= x0 + 1) & (boxes[:, 2] <= x1 + 4) & (boxes[:, 1] >= y0 + 1) & (boxes[:, 3] <= y1 + 2)
@@ -229,7 +229,8 @@ def _display(axes: Axes, x: Any, y: Any) -> FloatArray:
     return np.asarray(pixels[((pixels >= low - 1) & (pixels <= high + 1)).all(axis=1)])
 
 
-def _size(label: Annotation) -> tuple[float, float]:
+def size_of(label: Text) -> tuple[float, float]:
+    """Return the width and the height of a text, in pixels."""
     extent = label.get_window_extent(_renderer(label))
     return extent.width, extent.height
 
@@ -243,7 +244,7 @@ def _renderer(artist: Any) -> Any:
     return figure.canvas.get_renderer()
 
 
-def _taken(axes: Axes, new: Annotation) -> FloatArray:
+def boxes_in(axes: Axes, new: Annotation | None = None) -> FloatArray:
     """Return the boxes of the labels that stand already, in pixels."""
     texts = [t for t in axes.texts if t is not new and t.get_text()]
     return np.array([t.get_window_extent(_renderer(t)).extents for t in texts]).reshape(-1, 4)

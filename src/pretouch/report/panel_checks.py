@@ -125,3 +125,5 @@ def _numbers(panel: Any, axis: str) -> Iterator[tuple[str, FloatArray]]:
     kind = "positions" if axis == "x" else "levels"
     for text, at in getattr(panel, kind).items():
         yield f"{kind}: {text}", np.array([at])
+    if panel.map is not None:
+        yield f"map: {axis}", getattr(panel.map, axis)

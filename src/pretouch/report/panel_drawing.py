@@ -93,7 +93,7 @@ def names_of(axes: Axes, panel: Panel) -> list[Name]:
     for i, (curve, look) in enumerate(looks):
         if curve.label:
             others = [path for k, path in enumerate(paths) if k != i and not looks[k][0].quiet]
-            points = axes.transData.inverted().transform(_best_anchors(paths[i], others))
+            points = axes.transData.inverted().transform(best_anchors(paths[i], others))
             color = QUIET if curve.quiet else look.color
             names.append(Name(curve.label, color, points[:, 0], points[:, 1], _curve_sample(curve, look), "curve"))
     return [n._replace(text=minus_signs(n.text)) for n in (*names, *_line_names(axes, panel)) if n.text.strip()]
@@ -231,12 +231,16 @@ def _path(axes: Axes, curve: Curve) -> FloatArray:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], curve.known, [False]]).astype(int)))
     runs = [slice(*run) for run in edges.reshape(-1, 2)]
     pixels = [np.asarray(axes.transData.transform(np.column_stack([x[run], y[run]]))) for run in runs]
-    path = np.concatenate(pixels if curve.kind == "points" else [dense_points(run) for run in pixels])
+    return inside(axes, np.concatenate(pixels if curve.kind == "points" else [dense_points(run) for run in pixels]))
+
+
+def inside(axes: Axes, path: FloatArray) -> FloatArray:
+    """Return the points that lie within the axes, in pixels."""
     low, high = axes.bbox.get_points()
     return np.asarray(path[((path >= low) & (path <= high)).all(axis=1)])
 
 
-def _best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
+def best_anchors(path: FloatArray, others: list[FloatArray]) -> FloatArray:
     """Choose points along a curve, those first that lie far from other curves and in its later half."""
     if not len(path):
         return path
@@ -295,6 +299,9 @@ def _seen(curve: Curve, panel: Panel, which: str) -> Any:
 
 def _data_limits(axes: Axes, panel: Panel, which: str) -> tuple[float, float]:
     """Return limits that hold all that is drawn, with air where a point or a label needs it."""
+    if panel.map is not None:
+        coordinates = np.asarray(getattr(panel.map, which))
+        return coordinates[0], coordinates[-1]
     lines = panel.positions if which == "x" else panel.levels
     ends = [end for span in panel.spans for end in (span.start, span.end)] if which == "x" else []
     parts = [np.array([*lines.values(), *ends, *(getattr(mark, which) for mark in panel.marks)], float)]

@@ -17,6 +17,7 @@ from pretouch._core.numbers import FloatArray
 from .labels import label_inside, label_near, marks_in
 from .new_figure import new_figure
 from .panel_drawing import Name, draw_panel, names_of
+from .panel_maps import draw_map, number_contours
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -45,13 +46,14 @@ _SAME: Final = 0.5  # pixels
 
 
 class _Grid(NamedTuple):
-    """Where panels stand: a figure of rows and columns, and the least height of the axes [inch]."""
+    """Rows and columns of a figure, the least height of its axes [inch], and labels of ticks, measured once."""
 
     figure: Figure
     rows: int
     columns: int
     least: float
     renderer: Any
+    labels: dict[Any, tuple[FloatArray, FloatArray]]
 
 
 def draw_figure(panels: tuple[Panel, ...], columns: int, height: float) -> Figure:
@@ -86,9 +88,11 @@ def _draw(panels: tuple[Panel, ...], columns: int, height: float) -> _Grid:
     rows = -(-len(panels) // columns)
     figure = new_figure(width, rows * height)
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
-    grid = _Grid(figure, rows, columns, _LEAST * height, renderer)
+    grid = _Grid(figure, rows, columns, _LEAST * height, renderer, {})
     for i, panel in enumerate(panels):
         axes = figure.add_subplot(rows, columns, i + 1)
+        if panel.map is not None:
+            draw_map(axes, panel.map)
         draw_panel(axes, panel)
         axes.set_title(panel.title, y=1.0, parse_math=False)
     _fit(grid)
@@ -100,7 +104,7 @@ def _fit(grid: _Grid) -> None:
     """Give the panels their places, and make their ticks and labels fit."""
     for _ in range(2):  # what hangs over depends on the ticks, which depend on the size
         _arrange(grid)
-        changed = [_thin_ticks(axes, grid.renderer) | _wrap_labels(axes, grid.renderer) for axes in grid.figure.axes]
+        changed = [_thin_ticks(axes, grid) | _wrap_labels(axes, grid.renderer) for axes in grid.figure.axes]
         if not any(changed):
             return
 
@@ -127,6 +131,8 @@ def _place_names(axes: Axes, panel: Panel, listed: set[int]) -> set[int]:
     hardest_first = sorted(names, key=lambda each: (_KINDS.index(each[1].kind), -len(each[1].text)))
     marks = marks_in(axes)
     lost = {i for i, name in hardest_first if i not in listed and not _place(axes, name, marks)}
+    if panel.map is not None:
+        number_contours(axes)
     curves = {i for i, name in names if name.kind == "curve"}
     return lost | curves - listed if lost and 2 * len(curves & (lost | listed)) > len(curves) else lost
 
@@ -166,12 +172,12 @@ def _in_two_lines(text: str) -> str:
 
 def _arrange(grid: _Grid, *, final: bool = False) -> None:
     """Give all panels the same size, with as much room between them as what hangs over their axes takes."""
-    figure, rows, columns, least, renderer = grid
+    figure, rows, columns, least, *_ = grid
     figure.align_ylabels(figure.axes)
     over = np.zeros((4, max(rows, columns)))  # left, right, bottom, top [inch], by column or by row
     for i, axes in enumerate(figure.axes):
         row, column = divmod(i, columns)
-        for k, side in enumerate(_overhang(axes, renderer, final=final)):
+        for k, side in enumerate(_overhang(axes, grid, final=final)):
             place = column if k < 2 else row
             over[k, place] = max(over[k, place], side / figure.dpi)
     width, height = figure.get_size_inches()
@@ -187,14 +193,15 @@ def _arrange(grid: _Grid, *, final: bool = False) -> None:
         axes.set_position((left / width, (top - high) / height, wide / width, high / height))
 
 
-def _overhang(axes: Axes, renderer: Any, *, final: bool) -> tuple[float, float, float, float]:
+def _overhang(axes: Axes, grid: _Grid, *, final: bool) -> tuple[float, float, float, float]:
     """Return by how many pixels ticks and texts stand out to the left, right, bottom and top.
 
     Texts that will still be broken to fit do not count along the side that they have to fit. Labels stand where the
     ticks let them, by Matplotlib's own rule, which it would take five times as long to tell.
     """
     inner: Any = axes.bbox
-    boxes = [box for axis in (axes.xaxis, axes.yaxis) for box in _tick_boxes(axis, renderer)]
+    renderer = grid.renderer
+    boxes = [box for axis in (axes.xaxis, axes.yaxis) for box in _tick_boxes(axis, grid)]
     boxes += [inner, *(text.get_window_extent(renderer) for text in axes.texts)]
     union: Any = Bbox.union(boxes)
     upward, across, title = (t.get_window_extent(renderer) for t in (axes.yaxis.label, axes.xaxis.label, _title(axes)))
@@ -208,15 +215,18 @@ def _overhang(axes: Axes, renderer: Any, *, final: bool) -> tuple[float, float, 
     return left, right, bottom, top
 
 
-def _tick_boxes(axis: Any, renderer: Any) -> list[Any]:
-    """Return where the labels of ticks stand that are seen [pixel]."""
-    low, high = sorted(axis.get_view_interval())
-    side = 0 if axis.axis_name == "x" else 1
-    return [
-        label.get_window_extent(renderer)
-        for label in axis.get_majorticklabels()
-        if low <= label.get_position()[side] <= high and label.get_text()
-    ]
+def _tick_boxes(axis: Any, grid: _Grid) -> list[Any]:
+    """Return where the labels of ticks stand that are seen [pixel]; they move with the axes, but keep their size."""
+    side, axes = "xy".index(axis.axis_name), axis.axes
+    along: Any = (axes.get_xaxis_transform, axes.get_yaxis_transform)[side]()
+    if axis not in grid.labels:
+        low, high = sorted(axis.get_view_interval())
+        labels = [t for t in axis.get_majorticklabels() if low <= t.get_position()[side] <= high and t.get_text()]
+        places = np.array([t.get_position() for t in labels]).reshape(-1, 2)
+        boxes = np.array([t.get_window_extent(grid.renderer).get_points() for t in labels]).reshape(-1, 2, 2)
+        grid.labels[axis] = places, boxes - along.transform(places)[:, None]
+    places, boxes = grid.labels[axis]
+    return [Bbox(box) for box in boxes + along.transform(places)[:, None]]
 
 
 def _title(axes: Axes) -> Text:
@@ -224,21 +234,21 @@ def _title(axes: Axes) -> Text:
     return title
 
 
-def _thin_ticks(axes: Axes, renderer: Any) -> bool:
+def _thin_ticks(axes: Axes, grid: _Grid) -> bool:
     """Show fewer ticks where their labels would touch; tell whether any did."""
     thinned = False
     for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):
         for most in (6, 5, 4, 3, 2):
-            if not _touch(axis, side, renderer):
+            if not _touch(_tick_boxes(axis, grid), side):
                 break
+            del grid.labels[axis]
             locator: Any = axis.get_major_locator()
             locator.set_params(nbins=most)
             thinned = True
     return thinned
 
 
-def _touch(axis: Any, side: int, renderer: Any) -> bool:
-    boxes = _tick_boxes(axis, renderer)
+def _touch(boxes: list[Any], side: int) -> bool:
     ends = [(box.x0, box.x1) if side == 0 else (box.y0, box.y1) for box in boxes]
     return any(max(a[0], b[0]) - min(a[1], b[1]) < _TICK_AIR for a, b in pairwise(ends))
 

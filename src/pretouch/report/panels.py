@@ -159,14 +159,44 @@ class Span(Value):
         check_choice(self.kind, _STRETCHES, f"{who}: kind")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Map(Value):
+    """A quantity over the plane of a panel: labeled contour lines, hatched where it has no value.
+
+    Args:
+        x: of its columns, shape (N,), N >= 2, in the unit of the panel's x label.
+        y: of its rows, shape (M,), M >= 2, in the unit of the panel's y label.
+        values: shape (M, N), in the unit that the panel's title names; NaN where there is none.
+
+    Raises:
+        InvalidInputError: a coordinate is infinite, a shape does not fit, or no value is finite.
+    """
+
+    x: ArrayLike
+    y: ArrayLike
+    values: ArrayLike
+
+    def __post_init__(self) -> None:
+        x, y = (as_column(getattr(self, name), f"map: {name}") for name in ("x", "y"))
+        values = np.asarray(self.values, dtype=np.float64)
+        if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
+            found = f"{np.isfinite(values).sum()} finite ones of shape {values.shape}"
+            expected = f"shape ({len(y)}, {len(x)}) as of y and x, 2 or more of each, and one that is finite"
+            raise InvalidInputError(f"map: values: found {found}, expected {expected}")
+        across, up = np.argsort(x), np.argsort(y)
+        for name, column in (("x", x[across]), ("y", y[up]), ("values", values[up][:, across])):
+            object.__setattr__(self, name, column)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Panel(Value):
-    """One pair of axes with its curves.
+    """One pair of axes with its curves, or its map.
 
     Args:
         x_label: what is shown across, with its unit in brackets: `distance l [mm]`, or `[1]` for pure numbers.
         y_label: what is shown upward, with its unit in brackets.
-        curves: one curve or more; of those that are not quiet, only five look different.
+        curves: of those that are not quiet, only five look different.
+        map: what is shown over the plane of the panel, whose title names its unit in brackets.
         title: written above the panel; empty for none.
         marks: points that stand out.
         spans: stretches across, behind the curves.
@@ -178,13 +208,15 @@ class Panel(Value):
         y_limits: the same upward; a quantity that is positive and comes near zero starts at zero.
 
     Raises:
-        InvalidInputError: a unit is missing, there is no curve, a number is not positive on a logarithmic axis, the
-            limits are no interval or leave something with a name outside, or a sixth curve asks for a look of its own.
+        InvalidInputError: a unit is missing, there is neither curve nor map, a number is not positive on a logarithmic
+            axis, the limits are no interval or leave something with a name outside, or a sixth curve asks for a look
+            of its own.
     """
 
     x_label: str
     y_label: str
-    curves: Sequence[Curve]
+    curves: Sequence[Curve] = ()
+    map: Map | None = None
     title: str = ""
     marks: Sequence[Mark] = ()
     spans: Sequence[Span] = ()
@@ -196,7 +228,7 @@ class Panel(Value):
     y_limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("x_label", "y_label"):
+        for name in ("x_label", "y_label", "title")[: 2 if self.map is None else 3]:
             if not _UNIT.search(getattr(self, name)):
                 raise InvalidInputError(
                     f"{name}: found {getattr(self, name)!r}, expected a unit in brackets, such as 'distance l [mm]', "
@@ -204,8 +236,8 @@ class Panel(Value):
                 )
         for name, kind in (("curves", Curve), ("marks", Mark), ("spans", Span)):
             object.__setattr__(self, name, as_values(getattr(self, name), kind, name))
-        if not self.curves:
-            raise InvalidInputError("curves: found none, expected at least one Curve")
+        if not self.curves and self.map is None:
+            raise InvalidInputError("curves: found none, expected at least one Curve, or a map")
         for name in ("levels", "positions"):
             lines = {str(k): as_number(v, f"{name}: {k}") for k, v in dict(getattr(self, name)).items()}
             object.__setattr__(self, name, lines)

@@ -217,7 +217,7 @@ class ClosedLoop:
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
         """Return a law for every gain that there is, and which of them each has."""
         every, law_of = np.unique(gains, return_inverse=True)
-        return tuple(self.law.with_gain(float(g)) for g in every), law_of.reshape(gains.shape)
+        return tuple(self.law.with_value(float(g)) for g in every), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
         """Refuse an encounter that speaks of another admittance than the law has, as far as the law tells its own."""

@@ -124,7 +124,7 @@ class StabilityCheck(Value):
 
 def acts_as_damper(loop: ClosedLoop) -> bool:
     """Return whether the impulse of a law is its gain times the change of ln xi, on which the stability limit rests."""
-    law = loop.law.with_gain(-1e-3)
+    law = loop.law.with_value(-1e-3)
     if not isinstance(law, Controller):  # of which nothing is known
         return False
     # it is tried out: a reading that stands still, rises by a thousandth and stands still again tells the whole impulse

@@ -128,7 +128,7 @@ def _checked(task: Task) -> Task:
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: found a law ({type(law).__name__}) without with_gain, which gives it another gain"
+            f"loop: found a law ({type(law).__name__}) without with_value, which gives it another gain"
         )
     if type(task.runs) is not int or task.runs < 1:
         raise InvalidInputError(f"runs: found {task.runs!r}, expected a positive whole number")

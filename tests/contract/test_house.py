@@ -76,7 +76,7 @@ def test_a_class_has_its_name_alone() -> None:
 
 
 FILES = 225  # of the package and its compiled core
-LINES = 43_000  # of both
+LINES = 43_306  # of both
 LONGEST_FUNCTION = 60  # lines without its docstring
 ROOMS_OF_DESIGN = 20
 FILES_OF_A_VERDICT = 45

@@ -25,6 +25,8 @@ NAMES = {
     "drive_state": structures.DriveState,
     "parameters": structures.ControllerNumbers,
     "state": structures.ControllerState,
+    "drag_numbers": structures.DragNumbers,
+    "drag_state": structures.DragState,
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,34 @@ def test_the_faster_the_loop_the_nearer_the_share_is_that_of_continuous_time() -
         errors.append(abs(-found.relative_velocity / 0.3 / SHARE - 1))
     assert errors[2] < 0.6 * errors[1] < 0.4 * errors[0], errors
     assert errors[2] < 0.01
+
+
+def test_the_admittance_has_no_say_in_the_share() -> None:
+    """Its pull is held off whole: what is left of it is of second order in T, at 4 kHz below 5e-4 of the share."""
+    chain, found = pt.SensorChain(rate=4000.0, delay=1e-4), []
+    law = VirtualDrag(drag=PHI, noise=0.0, smoothing_time=1e-3)
+    for stiffness, damping in ((0.0, 0.0), (25.0, 10.0), (0.0, 10.0), (400.0, 40.0)):
+        own = {"mass": MASS, "damping": damping, "stiffness": stiffness}
+        scenario = pt.Scenario(admittance=pt.Admittance(**own), obstacle=pt.Obstacle(position=START, velocity=-0.3))
+        made = drags(law, 2.5e-4, admittance=pt.control.VirtualAdmittance(**own))
+        found.append(-pt.simulate(scenario, SENSOR, made, chain=chain).relative_velocity / 0.3)
+    assert found == pytest.approx([SHARE] * 4, rel=6e-3)
+    assert found == pytest.approx([found[0]] * 4, rel=5e-4)
+
+
+@pytest.mark.parametrize("place", [-0.009, -0.021])
+def test_a_plant_that_comes_home_onto_a_stopped_object_is_braked(place: float) -> None:
+    """The drag alone holds nothing off while the plant advances; the letter's damper brakes it to a fifth."""
+    chain = pt.SensorChain(rate=250.0, delay=2e-3, noise=20.0, relative_noise=3e-3, resolution=4.0, random_phase=True)
+    scenario = pt.Scenario(
+        admittance=ADMITTANCE, obstacle=pt.Obstacle(position=place, velocity=0.0), plant=pt.Plant(position=-0.05)
+    )
+    braked, bare = (
+        pt.simulate(scenario, SENSOR, drags(law, sensor_period=4e-3), chain=chain, runs=20, seed=1, horizon=10.0)
+        for law in (PART, replace(PART, own_advance=0.0))
+    )
+    assert (braked.status == pt.ContactStatus.CONTACT).all()
+    assert braked.relative_velocity.mean() > 0.25 * bare.relative_velocity.mean()
 
 
 @pytest.mark.parametrize("level", [120.0, 250.0, 600.0])

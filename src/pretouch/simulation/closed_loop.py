@@ -37,7 +37,7 @@ class ClosedLoop:
     `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` is what `simulate` returns.
 
     Args:
-        law: the controller; its gain is replaced by whichever is tried.
+        law: the controller; its gain is replaced by whichever is tried: of another law than the damper its one number.
         chain: what lies between xi and the law's readings.
         plant: the robot; ideal by default.
         contact: the contact force, for a plant with a mass.

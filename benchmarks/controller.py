@@ -11,7 +11,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from control_samples import LETTER_FILTERS, LIMITS, Batch, controller, rows_of
-from pretouch.control import Sample
+from pretouch.control import Sample, VirtualDrag
 
 STEPS = 1_000_000
 ROUNDS = 7
@@ -20,6 +20,9 @@ CASES = {
     "no filters, no limits": {},
     "median 10, Butterworth 5": LETTER_FILTERS,
     "the same, within limits": LETTER_FILTERS | {"limits": LIMITS},
+    "virtual drag, no filters, no limits": {
+        "law": VirtualDrag(drag=0.0144, noise=1e-3, relative_noise=3e-3, own_advance=-0.7)
+    },
     "median 16, Butterworth 8, guarded": {
         "median_window": 16,
         "low_pass_order": 8,

@@ -32,13 +32,14 @@ _run_law = kernel("run_law", *[POINTER] * 4, INTEGER, POINTER)
 
 
 def controller(gain: float = -0.7, period: float = 1e-3, **changed: Any) -> Controller:
-    """The letter's admittance without filters and limits, unless said."""
+    """The letter's admittance without filters and limits, unless said; the letter's law unless another is given."""
+    given = changed.pop("law", None)
     law = {k: changed.pop(k) for k in ("approach_only", "release", "ramp_time") if k in changed}
     rest = {k: changed.pop(k) for k in ("limits", "contact_gain", "contact_threshold", "admittance") if k in changed}
     return Controller(
         period=period,
         conditioning=Conditioning(**({"floor": 1e-3} | changed)),
-        law=VirtualDamper(gain=gain, **law),
+        law=VirtualDamper(gain=gain, **law) if given is None else given,
         **({"admittance": ADMITTANCE} | rest),
     )
 

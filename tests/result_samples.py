@@ -170,6 +170,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "elastic": lambda: pt.design.ElasticImpact(robot_mass=1.0, stiffness=1e5, exponent=2.2),
     "spring damper": lambda: pt.simulation.SpringDamper(stiffness=1e4, damping=3.0),
     "controller": lambda: replace(controller(1e-3), limits=control.Limits(speed=1.0)),
+    "controller with a drag": lambda: replace(controller(1e-3), law=control.VirtualDrag(drag=0.0144, noise=1e-3)),
     "expected": pt.robust.Expected,
     "signals": lambda: _signals(controller(1e-3)),
     "panel": lambda: pt.report.Panel(

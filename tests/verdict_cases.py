@@ -39,8 +39,8 @@ STATUS = {"holds": "holds", "holds-narrowly": "holds narrowly", "does-not-hold":
 class TunedLaw(BareLaw):
     """A law of somebody's own: no `Controller`, so that nothing is known of its stability."""
 
-    def with_gain(self, gain: float) -> TunedLaw:
-        return replace(self, gain=gain)
+    def with_value(self, value: float) -> TunedLaw:
+        return replace(self, gain=value)
 
 
 def limit(name: str, size: float, probability: float = 1.0) -> pt.robust.Required:

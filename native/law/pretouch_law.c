@@ -106,9 +106,10 @@ static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensin
     return 0;
 }
 
-/* A reading that can be used: through the filters, and the logarithm of what became of it. */
+/* A reading that can be used: through the filters, and the logarithm of what became of it; measured: time since the
+ * one before was [s]. */
 static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s, real age, real level,
-                    pretouch_observation *seen) {
+                    real measured, pretouch_observation *seen) {
     const int32_t restarted = !s->running;
     const real before = s->filtered;
     real filtered = level;
@@ -126,6 +127,8 @@ static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s
     s->log_level = LOG(s->filtered / p->floor);
     seen->change = restarted ? 0 : LOG(s->filtered / before);
     seen->log_level = s->log_level;
+    seen->level = s->filtered;
+    seen->elapsed = restarted ? 0 : measured - age;
     seen->usable = 1;
     seen->restarted = restarted;
     seen->detecting = s->log_level > 0;
@@ -140,7 +143,7 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
     const real level = p->floor < above && above < INFINITY ? above : p->floor; /* the floor also for NaN */
     const int32_t fault = fault_of(p, s, sample, level, measured);
     if (sample->fresh && fault == 0) {
-        take_in(p, s, sample->age, level, seen);
+        take_in(p, s, sample->age, level, measured, seen);
         return;
     }
     seen->lost = quiet > p->timeout * (1 + SAME_INSTANT);
@@ -151,8 +154,9 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
     }
     s->quiet = smaller(quiet, 2 * p->timeout); /* from there on, longer is no news */
     s->measured = smaller(measured, 3 * p->timeout);
-    seen->change = 0;
+    seen->change = seen->elapsed = 0;
     seen->log_level = s->log_level;
+    seen->level = s->filtered;
     seen->usable = seen->restarted = 0;
     seen->detecting = s->log_level > 0;
     seen->status = (seen->detecting ? PRETOUCH_DETECTING : 0) + (seen->stale ? PRETOUCH_STALE : 0) +
@@ -174,6 +178,44 @@ void pretouch_damp(const pretouch_damper_numbers *p, pretouch_damper_state *s, c
     s->mark = mark;
     push->impulse = p->gain * share * change;
     push->force = 0;
+}
+
+/* ---- the virtual drag: phi times the rate of ln xi times its rise ---- */
+
+/* How far ln xi, smoothed, has risen with this reading beyond its dead zone; its rate beyond noise goes to *fast [1/s].
+ * Level and rate are corrected by what a reading misses what they had led to expect, so a steady approach is followed
+ * without lag, whatever the time between readings. The zone is as wide as noise may reach at this xi: a mark follows the
+ * level upwards at once and downwards at that distance, and only a rise of the mark counts. */
+static real advance_rise(const pretouch_drag_numbers *p, pretouch_drag_state *s, const pretouch_observation *seen,
+                         real *fast) {
+    const real xi = seen->level, sigma = SQRT(p->variance + p->relative_variance * xi * xi) / xi;
+    const real width = p->width * sigma, still = p->still * sigma;
+    const real rate = seen->restarted ? 0 : s->rate;
+    const real expected = seen->restarted ? seen->log_level : s->level + rate * seen->elapsed;
+    const real missed = seen->log_level - expected, every = larger(seen->elapsed, p->sensor_period);
+    s->level = expected + p->level_share * missed;
+    s->rate = within(rate + p->rate_share * missed / every, ANY_CHANGE / p->sensor_period);
+    const real mark = seen->restarted ? s->level + width : s->mark;
+    const real rise = larger(s->level - mark, 0);
+    s->mark = smaller(larger(mark, s->level), s->level + width);
+    *fast = s->rate > still ? SQRT((s->rate - still) * (s->rate + still)) : 0;
+    return seen->detecting ? rise : 0;
+}
+
+void pretouch_drag(const pretouch_drag_numbers *p, pretouch_drag_state *s, const pretouch_observation *seen,
+                   const pretouch_drive_state *driven, pretouch_push *push) {
+    const real x = driven->motion.position, v = driven->motion.velocity, ahead = p->period / 2;
+    real fast = 0;
+    const real rise = seen->usable ? advance_rise(p, s, seen, &fast) : 0;
+    const real own = v > 0 ? larger(p->own_advance * rise, -p->mass * v) : 0; /* never beyond rest */
+    const real left = rise > 0 ? p->hold : s->hold;
+    const int approaching = seen->detecting && left > 0;
+    /* the admittance's pull in the middle of the period, held off while the plant gives way: else the drag is no share */
+    const real pull = p->stiffness * (x + ahead * v) + p->damping * (v + ahead * driven->delivery.steady / p->mass);
+    const real held = v <= 0 ? smaller(pull, 0) : 0;
+    s->hold = approaching ? larger(left - p->period, 0) : 0;
+    push->impulse = own - p->drag * fast * rise;
+    push->force = approaching ? held + p->mass * p->known_acceleration : 0;
 }
 
 /* ---- delivery: an impulse as a constant force over one sensor period ---- */
@@ -305,4 +347,20 @@ void pretouch_step(const pretouch_parameters *p, pretouch_state *s, const pretou
 
 void pretouch_step_damper(const void *parameters, void *state, const pretouch_sample *sample, pretouch_output *out) {
     pretouch_step(parameters, state, sample, out);
+}
+
+void pretouch_start_drag(const pretouch_parameters_drag *p, real position, real velocity, pretouch_state_drag *s) {
+    pretouch_start_sensing(&p->sensing, &s->sensing);
+    pretouch_start_drive(position, velocity, &s->drive);
+    s->law = (pretouch_drag_state){0, 0, 0, 0};
+}
+
+void pretouch_step_drag(const void *parameters, void *state, const pretouch_sample *sample, pretouch_output *out) {
+    const pretouch_parameters_drag *p = parameters;
+    pretouch_state_drag *s = state;
+    pretouch_observation seen;
+    pretouch_push push;
+    pretouch_observe(&p->sensing, &s->sensing, sample, &seen);
+    pretouch_drag(&p->law, &s->law, &seen, &s->drive, &push);
+    pretouch_drive(&p->drive, &s->drive, &seen, &push, sample, out);
 }

@@ -9,6 +9,8 @@
  *     valid? offset, floor,         L(2): impulse                  delivery, L(1), limits
  *     median, low-pass, logarithm
  *
+ * pretouch_drag stands in the place of pretouch_damp where the law is the virtual drag.
+ *
  * Quantities are SI, xi in the unit of the readings, signs as in the letter: x points away from the sensor, a gain that
  * mitigates is negative. Numbers are double, or float where PRETOUCH_FLOAT is defined. Parameters are made by
  * pretouch.control.Controller, which designs the filter, discretizes the admittance and checks them: nothing is checked
@@ -117,6 +119,8 @@ typedef struct {
 typedef struct {
     pretouch_real change;    /* of ln xi since the usable reading before; 0 where there is none */
     pretouch_real log_level; /* ln(xi / floor) >= 0, after the filters */
+    pretouch_real level;     /* xi itself, after the filters, at least the floor */
+    pretouch_real elapsed;   /* time in which ln xi changed by `change` [s]: between the two readings; 0 where none */
     int32_t usable;          /* a reading came that can be used */
     int32_t restarted;       /* it is the first one, or the first one after the sensor was lost */
     int32_t detecting;       /* xi is above the floor, and the sensor is not lost */
@@ -138,6 +142,30 @@ typedef struct {
     pretouch_real ramp; /* share of the gain in force, 0 to 1 */
     pretouch_real mark; /* what ln xi has to exceed, for approaches alone */
 } pretouch_damper_state;
+
+/* ---- the virtual drag: F = -phi |s'| s' for s = ln xi, against approaches alone ---- */
+
+typedef struct {
+    pretouch_real drag;                 /* phi [N s^2] */
+    pretouch_real variance;             /* of the part of a reading's noise that does not grow with xi [its unit^2] */
+    pretouch_real relative_variance;    /* of the part that does */
+    pretouch_real level_share;          /* of what a reading misses the expected ln xi by, that goes to its level */
+    pretouch_real rate_share;           /* and to its rate */
+    pretouch_real width;                /* of the dead zone of ln xi, of the deviation of a reading's ln xi */
+    pretouch_real still;                /* rate that counts as none, of the same [1/s] */
+    pretouch_real sensor_period;        /* nominal time between two readings [s] */
+    pretouch_real hold;                 /* how long an approach lasts after ln xi rose last [s] */
+    pretouch_real own_advance;          /* D_b <= 0: gain against the robot's own advance [N s] */
+    pretouch_real known_acceleration;   /* of the object [m/s^2] */
+    pretouch_real period;               /* T of the loop [s] */
+    pretouch_real mass, damping, stiffness; /* of the admittance */
+} pretouch_drag_numbers;
+
+typedef struct {
+    pretouch_real level, rate; /* of ln(xi / floor), smoothed: without lag behind a steady approach [1, 1/s] */
+    pretouch_real mark;        /* what the level has to exceed */
+    pretouch_real hold;        /* how long the approach lasts yet [s] */
+} pretouch_drag_state;
 
 /* What a law gives: an impulse for a new reading [N s], delivered over one sensor period, and a force now [N]. */
 typedef struct {
@@ -198,9 +226,24 @@ typedef struct {
     pretouch_damper_state law;
 } pretouch_state;
 
+/* The same with the virtual drag. */
+typedef struct {
+    pretouch_sensing_numbers sensing;
+    pretouch_drive_numbers drive;
+    pretouch_drag_numbers law;
+} pretouch_parameters_drag;
+
+typedef struct {
+    pretouch_sensing_state sensing;
+    pretouch_drive_state drive;
+    pretouch_drag_state law;
+} pretouch_state_drag;
+
 /* The state before the first step: nothing detected, no force; x~ [m] and x~' [m/s] of the plant. */
 PRETOUCH_API void pretouch_start(const pretouch_parameters *p, pretouch_real position, pretouch_real velocity,
                                  pretouch_state *s);
+PRETOUCH_API void pretouch_start_drag(const pretouch_parameters_drag *p, pretouch_real position,
+                                      pretouch_real velocity, pretouch_state_drag *s);
 
 /* One period. */
 PRETOUCH_API void pretouch_step(const pretouch_parameters *p, pretouch_state *s, const pretouch_sample *sample,
@@ -213,15 +256,20 @@ PRETOUCH_API void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_s
                                    const pretouch_sample *sample, pretouch_observation *seen);
 PRETOUCH_API void pretouch_damp(const pretouch_damper_numbers *p, pretouch_damper_state *s,
                                 const pretouch_observation *seen, pretouch_push *push);
+PRETOUCH_API void pretouch_drag(const pretouch_drag_numbers *p, pretouch_drag_state *s,
+                                const pretouch_observation *seen, const pretouch_drive_state *driven,
+                                pretouch_push *push);
 PRETOUCH_API void pretouch_drive(const pretouch_drive_numbers *p, pretouch_drive_state *s,
                                  const pretouch_observation *seen, const pretouch_push *push,
                                  const pretouch_sample *sample, pretouch_output *out);
 
-/* How any law is called that knows its parameters and its state, and pretouch_step in that form. */
+/* How any law is called that knows its parameters and its state; pretouch_step, and the drag's step, in that form. */
 typedef void pretouch_law_step(const void *parameters, void *state, const pretouch_sample *sample,
                                pretouch_output *out);
 PRETOUCH_API void pretouch_step_damper(const void *parameters, void *state, const pretouch_sample *sample,
                                        pretouch_output *out);
+PRETOUCH_API void pretouch_step_drag(const void *parameters, void *state, const pretouch_sample *sample,
+                                     pretouch_output *out);
 
 #ifdef __cplusplus
 }

@@ -72,14 +72,14 @@ class Shared:
     def _letters(self) -> VirtualDamper:
         return VirtualDamper(gain=self.share * self.gain)
 
-    def numbers(self, period: float) -> Any:
-        return self._letters().numbers(period)
+    def numbers(self, controller: Any) -> Any:
+        return self._letters().numbers(controller)
 
     def start(self) -> Any:
         return self._letters().start()
 
-    def with_gain(self, gain: float) -> Shared:
-        return replace(self, gain=gain)
+    def with_value(self, value: float) -> Shared:
+        return replace(self, gain=value)
 
 
 OURS = (

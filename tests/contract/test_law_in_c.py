@@ -12,7 +12,7 @@ import pytest
 
 from control_samples import LETTER_FILTERS, LIMITS, controller
 from native_code import NATIVE, compile_c, fields_of, offsets
-from pretouch.control import structures
+from pretouch.control import VirtualDrag, structures
 
 SOURCE = (NATIVE / "law/pretouch_law.c").read_text()
 NAMES = {
@@ -25,6 +25,8 @@ NAMES = {
     "drive_state": structures.DriveState,
     "parameters": structures.ControllerNumbers,
     "state": structures.ControllerState,
+    "drag_numbers": structures.DragNumbers,
+    "drag_state": structures.DragState,
 }
 
 
@@ -78,6 +80,34 @@ def test_single_precision_gives_the_same_motion(changed: dict[str, Any], tmp_pat
         found.append([(getattr(o, name)) for o in (out, exact) for name in ("position", "velocity", "log_level")])
     rows = np.array(found)
     assert (np.abs(rows[:, :3] - rows[:, 3:]).max(axis=0) <= 1e-4 * np.abs(rows[:, 3:]).max(axis=0)).all()
+
+
+def test_the_drag_in_single_precision(tmp_path: Path) -> None:
+    """The same motion to 1e-3, 2^-24 of ln xi = 8 over a rise of 6e-3 a few times; and finite, whatever is read."""
+    library = compile_c(tmp_path, SOURCE, "-DPRETOUCH_FLOAT")
+    made = controller(law=VirtualDrag(drag=0.0144, noise=1e-5, own_advance=-0.7), limits=LIMITS)
+    numbers, start = made.parameters(), made.start()
+    parameters, state, sample, out = (
+        single(type(k))() for k in (numbers, start, structures.RawSample(), structures.RawOutput())
+    )
+    fill(parameters, numbers)
+    zero = ctypes.c_float(0.0)
+    library.pretouch_start_drag(ctypes.byref(parameters), zero, zero, ctypes.byref(state))
+    run, found = made.begin(), []
+    for reading in 0.1 * np.exp(6.0 * made.period * np.arange(400)):
+        sample.reading, sample.fresh = reading, 1
+        library.pretouch_step_drag(*map(ctypes.byref, (parameters, state, sample, out)))
+        exact = run.step(np.float32(reading))
+        found.append([(getattr(o, name)) for o in (out, exact) for name in ("position", "velocity", "log_level")])
+    rows = np.array(found)
+    assert (np.abs(rows[:, :3] - rows[:, 3:]).max(axis=0) <= 1e-3 * np.abs(rows[:, 3:]).max(axis=0)).all()
+    rng = np.random.default_rng(8)
+    for reading in rng.integers(0, 2**32, 100_000, dtype=np.uint32).view(np.float32):
+        sample.reading, sample.fresh = float(reading), rng.random() < 0.9
+        library.pretouch_step_drag(*map(ctypes.byref, (parameters, state, sample, out)))
+        assert abs(out.position) <= 0.1 * (1 + 1e-6)
+        assert abs(out.velocity) <= 0.5 * (1 + 1e-6)
+        assert abs(out.virtual_force) <= 20.0
 
 
 def test_the_law_allocates_nothing_and_takes_little_of_libm() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -25,7 +26,7 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
         (lambda: verdict(QUICK, gain=float("nan")), "gain: found nan"),
         (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), "bounds: found [-0.1, -1] N*s"),
         (lambda: verdict(replace(QUICK, seed=-1), runs=1), "seed: found -1"),
-        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without with_gain"),
+        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without with_value"),
         (lambda: verdict(QUICK.law), "loop: found Controller, expected a ClosedLoop"),
         (
             lambda: verdict(replace(QUICK, horizon=0.1)),
@@ -56,3 +57,13 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
 def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], message: str) -> None:
     with pytest.raises(pt.errors.InvalidInputError, match=re.escape(message)):
         make()
+
+
+@pytest.mark.parametrize("verb", [pt.verify_gain, pt.simulate_encounter])
+def test_a_drag_is_not_compared_with_a_damper(verb: Callable[[pt.Task], Any]) -> None:
+    drag = replace(QUICK.law, law=pt.control.VirtualDrag(drag=0.0144, noise=1e-3))
+    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, gain=-0.7, loop=replace(QUICK, law=drag), runs=2)
+    with pytest.raises(pt.errors.InvalidInputError, match=r"^loop: found a VirtualDrag, .* run it by simulate$"):
+        verb(task)
+    with pytest.raises(pt.errors.InvalidInputError, match=r"^stability: found a VirtualDrag"):
+        task.loop.stability_limit(SCENARIO, SENSOR)

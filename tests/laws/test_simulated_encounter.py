@@ -227,8 +227,8 @@ class LoudLaw(BareLaw):
     def step(self) -> Any:
         return loud_step
 
-    def with_gain(self, gain: float) -> LoudLaw:
-        return dataclasses.replace(self, gain=gain)
+    def with_value(self, value: float) -> LoudLaw:
+        return dataclasses.replace(self, gain=value)
 
 
 def test_any_law_can_be_looked_at() -> None:

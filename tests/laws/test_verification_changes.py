@@ -24,8 +24,8 @@ SLOW = loop_of(rate=100.0, delay=0.02, relative_noise=2e-3, random_phase=True)
 class TunedLaw(BareLaw):
     """The smallest law, with a gain that can be set."""
 
-    def with_gain(self, gain: float) -> TunedLaw:
-        return replace(self, gain=gain)
+    def with_value(self, value: float) -> TunedLaw:
+        return replace(self, gain=value)
 
 
 def objective_of(loop: ClosedLoop, gain: float, runs: int) -> np.ndarray:

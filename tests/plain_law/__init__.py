@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from pretouch.control import Output, Sample
 
 from .damping import DamperState, damp
+from .dragging import DragState, drag
 from .driving import DriveState, drive, start_drive
 from .sensing import SensingState, observe, start_sensing
 
@@ -21,7 +22,7 @@ __all__ = ["State", "plain", "start", "step"]
 
 class State(NamedTuple):
     sensing: SensingState
-    law: DamperState
+    law: DamperState | DragState
     drive: DriveState
 
 
@@ -35,12 +36,16 @@ def plain(numbers: Any) -> Any:
 
 
 def start(parameters: Any, position: float = 0.0, velocity: float = 0.0) -> State:
-    return State(start_sensing(parameters.sensing), DamperState(0.0, 0.0), start_drive(position, velocity))
+    law = DragState(0.0, 0.0, 0.0, 0.0) if hasattr(parameters.law, "drag") else DamperState(0.0, 0.0)
+    return State(start_sensing(parameters.sensing), law, start_drive(position, velocity))
 
 
 def step(parameters: Any, state: State, sample: Sample) -> tuple[State, Output]:
-    """Run one period of the controller of the letter's Fig. 1: L(2), then L(1)."""
+    """Run one period of the controller of the letter's Fig. 1: L(2), or the drag in its place, then L(1)."""
     sensing, seen = observe(parameters.sensing, state.sensing, sample)
-    law, push = damp(parameters.law, state.law, seen)
+    if isinstance(state.law, DragState):
+        law, push = drag(parameters.law, state.law, seen, state.drive)
+    else:
+        law, push = damp(parameters.law, state.law, seen)
     driven, output = drive(parameters.drive, state.drive, seen, push, sample)
     return State(sensing, law, driven), output

@@ -31,6 +31,8 @@ class SensingState(NamedTuple):
 class Observation(NamedTuple):
     change: float
     log_level: float
+    level: float
+    elapsed: float
     usable: bool
     restarted: bool
     detecting: bool
@@ -75,10 +77,11 @@ def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Obse
         filtered = max(filtered, n.floor)  # the low-pass may undershoot
         log_level = math.log(filtered / n.floor)
         change = 0.0 if restarted else math.log(filtered / s.filtered)
+        elapsed = 0.0 if restarted else measured - sample.age
         detecting = log_level > 0.0
         used = SensingState(True, 0.0, sample.age, level, filtered, log_level, median, low_pass)
         status = DETECTING if detecting else 0
-        return used, Observation(change, log_level, True, restarted, detecting, False, False, status)
+        return used, Observation(change, log_level, filtered, elapsed, True, restarted, detecting, False, False, status)
     lost = quiet > n.timeout * (1 + SAME_INSTANT)
     stale = quiet > n.sensor_period * (1 - SAME_INSTANT)
     log_level = 0.0 if lost else s.log_level
@@ -86,7 +89,7 @@ def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Obse
     status = (DETECTING if detecting else 0) + (STALE if stale else 0) + (LOST if lost else 0) + fault
     quiet, measured = min(quiet, 2 * n.timeout), min(measured, 3 * n.timeout)  # from there on, longer is no news
     waiting = s._replace(running=s.running and not lost, quiet=quiet, measured=measured, log_level=log_level)
-    return waiting, Observation(0.0, log_level, False, False, detecting, stale, lost, status)
+    return waiting, Observation(0.0, log_level, s.filtered, 0.0, False, False, detecting, stale, lost, status)
 
 
 def _fault(n: Any, s: SensingState, sample: Sample, level: float, measured: float) -> int:

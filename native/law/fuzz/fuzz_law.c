@@ -3,7 +3,8 @@
  *     clang -g -O1 -fsanitize=fuzzer,address,undefined -I native/law native/law/fuzz/fuzz_law.c native/law/pretouch_law.c -lm
  *     ./a.out -max_total_time=600
  *
- * The first byte chooses the parameters, each 49 bytes that follow are one sample. */
+ * The first byte chooses the controller, the second the numbers of its drag; each 49 bytes that follow are one sample,
+ * which both laws are given. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -44,26 +45,55 @@ static void hold(int promise) {
     if (!promise) abort();
 }
 
+/* The same controller with the virtual drag: for a sensor with noise or without, from gentle to as strong as can be. */
+static pretouch_parameters_drag drag_of(const pretouch_parameters *p, uint8_t choice) {
+    const double period = p->sensing.period, noise = choice & 1 ? 1e-3 : 0.0;
+    const pretouch_drag_numbers law = {.drag = choice & 2 ? 1e6 : 0.0144,
+                                       .variance = noise * noise,
+                                       .relative_variance = choice & 4 ? 1e-5 : 0.0,
+                                       .level_share = choice & 8 ? 1.0 : 0.68,
+                                       .rate_share = choice & 8 ? 1.0 : 0.19,
+                                       .width = 7.4,
+                                       .still = 0.62 / p->sensing.sensor_period,
+                                       .sensor_period = p->sensing.sensor_period,
+                                       .hold = 0.02,
+                                       .own_advance = choice & 16 ? -0.7 : 0.0,
+                                       .known_acceleration = choice & 32 ? -9.8 : 0.0,
+                                       .period = period,
+                                       .mass = 1.0};
+    return (pretouch_parameters_drag){p->sensing, p->drive, law};
+}
+
+/* One step; what it gives and the motion it leaves keep what is promised. */
+static void check(pretouch_law_step *step, const void *parameters, void *state, const pretouch_drive_state *driven,
+                  const pretouch_motion_limits *limits, double largest_force, const pretouch_sample *sample) {
+    const double before = driven->motion.velocity;
+    pretouch_output out;
+    step(parameters, state, sample, &out);
+    hold(isfinite(out.position) && isfinite(out.velocity) && isfinite(out.acceleration));
+    hold(isfinite(out.log_level) && out.log_level >= 0);
+    hold(fabs(out.virtual_force) <= largest_force);
+    hold(fabs(driven->motion.position) <= limits->excursion * (1 + 1e-12));
+    hold(fabs(driven->motion.velocity) <= limits->speed * (1 + 1e-12));
+    hold(fabs(driven->motion.velocity - before) <= limits->acceleration * limits->period * (1 + 1e-9));
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    if (size < 1) return 0;
+    if (size < 2) return 0;
     const pretouch_parameters p = parameters_of(data[0]);
-    const pretouch_motion_limits limits = p.drive.limits;
-    pretouch_state state;
-    pretouch_start(&p, 0, 0, &state);
-    for (size_t at = 1; at + 49 <= size; at += 49) {
+    const pretouch_parameters_drag q = drag_of(&p, data[1]);
+    pretouch_state damper;
+    pretouch_state_drag drag;
+    pretouch_start(&p, 0, 0, &damper);
+    pretouch_start_drag(&q, 0, 0, &drag);
+    for (size_t at = 2; at + 49 <= size; at += 49) {
         double numbers[6];
         memcpy(numbers, data + at, sizeof numbers);
         const pretouch_sample sample = {numbers[0], numbers[1], numbers[2], numbers[3],
                                         numbers[4], numbers[5], data[at + 48] & 1};
-        const double before = state.drive.motion.velocity;
-        pretouch_output out;
-        pretouch_step(&p, &state, &sample, &out);
-        hold(isfinite(out.position) && isfinite(out.velocity) && isfinite(out.acceleration));
-        hold(isfinite(out.log_level) && out.log_level >= 0);
-        hold(fabs(out.virtual_force) <= p.drive.largest_force);
-        hold(fabs(state.drive.motion.position) <= limits.excursion * (1 + 1e-12));
-        hold(fabs(state.drive.motion.velocity) <= limits.speed * (1 + 1e-12));
-        hold(fabs(state.drive.motion.velocity - before) <= limits.acceleration * limits.period * (1 + 1e-9));
+        check(pretouch_step_damper, &p, &damper, &damper.drive, &p.drive.limits, p.drive.largest_force, &sample);
+        check(pretouch_step_drag, &q, &drag, &drag.drive, &p.drive.limits, p.drive.largest_force, &sample);
+        hold(isfinite(drag.law.level) && isfinite(drag.law.rate) && isfinite(drag.law.mark));
     }
     return 0;
 }

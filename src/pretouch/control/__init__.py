@@ -5,6 +5,7 @@ It knows no sensor model and no motion model, and imports nothing but `_core`: w
 
 from .components import Conditioning, Limits, VirtualAdmittance
 from .controller import Controller, Run
+from .drag import VirtualDrag
 from .laws import CompiledStep, VirtualDamper
 from .structures import Observation, Output, Sample, Status
 
@@ -20,4 +21,5 @@ __all__ = [
     "Status",
     "VirtualAdmittance",
     "VirtualDamper",
+    "VirtualDrag",
 ]

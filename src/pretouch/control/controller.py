@@ -25,7 +25,7 @@ from .components import (
     output_in_words,
     stopping_distance,
 )
-from .laws import PROTOTYPE, CompiledStep, Law, VirtualDamper, as_step, start_drive, start_sensing
+from .laws import PROTOTYPE, CompiledStep, Law, as_step, start_drive, start_sensing
 from .structures import (
     ControllerNumbers,
     ControllerState,
@@ -93,6 +93,11 @@ class Controller:
         if self.contact_gain > 1:
             raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a share from 0 to 1")
         self.conditioning.numbers(self.period)  # its checks against the period
+        if _takes_a_period(type(self.law)):
+            raise InvalidInputError(
+                f"law: found {type(self.law).__name__}.numbers(period), which is numbers(controller) now; "
+                "controller.period is what it was told before"
+            )
 
     @property
     def step(self) -> Callable[..., Any]:
@@ -125,7 +130,7 @@ class Controller:
             admittance=discretize(self.admittance, self.period),
             limits=self._motion_limits(),
         )
-        return _joined(ControllerNumbers, sensing, drive, self.law.numbers(self.period))
+        return _joined(ControllerNumbers, sensing, drive, self.law.numbers(self))
 
     def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
         """Return the state before the first step, nothing detected and no force; arguments as in `begin`."""
@@ -142,15 +147,22 @@ class Controller:
         return _joined(ControllerState, sensing, start_drive(x, v), self.law.start())
 
     def with_gain(self, gain: float) -> Controller:
-        """Return the same controller with another gain D_p [N s]."""
-        return replace(self, law=self.law.with_gain(gain))
+        """Return the same controller with another gain D_p [N s], of a law that is a damper."""
+        law: Any = self.law
+        if not hasattr(law, "with_gain"):
+            raise InvalidInputError(f"gain: found a law ({type(law).__name__}) that has none; use with_value")
+        return replace(self, law=law.with_gain(gain))
+
+    def with_value(self, value: float) -> Controller:
+        """Return the same controller with another value of its law's one number: of a damper D_p [N s]."""
+        return replace(self, law=self.law.with_value(value))
 
     def rows(self) -> Iterator[Row]:
         """Yield what a page says of the controller: its parameters, those of its law that it tells itself."""
         yield "law", type(self.law).__name__
         yield "period", Measured(self.period, "s")
-        if isinstance(self.law, VirtualDamper):
-            yield from self.law.rows()
+        own = getattr(self.law, "rows", None)
+        yield from own() if own is not None else ()
         yield from self._conditioning_rows()
         a = self.admittance
         yield "virtual mass M_a", Measured(a.mass, "kg")
@@ -202,6 +214,12 @@ def _joined(known: type[Structure], sensing: Structure, drive: Structure, law: A
 def _with_law(known: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
     fields = [(name, law if name == "law" else kind) for name, kind in known._fields_]
     return type(known.__name__, (Structure,), {"_fields_": fields})
+
+
+@cache
+def _takes_a_period(law: type) -> bool:
+    code = getattr(getattr(law, "numbers", None), "__code__", None)
+    return code is not None and code.co_varnames[: code.co_argcount][1:2] == ("period",)
 
 
 def _limit(value: float | None) -> float:

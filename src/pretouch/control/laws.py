@@ -13,6 +13,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.native import DOUBLE, POINTER, copy_of, entry, kernel, location, machine_code
 from pretouch._core.values import ONE_ROBOT, check_declared, flag, quantity
 
+from .components import Conditioning, VirtualAdmittance
 from .structures import (
     DamperNumbers,
     DamperState,
@@ -37,6 +38,22 @@ _observe: Final = kernel("observe", POINTER, POINTER, POINTER, POINTER)
 _drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POINTER)
 
 
+class Setting(Protocol):
+    """What a law's numbers may depend on: the `Controller` that it stands in, without its law."""
+
+    @property
+    def period(self) -> float:
+        """T of the loop [s]."""
+
+    @property
+    def conditioning(self) -> Conditioning:
+        """From raw readings to ln xi."""
+
+    @property
+    def admittance(self) -> VirtualAdmittance:
+        """The virtual dynamics of L(1)."""
+
+
 class Law(Protocol):
     """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
 
@@ -48,14 +65,14 @@ class Law(Protocol):
     def step(self) -> Any:
         """The whole step of the controller with this law, of Python or compiled."""
 
-    def numbers(self, period: float) -> Any:
-        """Return the law's parameters for the loop's period [s]; a ctypes structure where the step is compiled."""
+    def numbers(self, controller: Setting) -> Any:
+        """Return the law's parameters in a controller; a ctypes structure where the step is compiled."""
 
     def start(self) -> Any:
         """Return the law's state before the first reading; a ctypes structure where the step is compiled."""
 
-    def with_gain(self, gain: float) -> Law:
-        """Return the same law with another gain [N s]."""
+    def with_value(self, value: float) -> Law:
+        """Return the same law with another value of the one number that a design chooses, such as its gain [N s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +163,8 @@ class VirtualDamper:
         ramp_time: time [s] in which the gain rises from 0 once an object is detected, and falls when it is gone.
 
     Examples:
-        >>> VirtualDamper(gain=-0.7).numbers(1e-4)
-        DamperNumbers(gain=-0.7, release=0.0, ramp_step=1.0, approach_only=0)
+        >>> VirtualDamper(gain=-0.7).with_value(-0.5)
+        VirtualDamper(gain=-0.5, approach_only=False, release=0.0, ramp_time=0.0)
     """
 
     gain: float = quantity("N*s", example='"-0.7 N*s"')
@@ -165,9 +182,9 @@ class VirtualDamper:
         """The controller's step with this law: `pretouch_step` of native/law/pretouch_law.c."""
         return _STEP
 
-    def numbers(self, period: float) -> DamperNumbers:
-        """Return the parameters as plain numbers, for the loop's period [s]."""
-        ramp_step = min(period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
+    def numbers(self, controller: Setting) -> DamperNumbers:
+        """Return the parameters as plain numbers, for the controller's period."""
+        ramp_step = min(controller.period / self.ramp_time, 1.0) if self.ramp_time > 0 else 1.0
         return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
@@ -180,6 +197,10 @@ class VirtualDamper:
     def with_gain(self, gain: float) -> VirtualDamper:
         """Return the same law with another gain [N s]."""
         return replace(self, gain=gain)
+
+    def with_value(self, value: float) -> VirtualDamper:
+        """Return the same law with another gain [N s]: that is the number that a design chooses."""
+        return self.with_gain(value)
 
     def start(self) -> DamperState:
         """Return the law's state before the first reading."""

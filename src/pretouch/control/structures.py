@@ -143,6 +143,8 @@ class Observation(Structure):
     Args:
         change: change of ln xi since the usable reading before; 0 where there is none.
         log_level: ln(xi / floor) >= 0, after the filters.
+        level: xi itself, after the filters, at least the floor.
+        elapsed: time in which ln xi changed so [s], between the two readings; 0 where there is no change.
         usable: a reading came that can be used.
         restarted: it is the first one, or the first one after the sensor was lost.
         detecting: xi is above the floor and the sensor is not lost.
@@ -152,7 +154,7 @@ class Observation(Structure):
     """
 
     _fields_ = (
-        *numbers("change", "log_level"),
+        *numbers("change", "log_level", "level", "elapsed"),
         *_integers("usable", "restarted", "detecting", "stale", "lost", "status"),
     )
 
@@ -167,6 +169,22 @@ class DamperState(Structure):
     """Share of the gain in force, 0 to 1, and the mark that ln xi has to exceed where only approaches are damped."""
 
     _fields_ = numbers("ramp", "mark")
+
+
+class DragNumbers(Structure):
+    """What the virtual drag needs to know: see `VirtualDrag`, and native/law/pretouch_law.h for each."""
+
+    _fields_ = (
+        *numbers("drag", "variance", "relative_variance", "level_share", "rate_share", "width", "still"),
+        *numbers("sensor_period", "hold", "own_advance", "known_acceleration", "period"),
+        *numbers("mass", "damping", "stiffness"),
+    )
+
+
+class DragState(Structure):
+    """Level and rate of ln xi, smoothed, the mark that the level has to exceed, and how long an approach lasts yet."""
+
+    _fields_ = numbers("level", "rate", "mark", "hold")
 
 
 class Push(Structure):

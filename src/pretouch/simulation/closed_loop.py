@@ -14,7 +14,7 @@ from pretouch._core.blocks import Cell, Chapter, Measured, Rows, cell_as_text
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, finite
 from pretouch._core.values import Value
-from pretouch.control import Controller
+from pretouch.control import Controller, VirtualDrag
 from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 
@@ -37,7 +37,7 @@ class ClosedLoop:
     `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` is what `simulate` returns.
 
     Args:
-        law: the controller; its gain is replaced by whichever is tried.
+        law: the controller; its gain is replaced by whichever is tried: of another law than the damper its one number.
         chain: what lies between xi and the law's readings.
         plant: the robot; ideal by default.
         contact: the contact force, for a plant with a mass.
@@ -151,6 +151,10 @@ class ClosedLoop:
             raise InvalidInputError(
                 f"stability: found a law ({type(law).__name__}) that is no Controller, whose timing is not known"
             )
+        if isinstance(law.law, VirtualDrag):
+            raise InvalidInputError(
+                "stability: found a VirtualDrag, whose damping grows with the speed: it has no gain"
+            )
         return gain_limit(
             sensor,
             scenario.admittance,
@@ -217,7 +221,7 @@ class ClosedLoop:
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
         """Return a law for every gain that there is, and which of them each has."""
         every, law_of = np.unique(gains, return_inverse=True)
-        return tuple(self.law.with_gain(float(g)) for g in every), law_of.reshape(gains.shape)
+        return tuple(self.law.with_value(float(g)) for g in every), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
         """Refuse an encounter that speaks of another admittance than the law has, as far as the law tells its own."""

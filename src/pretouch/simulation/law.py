@@ -37,7 +37,7 @@ class SampledLaw(Protocol):
 
 @runtime_checkable
 class TunableLaw(SampledLaw, Protocol):
-    """A law with one gain to be chosen: `pretouch.control.Controller` is one."""
+    """A law with one number to be chosen: `pretouch.control.Controller` is one."""
 
-    def with_gain(self, gain: float) -> SampledLaw:
-        """Return the same law with another gain [N s]."""
+    def with_value(self, value: float) -> SampledLaw:
+        """Return the same law with another value of that number, such as the gain of a damper [N s]."""

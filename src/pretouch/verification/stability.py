@@ -12,7 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.control import Controller
+from pretouch.control import Controller, VirtualDrag
 from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
 from pretouch.simulation import (
@@ -124,9 +124,9 @@ class StabilityCheck(Value):
 
 def acts_as_damper(loop: ClosedLoop) -> bool:
     """Return whether the impulse of a law is its gain times the change of ln xi, on which the stability limit rests."""
-    law = loop.law.with_gain(-1e-3)
-    if not isinstance(law, Controller):  # of which nothing is known
-        return False
+    if not isinstance(loop.law, Controller) or isinstance(loop.law.law, VirtualDrag):
+        return False  # nothing is known of the one, the other's impulse grows with the rate
+    law = loop.law.with_value(-1e-3)
     # it is tried out: a reading that stands still, rises by a thousandth and stands still again tells the whole impulse
     c = law.conditioning
     highest = 16 * c.floor if c.saturation is None else c.saturation - c.offset

@@ -49,7 +49,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         The verdict. That a gain does not hold, or that there is none, is its status, not an error.
 
     Examples:
-        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
+        >>> from pretouch.control import VirtualDrag, Conditioning, Controller, VirtualAdmittance, VirtualDamper
         >>> from pretouch.design import Constraint, Task, excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower
@@ -128,7 +128,7 @@ def _checked(task: Task) -> Task:
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: found a law ({type(law).__name__}) without with_gain, which gives it another gain"
+            f"loop: found a law ({type(law).__name__}) without with_value, which gives it another gain"
         )
     if type(task.runs) is not int or task.runs < 1:
         raise InvalidInputError(f"runs: found {task.runs!r}, expected a positive whole number")
@@ -146,6 +146,11 @@ def _loop_of(task: Task) -> ClosedLoop:
         raise InvalidInputError(_NO_LOOP)
     if not isinstance(task.loop, ClosedLoop):
         raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
+    law = getattr(task.loop.law, "law", None)
+    if isinstance(law, VirtualDrag):
+        raise InvalidInputError(
+            "loop: found a VirtualDrag, whose number is no gain D_p that could be compared with L(2); run it by simulate"
+        )
     return task.loop
 
 

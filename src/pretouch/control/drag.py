@@ -1,0 +1,141 @@
+"""The virtual drag: a law of one number that leaves every approach the same share of its speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from pretouch._core.blocks import Cell, Measured
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.values import ONE_ROBOT, OUTPUT, check_declared, quantity
+
+from .components import output_in_words
+from .laws import CompiledStep, Setting
+from .structures import DragNumbers, DragState
+
+_HOLD = 0.02
+_HOLD_READINGS = 2
+_LARGEST = 1e6
+_LARGEST_NOISE = 1e12  # as a reading
+
+_STEP = CompiledStep("step_drag")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualDrag:
+    """Virtual force F = -phi |s'| s' of s = ln xi, against approaches alone, as impulses.
+
+    While it acts the admittance's own pull is held off, so that d ln|l'|/dl = phi g^2/M: between detection and contact
+    an object at constant speed loses the same share of it, whatever that speed is. Impulses are phi times the smoothed
+    rate of s times its rise beyond a dead zone that is as wide as noise reaches, so at rest the robot stands still.
+
+    Args:
+        drag: phi [N s^2].
+        noise: standard deviation of a reading at xi = 0 [unit of xi]. Twice too much costs some speed at contact, half
+            of it may let the robot creep.
+        relative_noise: standard deviation of a reading in proportion to xi.
+        resolution: step of the readings [unit of xi].
+        smoothing_time: time constant of the smoothed level and rate [s]. It lags behind changes of speed: at most an
+            eighth of the distance of detection over the largest speed, 7 ms for 42 mm at 0.75 m/s.
+        dead_zone: width of the dead zone of s in standard deviations of the smoothed level. White noise rises by 8.8 of
+            them within a minute once in a hundred times, by 10.4 within an hour.
+        still_rate: rate of s that counts as none, in its standard deviations. Smaller ones keep the share at low speed,
+            larger ones the way that the robot gives.
+        hold_time: how long an approach lasts after s rose last [s]; None: 20 ms, or two sensor periods if longer.
+        own_advance: D_b <= 0 [N s], the gain of a virtual damper against the robot's own advance; it brakes to rest and
+            not beyond. 0: none.
+        known_acceleration: of the object during an approach [m/s^2], such as gravity; M_a times it is fed forward.
+
+    Valid for:
+        noise that is independent from reading to reading; median and low-pass of the conditioning only lower it.
+
+    Examples:
+        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance
+        >>> run = Controller(
+        ...     period=1e-3,
+        ...     conditioning=Conditioning(floor=100.0),
+        ...     law=VirtualDrag(drag=0.0144, noise=0.0, smoothing_time=2e-3),
+        ...     admittance=VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ... ).begin()
+        >>> for k in range(20):  # an approach of s' = 10/s
+        ...     force = run.step(2000.0 * 1.01005**k).virtual_force
+        >>> round(force, 1)  # -0.0144 N s^2 x (10/s)^2, and 0.3 N against the pull that is held off
+        -1.7
+    """
+
+    drag: float = quantity("N*s^2", sign="nonnegative", example='"0.0144 N*s^2"')
+    noise: float = quantity(OUTPUT, sign="nonnegative", example="20.0")
+    relative_noise: float = quantity("", 0.0, sign="nonnegative")
+    resolution: float = quantity(OUTPUT, 0.0, sign="nonnegative")
+    smoothing_time: float = quantity("s", 7e-3, sign="nonnegative")
+    dead_zone: float = quantity("", 10.0, sign="nonnegative")
+    still_rate: float = quantity("", 3.0, sign="nonnegative")
+    hold_time: float | None = quantity("s", None, sign="nonnegative")
+    own_advance: float = quantity("N*s", 0.0)
+    known_acceleration: float = quantity("m/s^2", 0.0)
+
+    def __post_init__(self) -> None:
+        check_declared(self, instead=ONE_ROBOT)
+        if self.own_advance > 0:
+            raise InvalidInputError(f"own_advance: found {self.own_advance:g} N*s, expected 0 or less: it brakes")
+        largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
+        largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)
+        for name, most in largest.items():
+            if not abs(getattr(self, name)) <= most:
+                raise InvalidInputError(f"{name}: found {getattr(self, name):g}, which must be within {most:g}")
+
+    @property
+    def step(self) -> CompiledStep:
+        """The controller's step with this law: `pretouch_step_drag` of native/law/pretouch_law.c."""
+        return _STEP
+
+    def numbers(self, controller: Setting) -> DragNumbers:
+        """Return the parameters as plain numbers, with the admittance and the sensor's period of a controller."""
+        c, a = controller.conditioning, controller.admittance
+        sensor_period = controller.period if c.sensor_period is None else c.sensor_period
+        share = 1.0 if self.smoothing_time == 0 else -math.expm1(-sensor_period / self.smoothing_time)
+        kept, cubed = 1 - share, (2 - share) ** 3
+        # deviations of level and rate for independent readings of ln xi of deviation 1, from the impulse response
+        level_noise = math.sqrt(share * (1 + 4 * kept + 5 * kept * kept) / cubed)
+        rate_noise = math.sqrt(2 * share**3 / cubed) / sensor_period
+        return DragNumbers(
+            drag=self.drag,
+            variance=self.noise**2 + self.resolution**2 / 12,
+            relative_variance=self.relative_noise**2,
+            level_share=share * (2 - share),
+            rate_share=share * share,
+            width=self.dead_zone * level_noise,
+            still=self.still_rate * rate_noise,
+            sensor_period=sensor_period,
+            hold=max(_HOLD, _HOLD_READINGS * sensor_period) if self.hold_time is None else self.hold_time,
+            own_advance=self.own_advance,
+            known_acceleration=self.known_acceleration,
+            period=controller.period,
+            mass=a.mass,
+            damping=a.damping,
+            stiffness=a.stiffness,
+        )
+
+    def rows(self) -> Iterator[tuple[str, Cell]]:
+        """Yield what a page says of the law beside its coefficient."""
+        yield "noise of a reading", output_in_words(self.noise)
+        yield "relative noise of a reading", Measured(self.relative_noise)
+        yield "step of the readings", output_in_words(self.resolution)
+        yield "smoothing time", Measured(self.smoothing_time, "s")
+        yield "dead zone", f"{self.dead_zone:.4g} standard deviations of ln \u03be, smoothed"
+        yield "rate that counts as none", f"{self.still_rate:.4g} standard deviations"
+        if self.hold_time is not None:
+            yield "an approach lasts on for", Measured(self.hold_time, "s")
+        if self.own_advance:
+            yield "gain against the robot's own advance", Measured(self.own_advance, "N*s")
+        if self.known_acceleration:
+            yield "known acceleration of the object", Measured(self.known_acceleration, "m/s^2")
+
+    def with_value(self, value: float) -> VirtualDrag:
+        """Return the same law with another phi [N s^2]: that is the number that a design chooses."""
+        return replace(self, drag=value)
+
+    def start(self) -> DragState:
+        """Return the law's state before the first reading."""
+        return DragState(0.0, 0.0, 0.0, 0.0)

@@ -173,6 +173,9 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "controller with a drag": lambda: replace(controller(1e-3), law=control.VirtualDrag(drag=0.0144, noise=1e-3)),
     "expected": pt.robust.Expected,
     "signals": lambda: _signals(controller(1e-3)),
+    "map": lambda: pt.report.Map(
+        x=[0.1, 0.2], y=[-1.0, 0.0, 1.0], values=[[1.0, 2.0], [3.0, float("nan")], [5.0, 6.0]]
+    ),
     "panel": lambda: pt.report.Panel(
         x_label="t [s]",
         y_label="l [m]",

@@ -152,9 +152,7 @@ class ClosedLoop:
                 f"stability: found a law ({type(law).__name__}) that is no Controller, whose timing is not known"
             )
         if isinstance(law.law, VirtualDrag):
-            raise InvalidInputError(
-                "stability: found a VirtualDrag, whose damping grows with the speed: it has no gain"
-            )
+            raise InvalidInputError("stability: found a VirtualDrag, whose damping follows the speed: it has no gain")
         return gain_limit(
             sensor,
             scenario.admittance,

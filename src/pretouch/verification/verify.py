@@ -9,6 +9,7 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
+from pretouch.control import VirtualDrag
 from pretouch.design import GainDesign, Task, design_gain
 from pretouch.design.task import placed
 from pretouch.motion import ContactResult
@@ -149,7 +150,7 @@ def _loop_of(task: Task) -> ClosedLoop:
     law = getattr(task.loop.law, "law", None)
     if isinstance(law, VirtualDrag):
         raise InvalidInputError(
-            "loop: found a VirtualDrag, whose number is no gain D_p that could be compared with L(2); run it by simulate"
+            "loop: found a VirtualDrag, whose number is no gain D_p to be compared with L(2); run it by simulate"
         )
     return task.loop
 

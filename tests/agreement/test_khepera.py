@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+import scenario_text
 from pretouch._core.files import as_json
 from pretouch.calibration import rank_models, read_calibration, read_calibrations
 from pretouch.sensors import check_sensor
@@ -83,19 +84,9 @@ LOOP = """\
 calibration = "{file}"
 select = {{ day = 30, sensor = {sensor} }}
 minimum_distance = "0 mm"
-[admittance]
-mass = "1 kg"
-damping = "10 N*s/m"
-stiffness = "25 N/m"
-[obstacle]
-position = "20 mm"
-velocity = "-0.3 m/s"
-[objective]
-kind = "excursion"
-position_scale = "0.5 m"
-velocity_scale = "0.3 m/s"
-[gain]
-bounds = ["-10 N*s", "-0.01 N*s"]
+"""
+LOOP += scenario_text.ENCOUNTER.replace("42.2 mm", "20 mm")
+LOOP += """\
 [chain]
 rate = "100 Hz"
 delay = "2 ms"

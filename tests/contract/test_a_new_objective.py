@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+import scenario_text
 from verification_samples import BOUNDS, NOISY, SCENARIO, SENSOR, velocity_limit
 
 FILE = '''
@@ -30,27 +31,9 @@ class Comfort:
 def comfort(state):
     return 40.0 * state.displacement**2 + (state.relative_velocity / 0.3) ** 2
 '''
-SCENARIO_FILE = """
-[sensor]
-model = "inverse-power"
-scale = 1.3e-5
-distance_offset = "41.9 mm"
-exponent = 3.32
-[admittance]
-mass = "1 kg"
-damping = "10 N*s/m"
-stiffness = "25 N/m"
-[obstacle]
-position = "42.2 mm"
-velocity = "-0.3 m/s"
-[objective]
-kind = "excursion"
-position_scale = "0.5 m"
-velocity_scale = "0.3 m/s"
-[gain]
-bounds = ["-10 N*s", "-0.01 N*s"]
-[uncertainty]
-obstacle.velocity = { uniform = ["-0.4 m/s", "-0.2 m/s"] }
+SCENARIO_FILE = f"""
+{scenario_text.SENSOR}{scenario_text.ENCOUNTER}[uncertainty]
+obstacle.velocity = {{ uniform = ["-0.4 m/s", "-0.2 m/s"] }}
 """
 SPEED = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
 SAME = pt.Objective(

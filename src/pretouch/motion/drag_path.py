@@ -32,7 +32,6 @@ _PAST_REST: Final = 0.9  # of the distance from a virtual rest behind the start 
 _BEFORE_REST: Final = 0.45  # of the distance to a virtual rest beyond its end
 _GROWTH: Final = 3.0  # of q on a cell: its exponential is then a polynomial of degree 15 to rounding
 _MOST: Final = 4_000
-_PER_PIECE: Final = 16
 _PARTS: Final = 3.0 ** -np.arange(4)  # of a cell, of which the largest is tried on which q is likely to be small
 _TOO_MUCH: Final = 100.0
 _ON: Final = -1

@@ -50,7 +50,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         The verdict. That a gain does not hold, or that there is none, is its status, not an error.
 
     Examples:
-        >>> from pretouch.control import VirtualDrag, Conditioning, Controller, VirtualAdmittance, VirtualDamper
+        >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
         >>> from pretouch.design import Constraint, Task, excursion_objective
         >>> from pretouch.motion import Admittance, Obstacle, Scenario
         >>> from pretouch.sensors import InversePower

@@ -28,6 +28,7 @@ CLAIM = 1e-11
 
 TO_CONTACT = {name: curve for name, curve in CURVES.items() if curve.valid_range[0] <= 0}
 curves = st.sampled_from(sorted(TO_CONTACT)).map(TO_CONTACT.__getitem__)
+powers = st.sampled_from([curve for curve in TO_CONTACT.values() if isinstance(curve, InversePower)])
 ratios = st.floats(0.02, 0.95)
 speeds = st.floats(0.01, 5.0)
 shares = st.floats(0.05, 1.0)
@@ -99,7 +100,7 @@ def test_the_scale_of_the_output_is_of_no_consequence(data: st.DataObject) -> No
 
 
 @given(
-    sensor=curves,
+    sensor=powers,
     ratio=ratios,
     speed=speeds,
     push=st.floats(-2, 0.2),
@@ -108,11 +109,10 @@ def test_the_scale_of_the_output_is_of_no_consequence(data: st.DataObject) -> No
 )
 @examples(40)
 def test_units_rescale(
-    sensor: SensorModel, ratio: float, speed: float, push: float, length: float, time: float
+    sensor: InversePower, ratio: float, speed: float, push: float, length: float, time: float
 ) -> None:
     """phi is a mass times a length: with other units of both, and of time, the same motion has other numbers."""
-    assume(isinstance(sensor, InversePower))
-    scaled = replace(sensor, distance_offset=sensor.distance_offset * length)  # type: ignore[attr-defined]
+    scaled = replace(sensor, distance_offset=sensor.distance_offset * length)
     distance, a = 0.05, push * speed**2 / 0.05
     coefficient = _coefficient(sensor, distance, ratio)
     one = _solve(sensor, distance, coefficient, -speed, a)
@@ -138,13 +138,13 @@ def test_a_stronger_drag_touches_later_softer_and_farther_back(
     assert contact.displacement[1] < contact.displacement[0]
 
 
-@given(sensor=curves, ratio=ratios, shares=st.tuples(shares, shares))
+@given(sensor=curves, ratio=ratios, share=shares, nearer=st.floats(0.1, 0.99))
 @examples(40)
 def test_an_uncertain_detection_distance_has_its_worst_cases_at_its_ends(
-    sensor: SensorModel, ratio: float, shares: tuple[float, float]
+    sensor: SensorModel, ratio: float, share: float, nearer: float
 ) -> None:
-    near, far = sorted(0.055 * s for s in shares)
-    assume(far > 1.01 * near)
+    far = 0.055 * share
+    near = nearer * far
     design = design_drag(sensor, far, 1.0, ratio=ratio).seen_from(np.linspace(near, far, 7))
     assert (np.diff(design.ratio) < 0).all()
     assert (np.diff(design.excursion) > 0).all()

@@ -61,6 +61,10 @@ class BareLaw:
     hold: float | None = None
 
     @property
+    def continuous(self) -> str:
+        return "virtual-damper"
+
+    @property
     def step(self) -> Any:
         return bare_step
 

@@ -159,6 +159,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "problem": lambda: pt.load_scenario(EXAMPLES / "approach.toml"),
     "problem with a loop": lambda: pt.load_scenario(EXAMPLES / "loop.toml"),
     "encounters": lambda: SEVERAL,
+    "law": lambda: (pt.motion.DRAG, pt.motion.LawNumber("gain", "D", "N*s", -1)),
     "objective": lambda: pt.time_objective(time_scale=1.0, velocity_scale="obstacle speed"),
     "ensemble": lambda: uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}),
     "axis": lambda: Axis(name="gain", columns={"gain": np.linspace(-1.0, -0.5, 3)}),

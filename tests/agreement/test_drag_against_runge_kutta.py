@@ -314,7 +314,7 @@ def test_the_encounters_that_never_touch() -> None:
     np.testing.assert_array_equal(found.settling_distance, [0.04, np.inf, np.inf, np.inf])
     np.testing.assert_array_equal(found.closest_distance, 0.04)
     assert found.end.distance[3] == pytest.approx(0.5, rel=1e-14)
-    assert np.isnan(found.gradients.of("time", "coefficient")).all()
+    assert np.isnan(found.gradients.of("time", "gain")).all()
 
 
 @pytest.mark.parametrize("name", ["inverse-power", "exponential-2", "custom", "recessed"])
@@ -324,7 +324,7 @@ def test_derivatives_are_those_of_differences(name: str, a: float) -> None:
     x, weights = np.polynomial.legendre.leggauss(40)
     total = float((CURVES[name].log_slope(0.02 * (x + 1)) ** 2 @ weights) * 0.02)
     coefficient = 1.7 * np.log(2.5) / total
-    inputs = {"coefficient": coefficient, "admittance.mass": 1.7, "obstacle.position": 0.04}
+    inputs = {"gain": coefficient, "admittance.mass": 1.7, "obstacle.position": 0.04}
     inputs |= {"obstacle.velocity": -0.6, "obstacle.acceleration": a}
 
     def solve(values: dict[str, float]) -> object:
@@ -332,7 +332,7 @@ def test_derivatives_are_those_of_differences(name: str, a: float) -> None:
             admittance=Admittance(mass=values["admittance.mass"], damping=1.0, stiffness=2.0),
             obstacle=Obstacle(**{n.split(".")[1]: v for n, v in values.items() if n.startswith("obstacle")}),
         )
-        return solve_drag(scenario, CURVES[name], values["coefficient"])
+        return solve_drag(scenario, CURVES[name], values["gain"])
 
     result = solve(inputs)
     assert result.reached  # type: ignore[attr-defined]

@@ -14,8 +14,10 @@ import pytest
 
 import pretouch as pt
 from pretouch._core.blocks import Measured
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import check_declared, quantity
 from pretouch.control import CompiledStep, VirtualDamper
+from pretouch.motion import LawNumber
 from pretouch.report import write_report
 from pretouch.simulation import ContactModel, ImpedancePlant, PlantModel, SpringDamper, gain_limit, timing_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict
@@ -66,6 +68,14 @@ class Shared:
     share: float = 0.5
 
     @property
+    def continuous(self) -> SharedDamper:
+        return SharedDamper(self.share)
+
+    @property
+    def value(self) -> float:
+        return self.gain
+
+    @property
     def step(self) -> CompiledStep:
         return CompiledStep("step_damper")
 
@@ -80,6 +90,26 @@ class Shared:
 
     def with_value(self, value: float) -> Shared:
         return replace(self, gain=value)
+
+
+@dataclass(frozen=True)
+class SharedDamper:
+    """The same in continuous time."""
+
+    share: float
+
+    kind: ClassVar[str] = "shared-damper"
+    number: ClassVar[LawNumber] = LawNumber("gain", "D_s", "N*s", -1)
+    degree: ClassVar[int] = 1
+
+    def contact(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.ContactResult:
+        return pt.motion.DAMPER.contact(scenario, sensor, self.share * value, **how)
+
+    def motion(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.Motion:
+        return pt.motion.DAMPER.motion(scenario, sensor, self.share * value, **how)
+
+    def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
+        return pt.motion.DAMPER.damping(self.share * value, slope, relative_velocity)
 
 
 OURS = (
@@ -137,6 +167,9 @@ def test_a_law_of_ones_own_stands_in_the_controller(tmp_path: Path) -> None:
     found = verdict(own, gain=-1.2, runs=8, changes=False)
     write_report(found, tmp_path / "page.html")
     assert "Shared" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert found.predicted.end.relative_velocity == pt.find_contact(SCENARIO, SENSOR, -0.6).end.relative_velocity
+    with pytest.raises(InvalidInputError, match=r"found a virtual-damper beside a loop whose controller is a shared-"):
+        verdict(own, gain=-1.2, law="virtual-damper")
 
 
 class Short(Geared):

@@ -76,10 +76,10 @@ def test_a_class_has_its_name_alone() -> None:
 
 
 FILES = 240  # of the package and its compiled core
-LINES = 44_900  # of both
+LINES = 47_000  # of both
 LONGEST_FUNCTION = 60  # lines without its docstring
 ROOMS_OF_DESIGN = 20
-FILES_OF_A_VERDICT = 45
+FILES_OF_A_VERDICT = 46
 
 PASSED = """
 import sys, threading

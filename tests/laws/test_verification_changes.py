@@ -11,10 +11,9 @@ import pytest
 
 import pretouch as pt
 from loop_samples import BareLaw
-from pretouch.control import VirtualDamper
 from pretouch.simulation import ClosedLoop
-from pretouch.verification.stability import acts_as_damper, candidates_of, chain_at, loop_at, told_period
-from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, controller, loop_of, velocity_limit, verdict
+from pretouch.verification.stability import candidates_of, chain_at, loop_at, told_period
+from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
 APPROACH = {"quickest": 24.0, "noise": 0.0}
 SLOW = loop_of(rate=100.0, delay=0.02, relative_noise=2e-3, random_phase=True)
@@ -163,27 +162,6 @@ def test_another_rate_takes_exposure_and_controller_along() -> None:
     assert told_period(slow) == pytest.approx(0.02)
     assert slow.conditioning.cutoff == pytest.approx(0.45 * 50.0)
     assert slow.conditioning.timeout == pytest.approx(0.02)
-
-
-def test_whether_a_law_is_a_damper_is_tried_out() -> None:
-    def acts(**changed: Any) -> bool:
-        return acts_as_damper(replace(NOISY, law=replace(controller(1e-3), **changed)))
-
-    assert acts()
-    assert acts(law=VirtualDamper(gain=0.0, ramp_time=0.05))
-    assert acts(law=VirtualDamper(gain=0.0, approach_only=True, release=0.1))
-    filtered = controller(1e-4, median_window=10, low_pass_order=5, cutoff=500.0, offset=0.1, saturation=2.0)
-    assert acts_as_damper(replace(NOISY, law=filtered))
-    assert not acts(law=Weaker(gain=0.0))
-    assert not acts_as_damper(replace(NOISY, law=TunedLaw(0.0, 1e-3)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Weaker(VirtualDamper):
-    """A law whose gain is not the D_p of the letter."""
-
-    def with_gain(self, gain: float) -> Weaker:
-        return replace(self, gain=0.5 * gain)
 
 
 def test_another_law_is_judged_by_its_runs_and_nothing_is_said_of_its_stability() -> None:

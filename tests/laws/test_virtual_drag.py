@@ -76,7 +76,7 @@ def test_the_exponent_cancels_at_a_given_ratio(
     assert first.peak == pytest.approx(second.peak, rel=1e-10)
     power = (exponents[1] / exponents[0]) ** 2
     assume(power * math.log(1 / ratio) < 20)
-    misled = predict_drag(other, distance, 1.0, first.coefficient)
+    misled = predict_drag(other, distance, 1.0, first.drag)
     assert math.log(misled.ratio) == pytest.approx(power * math.log(ratio), rel=1e-10, abs=1e-11)
 
 
@@ -162,14 +162,14 @@ def test_the_designs_by_limits_are_the_strongest_that_keep_them(
     drag = design_drag(sensor, distance, 1.3, ratio=ratio)
     by_excursion = design_drag(sensor, distance, 1.3, excursion=drag.excursion)
     assert by_excursion.excursion <= drag.excursion * (1 + 1e-11)
-    assert by_excursion.coefficient == pytest.approx(drag.coefficient, rel=1e-8)
+    assert by_excursion.drag == pytest.approx(drag.drag, rel=1e-8)
     speed = 0.7
     limit = drag.peak * speed**2
     found = design_drag(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
     assert found.acceleration(speed) <= limit * (1 + 1e-9)
-    assert found.coefficient >= drag.coefficient * (1 - 1e-9)
+    assert found.drag >= drag.drag * (1 - 1e-9)
     most = max(20 / math.log(1 / found.ratio), 1.1)
-    beyond = predict_drag(sensor, distance, 1.3, found.coefficient * np.geomspace(1 + 1e-6, most, 100))
+    beyond = predict_drag(sensor, distance, 1.3, found.drag * np.geomspace(1 + 1e-6, most, 100))
     assert (beyond.acceleration(speed) > limit).all()
 
 
@@ -192,7 +192,7 @@ def test_the_limit_on_acceleration_has_three_branches(limit: float) -> None:
             design_drag(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
         return
     found = design_drag(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
-    assert found.coefficient * n**2 == pytest.approx(max(roots), rel=1e-9)
+    assert found.drag * n**2 == pytest.approx(max(roots), rel=1e-9)
 
 
 def test_the_designs_by_contact_speed_and_force_are_the_weakest_that_keep_them() -> None:
@@ -206,7 +206,7 @@ def test_the_designs_by_contact_speed_and_force_are_the_weakest_that_keep_them()
     assert by_force.ratio == pytest.approx(0.1, rel=1e-11)
     hertz = HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01)
     none = design_drag(sensor, 0.0422, 1.0, impact_force=1e5, impact=hertz, largest_speed=speed)
-    assert (none.coefficient, none.ratio, none.excursion) == (0.0, pytest.approx(1.0), pytest.approx(0.0, abs=1e-15))
+    assert (none.drag, none.ratio, none.excursion) == (0.0, pytest.approx(1.0), pytest.approx(0.0, abs=1e-15))
 
 
 @pytest.mark.parametrize(
@@ -392,8 +392,8 @@ def test_rails_speak_of_two_designs_of_one_encounter() -> None:
     assert rails.ratio == pytest.approx((0.1, 0.3))
     assert rails.excursion == (weak.excursion, strong.excursion)
     grid = np.linspace(0, 0.0422, 2001)
-    growth = weak.coefficient * 3.32**2 * (1 / (grid + 0.0419) - 1 / 0.0841)
-    reached = strong.coefficient * POWER.log_slope(grid) ** 2 * np.exp(-2 * growth)
+    growth = weak.drag * 3.32**2 * (1 / (grid + 0.0419) - 1 / 0.0841)
+    reached = strong.drag * POWER.log_slope(grid) ** 2 * np.exp(-2 * growth)
     assert rails.peak == pytest.approx(reached.max(), rel=1e-6)
     assert rails.peak >= max(weak.peak, strong.peak) * (1 - 1e-12)
     assert rails.contact_speed_bound(0.3, 1.0) == weak.contact_speed_bound(0.3, 1.0)

@@ -86,6 +86,16 @@ class VirtualDrag:
                 raise InvalidInputError(f"{name}: found {getattr(self, name):g}, which must be within {most:g}")
 
     @property
+    def continuous(self) -> str:
+        """The law that it samples."""
+        return "virtual-drag"
+
+    @property
+    def value(self) -> float:
+        """The number phi [N s^2]: that is what a design chooses."""
+        return self.drag
+
+    @property
     def step(self) -> CompiledStep:
         """The controller's step with this law: `pretouch_step_drag` of native/law/pretouch_law.c."""
         return _STEP
@@ -133,7 +143,7 @@ class VirtualDrag:
             yield "known acceleration of the object", Measured(self.known_acceleration, "m/s^2")
 
     def with_value(self, value: float) -> VirtualDrag:
-        """Return the same law with another phi [N s^2]: that is the number that a design chooses."""
+        """Return the same law with another phi [N s^2]."""
         return replace(self, drag=value)
 
     def start(self) -> DragState:

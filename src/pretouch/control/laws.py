@@ -57,9 +57,17 @@ class Setting(Protocol):
 class Law(Protocol):
     """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
 
-    A new law is a dataclass with these four, and one function, made of `observe`, of what the law itself does, and of
+    A new law is a dataclass with these six, and one function, made of `observe`, of what the law itself does, and of
     `drive`: in Python `state, output = step(parameters, state, sample)`, or compiled, see `SampledLaw`.
     """
+
+    @property
+    def continuous(self) -> Any:
+        """The law in continuous time that it samples, by which it is predicted: a name, or a ContinuousLaw."""
+
+    @property
+    def value(self) -> float:
+        """The one number that a design chooses, such as its gain [N s]."""
 
     @property
     def step(self) -> Any:
@@ -72,7 +80,7 @@ class Law(Protocol):
         """Return the law's state before the first reading; a ctypes structure where the step is compiled."""
 
     def with_value(self, value: float) -> Law:
-        """Return the same law with another value of the one number that a design chooses, such as its gain [N s]."""
+        """Return the same law with another value of that number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +186,16 @@ class VirtualDamper:
             raise InvalidInputError(f"gain: found {self.gain:g} N*s, which must be within 1e6 N*s")
 
     @property
+    def continuous(self) -> str:
+        """The law that it samples, L(2)."""
+        return "virtual-damper"
+
+    @property
+    def value(self) -> float:
+        """The gain D_p [N s]: that is the number that a design chooses."""
+        return self.gain
+
+    @property
     def step(self) -> CompiledStep:
         """The controller's step with this law: `pretouch_step` of native/law/pretouch_law.c."""
         return _STEP
@@ -199,7 +217,7 @@ class VirtualDamper:
         return replace(self, gain=gain)
 
     def with_value(self, value: float) -> VirtualDamper:
-        """Return the same law with another gain [N s]: that is the number that a design chooses."""
+        """Return the same law with another gain [N s]."""
         return self.with_gain(value)
 
     def start(self) -> DamperState:

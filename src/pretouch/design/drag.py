@@ -42,7 +42,7 @@ class DragDesign(Value):
         sensor: the sensor curve.
         mass: M of the virtual object [kg].
         detection_distance: l_d [m], from which on the object is seen.
-        coefficient: phi [kg m].
+        drag: phi [N s^2].
         slope_integral: G [1/m], the integral of g^2 up to l_d.
         ratio: rho, contact speed over approach speed.
         excursion: how far the plant has gone back at contact [m].
@@ -55,7 +55,7 @@ class DragDesign(Value):
     sensor: SensorModel
     mass: float
     detection_distance: Any
-    coefficient: Any
+    drag: Any
     slope_integral: Any
     ratio: Any
     excursion: Any
@@ -100,7 +100,7 @@ class DragDesign(Value):
         approach, push = nonnegative(speed, "speed", "m/s"), nonnegative(acceleration, "acceleration", "m/s^2")
         if np.any((np.asarray(approach) == 0) & (np.asarray(push) == 0)):
             raise InvalidInputError("speed: found 0 m/s beside an acceleration of 0 m/s^2: such an object never comes")
-        result = encounter(self.sensor, self.mass, self.detection_distance, self.coefficient, approach, push)
+        result = encounter(self.sensor, self.mass, self.detection_distance, self.drag, approach, push)
         return -result.contact.relative_velocity
 
     def seen_from(self, distance: ArrayLike) -> DragDesign:
@@ -109,7 +109,7 @@ class DragDesign(Value):
         Contact is fastest for the smallest distance and the excursion largest for the largest, so the two ends of an
         uncertain detection distance say all; one that stops on its way and comes again is seen from where it stopped.
         """
-        return predict_drag(self.sensor, distance, self.mass, self.coefficient, largest_speed=self.largest_speed)
+        return predict_drag(self.sensor, distance, self.mass, self.drag, largest_speed=self.largest_speed)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object, in SI."""
@@ -131,14 +131,12 @@ class DragRails(Value):
     strong: DragDesign
 
     def __post_init__(self) -> None:
-        one, other = (
-            (d.sensor, d.mass, d.detection_distance, np.shape(d.coefficient)) for d in (self.weak, self.strong)
-        )
-        if one != other or np.shape(self.weak.coefficient):
-            raise InvalidInputError("rails: found two designs that differ in more than their coefficient, or arrays")
-        if not 0 < self.weak.coefficient <= self.strong.coefficient:
+        one, other = ((d.sensor, d.mass, d.detection_distance, np.shape(d.drag)) for d in (self.weak, self.strong))
+        if one != other or np.shape(self.weak.drag):
+            raise InvalidInputError("rails: found two designs that differ in more than their drag, or arrays")
+        if not 0 < self.weak.drag <= self.strong.drag:
             raise InvalidInputError(
-                f"rails: found {self.weak.coefficient:g} kg*m for the weak and {self.strong.coefficient:g} kg*m for "
+                f"rails: found {self.weak.drag:g} N*s^2 for the weak and {self.strong.drag:g} N*s^2 for "
                 "the strong drag, which must be positive and not smaller"
             )
 
@@ -158,7 +156,7 @@ class DragRails(Value):
 
         More than that of either constant law: the strong one may set in where the weak one has slowed little.
         """
-        return float(self.strong.coefficient / self.weak.coefficient * self.weak.peak)
+        return float(self.strong.drag / self.weak.drag * self.weak.peak)
 
     def contact_speed_bound(self, speed: ArrayLike, acceleration: ArrayLike) -> Any:
         """Return the bound of the weak drag [m/s], which every schedule keeps (`DragDesign.contact_speed_bound`)."""
@@ -166,7 +164,7 @@ class DragRails(Value):
 
 
 def predict_drag(
-    sensor: SensorModel, distance: ArrayLike, mass: float, coefficient: ArrayLike, *, largest_speed: float = math.inf
+    sensor: SensorModel, distance: ArrayLike, mass: float, drag: ArrayLike, *, largest_speed: float = math.inf
 ) -> DragDesign:
     """Tell what a virtual drag does.
 
@@ -174,7 +172,7 @@ def predict_drag(
         sensor: the sensor curve, which holds down to contact.
         distance: l_d [m], from which on the object is seen; a number or an array.
         mass: M of the virtual object [kg].
-        coefficient: phi >= 0 [kg m], broadcast with the distance.
+        drag: phi >= 0 [N s^2], broadcast with the distance.
         largest_speed: up to which speed a limit is kept [m/s], for the record.
 
     Returns:
@@ -194,7 +192,7 @@ def predict_drag(
             f"sensor: found a curve that begins at {sensor.valid_range[0]:g} m, where the contact speed is not known; "
             "it must hold down to 0 m: mount the sensor recessed"
         )
-    found = encounter(sensor, mass, distance, coefficient, 1.0, 0.0)
+    found = encounter(sensor, mass, distance, drag, 1.0, 0.0)
     end = found.contact
     shape = np.shape(end.time)
 
@@ -206,7 +204,7 @@ def predict_drag(
         sensor=sensor,
         mass=positive(mass, "mass", "kg"),
         detection_distance=shared(distances),
-        coefficient=shared(finite(coefficient, "coefficient", "kg*m")),
+        drag=shared(finite(drag, "drag", "N*s^2")),
         slope_integral=shared(slope_integral(sensor, distances)),
         ratio=-end.relative_velocity,
         excursion=-end.displacement,
@@ -257,7 +255,7 @@ def design_drag(
         >>> from pretouch.sensors import InversePower
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
         >>> drag = design_drag(sensor, 0.0422, 1.0, ratio=0.15)
-        >>> round(drag.coefficient, 6), round(drag.excursion, 6)
+        >>> round(drag.drag, 6), round(drag.excursion, 6)
         (0.014372, 0.059619)
         >>> round(design_drag(sensor, 0.0422, 1.0, acceleration=2.0, largest_speed=0.3).ratio, 4)
         0.1522
@@ -289,8 +287,8 @@ def design_drag(
         rho = np.asarray(min(1.0, allowed_speed(contact_speed, impact_force, impact, speed) / speed))
     if (rho > 1).any():
         raise InvalidInputError(f"ratio: found {float(rho.max()):g}, which must lie in (0, 1]: a drag only slows down")
-    coefficient = positive(mass, "mass", "kg") * np.log(1 / rho) / slope_integral(sensor, distance)
-    return predict_drag(sensor, distance, mass, coefficient, largest_speed=speed)
+    drag = positive(mass, "mass", "kg") * np.log(1 / rho) / slope_integral(sensor, distance)
+    return predict_drag(sensor, distance, mass, drag, largest_speed=speed)
 
 
 def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: FloatArray | None = None) -> DragDesign:

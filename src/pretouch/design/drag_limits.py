@@ -25,7 +25,7 @@ _FOREVER: Final = 1e300
 
 
 def encounter(  # noqa: PLR0917
-    sensor: SensorModel, mass: Any, distance: Any, coefficient: Any, speed: Any, push: Any
+    sensor: SensorModel, mass: Any, distance: Any, drag: Any, speed: Any, push: Any
 ) -> ContactResult:
     """Solve encounters of a plant at rest, whose admittance is held off, with objects from a distance.
 
@@ -33,7 +33,7 @@ def encounter(  # noqa: PLR0917
         sensor: the sensor curve.
         mass: M [kg].
         distance: l_d [m].
-        coefficient: phi [kg m].
+        drag: phi [N s^2].
         speed: of the approach [m/s].
         push: the acceleration of the object toward the plant [m/s^2].
 
@@ -42,7 +42,7 @@ def encounter(  # noqa: PLR0917
     """
     obstacle = Obstacle(position=distance, velocity=-np.asarray(speed), acceleration=-np.asarray(push))
     scenario = Scenario(admittance=Admittance(mass=mass, damping=0.0, stiffness=0.0), obstacle=obstacle)
-    return solve_drag(scenario, sensor, coefficient, horizon=_FOREVER)
+    return solve_drag(scenario, sensor, drag, horizon=_FOREVER)
 
 
 def allowed_speed(
@@ -95,15 +95,15 @@ def strongest_by_excursion(sensor: SensorModel, distance: float, mass: float, li
         limit: the largest excursion [m].
 
     Returns:
-        phi [kg m].
+        phi [N s^2].
 
     Raises:
         InvalidInputError: even the strongest drag that is looked at keeps the limit.
     """
     strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
 
-    def keeps(coefficient: FloatArray) -> Any:
-        return -encounter(sensor, mass, distance, coefficient, 1.0, 0.0).end.displacement <= limit
+    def keeps(drag: FloatArray) -> Any:
+        return -encounter(sensor, mass, distance, drag, 1.0, 0.0).end.displacement <= limit
 
     found = _last(keeps, strongest)
     if found == strongest:
@@ -127,7 +127,7 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
         limit: the largest acceleration over the square of the speed [1/m].
 
     Returns:
-        phi [kg m].
+        phi [N s^2].
 
     Raises:
         InvalidInputError: even the strongest drag that is looked at keeps the limit, or a peak just touches it.
@@ -136,8 +136,8 @@ def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: 
     slope = float(sensor.log_slope(distance))
     top = mass * limit / slope**2 if slope else math.inf
 
-    def peaks(coefficient: FloatArray) -> FloatArray:
-        return np.asarray(encounter(sensor, mass, distance, coefficient, 1.0, 0.0).end.largest_acceleration)
+    def peaks(drag: FloatArray) -> FloatArray:
+        return np.asarray(encounter(sensor, mass, distance, drag, 1.0, 0.0).end.largest_acceleration)
 
     high = min(top, strongest)
     excess, steepness = math.log(float(peaks(np.array([high]))[0]) / limit), 0.5

@@ -12,7 +12,7 @@ from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
-from pretouch.motion import Scenario, find_contact
+from pretouch.motion import DAMPER, LawNumber, Scenario
 from pretouch.motion.contact import ContactResult, ContactState
 from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
 from pretouch.motion.scenario import map_fields
@@ -128,8 +128,8 @@ class GainProblem(Value):
 
     @property
     def is_differentiable(self) -> bool:
-        """Whether its encounters have gradients: those of a user's function and of the uniform motion have none."""
-        return self.task.evaluate is None and self.task.method != "uniform-motion"
+        """Whether its encounters have gradients by all inputs: under the virtual damper, but for the uniform motion."""
+        return self.task.evaluate is None and self.task.law == DAMPER and self.task.method != "uniform-motion"
 
     @property
     def is_noisy(self) -> bool:
@@ -150,7 +150,7 @@ class GainProblem(Value):
         task = self.task
         if task.evaluate is not None:
             return task.evaluate(scenario, task.sensor, gain)
-        return find_contact(scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
+        return task.law.contact(scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
     def run(self, gain: Any) -> ContactResult:
         """Solve the encounters with one gain or several."""
@@ -220,8 +220,13 @@ class Answer(Described, Value):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The gains between which the answer was sought [N s]."""
+        """The gains between which the answer was sought, in the unit of the law's number."""
         return self.problem.axis.ends
+
+    @property
+    def number(self) -> LawNumber:
+        """What the gain is: name, symbol and unit of the number of the law."""
+        return self.problem.task.law.number
 
     @property
     def scenario(self) -> Scenario:

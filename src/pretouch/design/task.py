@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
-from pretouch.motion import Scenario
+from pretouch.motion import DAMPER, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator
+from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
 from pretouch.uncertainty import Uncertainty
 
@@ -62,6 +63,10 @@ def _sparing(cls: type[R]) -> type[R]:
         kept = self.__dict__
         kept["scenario"], kept["sensor"], kept["uncertainty"] = scenario, sensor, {}
         kept.update(asked)
+        if "law" in asked:
+            kept["law"] = continuous_law(asked["law"])
+        elif (own := getattr(asked.get("loop"), "continuous", None)) is not None:
+            kept["law"] = own
         if objective is not None:
             kept["objective"] = as_objective(objective)
         if "constraints" in asked:
@@ -85,7 +90,7 @@ class Task(Value):
             mass is always kept, and so is what is not free.
         sensor: the sensor curve, over the distance from the contact surface.
         objective: what is minimized: an Objective, or an object or a function of your own (docs/design.md).
-        bounds: smallest and largest gain [N s] of a design; mitigating gains are negative.
+        bounds: smallest and largest gain of a design [N s]; mitigating gains D_p are negative.
         constraints: limits that the encounter must keep, each once, in any sequence. Where inputs are uncertain, or
             runs have noise, a Constraint must hold always, a `Required` one with its probability; elsewhere both
             always. For a front, those of acceleration and speed are the limits of the robot, of which the physical
@@ -93,6 +98,9 @@ class Task(Value):
         impact: physical properties, for objectives, constraints and quantities that speak of forces.
         method: how encounters are solved in continuous time, as in `find_contact`.
         horizon: how long to wait for contact there [s].
+        law: whose number is chosen: a law in continuous time or its name, "virtual-damper" of the letter's L(2), the
+            default, or "virtual-drag"; where a loop is given, that of its controller. A gain is the number of this law,
+            wherever one is spoken of, in its unit: D_p [N s], phi [N s^2].
         evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and an array of gains: a
             `ClosedLoop`, for the gain that is optimal on the sampled loop, or a function.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; None keeps that of the scenario.
@@ -147,6 +155,7 @@ class Task(Value):
     impact: ImpactModel | None = None
     method: str = "auto"
     horizon: float = 600.0
+    law: ContinuousLaw = DAMPER
     evaluate: Evaluator | None = None
     natural_frequency: tuple[float, float] | None = None
     damping_ratio: tuple[float, float] | None = None

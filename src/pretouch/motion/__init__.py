@@ -1,18 +1,24 @@
 """Pre-contact motion: the encounter, its solution for any sensor curve, and the contact that it ends in."""
 
-from .contact import ContactResult, ContactState, Motion, find_contact, solve_motion
+from .contact import ContactResult, ContactState, Motion
+from .evaluator import find_contact, solve_motion
 from .gradients import ContactGradients
+from .laws import DAMPER, DRAG, ContinuousLaw, LawNumber
 from .layout import ContactStatus
 from .request import METHODS
 from .scenario import Admittance, Obstacle, Plant, Reference, Scenario
 
 __all__ = [
+    "DAMPER",
+    "DRAG",
     "METHODS",
     "Admittance",
     "ContactGradients",
     "ContactResult",
     "ContactState",
     "ContactStatus",
+    "ContinuousLaw",
+    "LawNumber",
     "Motion",
     "Obstacle",
     "Plant",

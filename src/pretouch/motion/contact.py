@@ -1,25 +1,21 @@
-"""What an encounter comes to, and the verbs that find it."""
+"""What an encounter comes to, and its motion."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.values import Value
-from pretouch.sensors import SensorModel
 
 from .gradients import ContactGradients, gradients_of
-from .guaranteed import trace_guaranteed
 from .layout import TRACE_COLUMNS, ContactStatus
-from .request import Request, make_request
-from .scenario import Scenario
-from .solution import Solution
+from .request import Request
 
 
 class Columns(Protocol):
@@ -114,14 +110,14 @@ class ContactResult(Value):
     Attributes:
         status: how each run ended: a ContactStatus, or an array of their numbers.
         end: the state in which each run ended, whatever its status; always finite.
-        gain: the gain D_p of each run [N s]; NaN for a drag.
+        gain: the number of the law in each run: D_p [N s] of the virtual damper.
         closest_distance: the smallest distance of each run [m]; 0 at contact, and where it only decays to 0.
         settling_distance: the distance at which a run without contact comes to rest [m], 0 where it decays to 0;
             infinite where it does not.
         impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
             momentum of the approach: an identity of L(1) and L(2) for every curve, so this certifies the computed
-            motion. NaN for the uniform motion, which does not start from the given state, and for a sampled loop, which
-            does not know its law.
+            motion; of another law the same with its own impulse. NaN for the uniform motion, which does not start from
+            the given state, and for a sampled loop, which does not know its law.
     """
 
     columns: Columns
@@ -231,120 +227,61 @@ class Motion(Value):
         return f"<Motion: {many}{self.time.shape[-1]} samples to {float(self.time.max()):.4g} s>"
 
 
-def find_contact(
-    scenario: Scenario,
-    sensor: SensorModel,
-    gain: ArrayLike,
-    *,
-    method: str = "auto",
-    horizon: float = 600.0,
-) -> ContactResult:
-    """Find the first contact of an encounter, l = 0 of L(21) and L(23), and what it demands of the robot until then.
-
-    The motion is that of L(1) with L(2), or by request the uniform motion L(16)-(19). A distance that comes to zero and
-    turns there, within 1e-12 of its terms, is a contact with l' = 0; one that only decays to zero never is one.
-
-    Args:
-        scenario: the encounter, or an array of them.
-        sensor: the sensor curve; its scale is of no consequence.
-        gain: D_p [N s], broadcast with the scenario; negative gains mitigate.
-        method: "closed-form" (L(10), for a constant slope only), "integration" (any curve), "uniform-motion"
-            (L(16)-(19), one particular motion of the second-order exponential curve that does not start from the
-            given state: it shifts an optimal gain by about 10 %), or "auto": closed form where the slope is
-            constant, integration elsewhere.
-        horizon: how long to wait for contact [s].
-
-    Returns:
-        Status and state at the end of each run, of the broadcast shape.
-
-    Valid for:
-        A plant that follows the virtual object exactly and a sensor without delay (the letter's Section II).
-
-    Examples:
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import ExponentialFirstOrder
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
-        >>> sensor = ExponentialFirstOrder(scale=0.458, rate=-61.0)
-        >>> round(find_contact(scenario, sensor, -1.0).contact.position, 4)
-        -0.1353
-    """
-    request = make_request(scenario, sensor, gain, method, horizon)
-    return ContactResult(Solution(request), request.method)
-
-
-def solve_motion(
-    scenario: Scenario,
-    sensor: SensorModel,
-    gain: ArrayLike,
-    *,
-    method: str = "auto",
-    horizon: float = 600.0,
-    samples: int = 200,
+def motion_of(
+    result: ContactResult,
+    shape: tuple[int, ...],
+    bodies: Mapping[str, FloatArray],
+    course: Mapping[str, FloatArray],
 ) -> Motion:
-    """Solve an encounter and sample its whole motion, L(1) with L(2).
+    """Put a motion together, of encounters whose obstacle and reference are uniformly accelerated.
 
     Args:
-        scenario: the encounter, or an array of them.
-        sensor: the sensor curve.
-        gain: D_p [N s], broadcast with the scenario.
-        method: as in `find_contact`.
-        horizon: how long to wait for contact [s].
-        samples: how many instants, from 0 to the end of each run, ends included; at least 2.
+        result: how they ended.
+        shape: of the encounters.
+        bodies: p, v, a of the obstacle relative to the reference, r, r_v, r_a of that, as L(9) has them, shape (n, 1).
+        course: time, distance, relative_velocity, displacement_velocity and _acceleration, virtual_force, shape (n, m).
 
     Returns:
-        The motion; its arrays have the broadcast shape with the samples as a last axis.
-
-    Raises:
-        InvalidInputError: there are too few samples.
-
-    Examples:
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import InversePower
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
-        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> motion = solve_motion(scenario, sensor, -0.7)
-        >>> round(float(motion.position[-1]), 4)
-        -0.0915
+        The motion.
     """
-    if samples < 2:
-        raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
-    request = make_request(scenario, sensor, gain, method, horizon)
-    result = ContactResult(Solution(request, whole=True), request.method)
-    end = np.atleast_1d(np.asarray(result.end.time)).ravel()
-    times = end[:, None] * np.linspace(0.0, 1.0, samples)
-    times[:, -1] = end
-    trace = np.empty((len(end), samples, len(TRACE_COLUMNS)))
-    trace_guaranteed(request, times, trace)
-    trace[:, -1, 0] = np.ravel(result.end.distance)
-    return _motion(request, times, trace, result)
+    time, b = course["time"], bodies
+    displacement = b["p"] + (b["v"] + b["a"] * time / 2) * time - course["distance"]
+    found = {
+        "time": time,
+        "distance": course["distance"],
+        "position": displacement + b["r"] + (b["r_v"] + b["r_a"] * time / 2) * time,
+        "velocity": course["displacement_velocity"] + b["r_v"] + b["r_a"] * time,
+        "acceleration": course["displacement_acceleration"] + b["r_a"],
+        "displacement": displacement,
+        "relative_velocity": course["relative_velocity"],
+        "virtual_force": course["virtual_force"],
+    }
+    whole = (*shape, time.shape[-1])
+    return Motion(**{name: values.reshape(whole) for name, values in found.items()}, result=result)
 
 
-def _motion(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
+def traced(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
     """Return the trace as a motion, with the virtual force by L(2)."""
-    shape, each, reference = (*request.shape, times.shape[-1]), request.relative, request.scenario.reference
-    p, v, a = (x[:, None] for x in (each.p, each.v, each.a))
+    each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
-    displacement, relative_velocity = p + (v + a * times / 2) * times - distance, v + a * times - speed
+    columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}
+    columns |= {"r_v": each.reference_velocity, "r_a": each.reference_acceleration}
+    bodies = {name: _column(values, request.shape) for name, values in columns.items()}
+    relative_velocity = bodies["v"] + bodies["a"] * times - speed
     with np.errstate(all="ignore"):  # a function of the user's may overflow where the object has gone far away
         slope = np.asarray(request.sensor.log_slope(np.clip(distance, *request.sensor.valid_range)))
-    moment, force = times.reshape(shape), each.gain[:, None] * slope * relative_velocity
-    x, u, w = (
-        np.expand_dims(np.asarray(r), -1) for r in (reference.position, reference.velocity, reference.acceleration)
-    )
-    return Motion(
-        time=moment,
-        distance=distance.reshape(shape),
-        position=displacement.reshape(shape) + x + (u + w * moment / 2) * moment,
-        velocity=speed.reshape(shape) + u + w * moment,
-        acceleration=acceleration.reshape(shape) + w,
-        displacement=displacement.reshape(shape),
-        relative_velocity=relative_velocity.reshape(shape),
-        virtual_force=force.reshape(shape),
-        result=result,
-    )
+    course = {
+        "time": times,
+        "distance": distance,
+        "relative_velocity": relative_velocity,
+        "displacement_velocity": speed,
+        "displacement_acceleration": acceleration,
+        "virtual_force": each.gain[:, None] * slope * relative_velocity,
+    }
+    return motion_of(result, request.shape, bodies, course)
+
+
+def _column(values: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Return a quantity of encounters as a column, of length 1 where they share it."""
+    found = np.asarray(values, dtype=np.float64)
+    return (found if found.size == 1 or found.ndim == 1 else np.broadcast_to(found, shape)).reshape(-1, 1)

@@ -7,11 +7,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, float_or_array, positive
 from pretouch.sensors import SensorModel
 
-from .contact import ContactResult, Motion
+from .contact import ContactResult, Motion, motion_of
 from .drag_columns import DragColumns
 from .drag_path import DragApproach, at, follow, where_reached
 from .drag_request import make_drag_request
@@ -22,88 +21,21 @@ _PROBES: Final = 257
 _ROUNDING: Final = 1e-9
 
 
-def solve_drag(
-    scenario: Scenario, sensor: SensorModel, coefficient: ArrayLike, *, horizon: float = _HORIZON
-) -> ContactResult:
-    """Find the contact of an encounter under the virtual drag F = -phi s'^2 while s' = g(l) l' > 0, and 0 otherwise.
-
-    The admittance's pull toward the object is held off during an approach: M x~'' = F - max(K x~ + D x~', 0). From rest
-    at the reference, or behind it, that is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve
-    (docs/drag.md). With a uniform obstacle the contact speed is the same share rho = exp(-(phi/M) int g^2 dl) of every
-    approach speed, and the excursion is the same at every speed.
-
-    Args:
-        scenario: the encounter, or an array of them.
-        sensor: the sensor curve; its scale is of no consequence.
-        coefficient: phi >= 0 [kg m], that is N s^2, broadcast with the scenario.
-        horizon: how long to wait for contact [s].
-
-    Returns:
-        Status and state at the end of each run, as `find_contact` has them, by the method "quadrature". `gain` is NaN:
-        a drag has no D_p. `impulse_residual` is that of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment,
-        which certifies the time as well; s is the sensor's ln xi, which the quadrature never sees. A run that comes to
-        rest relative to the object ends there, NEVER in contact: a_o > 0 then takes the object away.
-
-    Valid for:
-        A plant that follows the virtual object exactly, at rest at its reference or giving way from behind it, and a
-        sensor without delay that sees the object from the farthest distance of the encounter on. What is beyond that
-        raises InvalidInputError: a plant ahead of its reference, or faster than it toward the object; one that is not
-        at rest while the object does not approach; a curve whose ln xi rises with the distance.
-
-    Examples:
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import InversePower
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=np.array([-0.05, -0.3, -1.0])),
-        ... )
-        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> contact = solve_drag(scenario, sensor, 0.01437).contact
-        >>> contact.relative_velocity / scenario.relative_velocity
-        array([0.15003894, 0.15003894, 0.15003894])
-        >>> np.round(contact.displacement, 6)
-        array([-0.059604, -0.059604, -0.059604])
-    """
-    return ContactResult(DragColumns(make_drag_request(scenario, sensor, coefficient, horizon)), "quadrature")
+def solve_drag(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, *, horizon: float = _HORIZON) -> ContactResult:
+    """Find the contact of an encounter under the virtual drag of phi [N s^2]; see `Drag` in laws.py."""
+    return ContactResult(DragColumns(make_drag_request(scenario, sensor, drag, horizon)), "quadrature")
 
 
 def sample_drag(
     scenario: Scenario,
     sensor: SensorModel,
-    coefficient: ArrayLike,
+    drag: ArrayLike,
     *,
     horizon: float = _HORIZON,
     samples: int = 200,
 ) -> Motion:
-    """Solve an encounter under the virtual drag and sample its whole motion.
-
-    Args:
-        scenario: the encounter, or an array of them.
-        sensor: the sensor curve.
-        coefficient: phi >= 0 [kg m], broadcast with the scenario.
-        horizon: how long to wait for contact [s].
-        samples: how many instants, from 0 to the end of each run, ends included; at least 2.
-
-    Returns:
-        The motion; its arrays have the broadcast shape with the samples as a last axis.
-
-    Raises:
-        InvalidInputError: there are too few samples.
-
-    Examples:
-        >>> from pretouch.motion import Admittance, Obstacle
-        >>> from pretouch.sensors import ExponentialFirstOrder
-        >>> scenario = Scenario(
-        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        ...     obstacle=Obstacle(position=0.0422, velocity=-0.3),
-        ... )
-        >>> motion = sample_drag(scenario, ExponentialFirstOrder(scale=0.458, rate=-61.0), 0.012, samples=3)
-        >>> motion.relative_velocity
-        array([-0.3       , -0.07913646, -0.04557996])
-    """
-    if samples < 2:
-        raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
-    columns = DragColumns(make_drag_request(scenario, sensor, coefficient, horizon))
+    """Sample the whole motion of an encounter under the virtual drag; see `Drag` in laws.py."""
+    columns = DragColumns(make_drag_request(scenario, sensor, drag, horizon))
     r, end = columns.request, columns.raw("time")
     times = end[:, None] * np.linspace(0.0, 1.0, samples)
     times[:, -1] = end
@@ -153,21 +85,16 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
 
 
 def _motion(columns: DragColumns, times: FloatArray, distance: FloatArray, speed: FloatArray) -> Motion:
-    r, shape = columns.request, (*columns.request.shape, times.shape[1])
+    r = columns.request
     slope = np.asarray(r.sensor.log_slope(np.clip(distance, *r.sensor.valid_range)))
     pull = -r.strength[:, None] * (slope * np.minimum(speed, 0.0)) ** 2
-    body = {name: column[:, None] for name, column in r.bodies.items()}
-    displacement = body["p"] + (body["v"] + body["a"] * times / 2) * times - distance
-    displacement_velocity = body["v"] + body["a"] * times - speed
-    found = {
+    bodies = {name: column[:, None] for name, column in r.bodies.items()}
+    course = {
         "time": times,
         "distance": distance,
-        "position": displacement + body["r"] + (body["r_v"] + body["r_a"] * times / 2) * times,
-        "velocity": displacement_velocity + body["r_v"] + body["r_a"] * times,
-        "acceleration": pull + body["r_a"],
-        "displacement": displacement,
         "relative_velocity": speed,
+        "displacement_velocity": bodies["v"] + bodies["a"] * times - speed,
+        "displacement_acceleration": pull,
         "virtual_force": r.mass[:, None] * pull,
     }
-    plain = {name: values.reshape(shape) for name, values in found.items()}
-    return Motion(**plain, result=ContactResult(columns, "quadrature"))
+    return motion_of(ContactResult(columns, "quadrature"), r.shape, bodies, course)

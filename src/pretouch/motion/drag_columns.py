@@ -57,7 +57,7 @@ class DragColumns(Value):
 
     def _compared(self) -> tuple[Any, ...]:
         r = self.request
-        return (r.scenario, r.sensor, r.coefficient, r.horizon)
+        return (r.scenario, r.sensor, r.drag, r.horizon)
 
     def column(self, name: str) -> Any:
         """Return a quantity of every run, a float for a single one.
@@ -147,7 +147,7 @@ def _error(c: DragColumns) -> FloatArray:
 
 
 _DERIVED: Final[dict[str, Callable[[DragColumns], Any]]] = {
-    "gain": lambda c: np.full(len(c.begins), np.nan),
+    "gain": lambda c: c.request.bodies["phi"],
     "displacement": _displacement,
     "displacement_velocity": _displacement_velocity,
     "position": _position,

@@ -22,7 +22,7 @@ from .layout import ContactStatus
 
 _QUANTITIES: Final = {"time": "s", "relative_velocity": "m/s", "displacement": "m"}
 _INPUTS: Final = {
-    "coefficient": "kg*m",
+    "gain": "N*s^2",
     "admittance.mass": "kg",
     "obstacle.position": "m",
     "obstacle.velocity": "m/s",
@@ -42,8 +42,8 @@ class DragGradients(Value):
 
     Attributes:
         quantities: what can be differentiated: `time`, `relative_velocity`, `displacement` (less the excursion).
-        inputs: by what: `coefficient`, `admittance.mass`, `obstacle.position` (the distance l_d), `obstacle.velocity`
-            and `obstacle.acceleration`.
+        inputs: by what: `gain`, which is phi, `admittance.mass`, `obstacle.position` (the distance l_d),
+            `obstacle.velocity` and `obstacle.acceleration`.
     """
 
     columns: DragRun
@@ -104,7 +104,7 @@ def _changes(c: DragRun, by: str) -> tuple[FloatArray, FloatArray]:
     elif by == "obstacle.position":
         square -= 2 * (a + k * np.asarray(r.sensor.log_slope(r.farthest[on])) ** 2 * v**2)
         np.divide(1.0, np.abs(v), out=time, where=v < 0)
-    factor = {"coefficient": 1 / r.mass, "admittance.mass": -r.strength / r.mass}.get(by)
+    factor = {"gain": 1 / r.mass, "admittance.mass": -r.strength / r.mass}.get(by)
     for cells, nodes in c.path.walk():
         lane = cells.lane
         grown = nodes.grown

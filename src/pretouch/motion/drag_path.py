@@ -27,7 +27,7 @@ from pretouch.sensors import SensorModel
 from .layout import ContactStatus
 
 NODES: Final = 16
-_TOLERANCE: Final = 1e-12  # of the largest Legendre coefficient
+_TOLERANCE: Final = 1e-12  # of the largest Legendre drag
 _PAST_REST: Final = 0.9  # of the distance from a virtual rest behind the start of a cell
 _BEFORE_REST: Final = 0.45  # of the distance to a virtual rest beyond its end
 _GROWTH: Final = 3.0  # of q on a cell: its exponential is then a polynomial of degree 15 to rounding
@@ -78,7 +78,7 @@ class DragApproach(NamedTuple):
     """Encounters that approach from now on: each a column.
 
     Args:
-        strength: k = phi / M [kg m/kg].
+        strength: k = phi / M [m].
         acceleration: a_o of the obstacle relative to the reference [m/s^2].
         distance: l at the start [m].
         square: l'^2 at the start [m^2/s^2].

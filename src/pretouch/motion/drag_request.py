@@ -22,19 +22,19 @@ _ROUNDING: Final = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DragRequest(Value):
-    """One call: encounters, curve, coefficients.
+    """One call: encounters, curve, values of phi.
 
     Args:
         scenario: the encounters.
         sensor: the sensor curve.
-        coefficient: phi [kg m].
+        drag: phi [N s^2].
         horizon: how long to wait [s].
         shape: the broadcast shape.
     """
 
     scenario: Scenario
     sensor: SensorModel
-    coefficient: Any
+    drag: Any
     horizon: float
     shape: tuple[int, ...]
 
@@ -42,7 +42,7 @@ class DragRequest(Value):
     def bodies(self) -> dict[str, FloatArray]:
         """The quantities of L(9), one of each for every encounter: what moves, relative to the reference, and that."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
-        columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.coefficient)
+        columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
         return dict(zip((*names, "r", "phi"), flat, strict=True))
 
@@ -53,7 +53,7 @@ class DragRequest(Value):
 
     @property
     def strength(self) -> FloatArray:
-        """The coefficient over the mass, k [m]."""
+        """The drag over the mass, k [m]."""
         return self.bodies["phi"] / self.mass
 
     @property
@@ -84,13 +84,13 @@ class DragRequest(Value):
         return np.asarray(self.distance + rise)
 
 
-def make_drag_request(scenario: Scenario, sensor: SensorModel, coefficient: ArrayLike, horizon: float) -> DragRequest:
+def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
     """Check a call and flatten it.
 
     Args:
         scenario: the encounters.
         sensor: the sensor curve.
-        coefficient: phi [kg m].
+        drag: phi [N s^2].
         horizon: how long to wait [s].
 
     Returns:
@@ -100,15 +100,13 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, coefficient: Arra
         InvalidInputError: a premise of the motion does not hold.
         OutOfRangeError: an encounter starts outside the range of the curve.
     """
-    phi = nonnegative(coefficient, "coefficient", "kg*m")
+    phi = nonnegative(drag, "drag", "N*s^2")
     try:
         shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
     except ValueError:
-        raise InvalidInputError(
-            f"coefficient: shape {np.shape(phi)} does not broadcast with {scenario.shape}"
-        ) from None
+        raise InvalidInputError(f"drag: shape {np.shape(phi)} does not broadcast with {scenario.shape}") from None
     request = DragRequest(
-        scenario=scenario, sensor=sensor, coefficient=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
+        scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
     )
     low, high = sensor.valid_range
     start = request.distance

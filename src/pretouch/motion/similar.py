@@ -56,6 +56,14 @@ class Likeness(Value):
         """Return what was found of the one sensor in the lengths and gains of the many, of encounters as given."""
         return ContactResult(_Rescaled(found, self, scenario), found.method)
 
+    def of_degree(self, degree: int) -> Likeness:
+        """Return the likeness under a law whose force is its number times a power of s': k^d / s^(d - 1) for k."""
+        if degree == 1:
+            return self
+        by = {name: (s, degree * k - (degree - 1) * s) for name, (s, k) in self.parameters.items()}
+        gain = self.gain**degree / self.length ** (degree - 1)
+        return Likeness(sensor=self.sensor, length=self.length, gain=gain, parameters=by)
+
 
 @dataclass(frozen=True, slots=True)
 class _Rescaled(Value):

@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch.design.gain import GainDesign
-from pretouch.motion import ContactResult, Motion, Scenario, solve_motion
+from pretouch.motion import ContactResult, Motion, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop
 
@@ -193,7 +193,8 @@ def _solve(design: GainDesign, gain: float, method: str, horizon: float) -> Moti
     if isinstance(loop, ClosedLoop):
         return loop_motion(loop, design.scenario, design.sensor, gain, horizon=horizon)
     known = method if method in {"closed-form", "integration", "uniform-motion"} else "auto"
-    return solve_motion(design.scenario, design.sensor, gain, method=known, horizon=horizon, samples=_SAMPLES)
+    law = design.problem.task.law
+    return law.motion(design.scenario, design.sensor, gain, method=known, horizon=horizon, samples=_SAMPLES)
 
 
 def _limits(design: GainDesign, name: str) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -119,10 +119,9 @@ def _measure_panel(design: RobustDesign) -> Panel:
 
 def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
     """Return the objective of the encounter as it was given, infinite where there is no contact."""
-    from pretouch.motion import find_contact  # noqa: PLC0415 - solved when it is drawn
-
     ensemble = design.problem.ensemble
-    found = find_contact(design.scenario, design.sensor, gains, method=ensemble.method, horizon=ensemble.horizon)
+    options: dict[str, Any] = {"method": ensemble.method, "horizon": ensemble.horizon}
+    found = ensemble.law.contact(design.scenario, design.sensor, gains, **options)
     speed = abs(design.scenario.obstacle.velocity)
     return np.where(found.reached, design.definition.value(found.end, speed, design.impact), np.inf)
 

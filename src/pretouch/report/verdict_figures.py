@@ -9,7 +9,7 @@ import numpy as np
 
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
-from pretouch.motion import ContactResult, solve_motion
+from pretouch.motion import ContactResult
 from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
 from pretouch.verification.appraisal import simulated_quantity
@@ -185,7 +185,7 @@ def _course(verdict: Verdict, index: int, label: str, style: int, end: float) ->
 def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: float) -> _Shown:
     touched = bool(predicted.reached.all())
     until = float(predicted.end.time) * (1 + 1e-6) if touched else end
-    motion = solve_motion(
+    motion = verdict.law.motion(
         verdict.scenario, verdict.sensor, gain, method=predicted.method, horizon=until, samples=_MOST // 2
     )
     time, distance, velocity = (np.asarray(c) for c in (motion.time, motion.distance, motion.relative_velocity))

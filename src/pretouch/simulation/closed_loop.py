@@ -15,7 +15,8 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, finite
 from pretouch._core.values import Value
 from pretouch.control import Controller, VirtualDrag
-from pretouch.motion import ContactResult, ContactStatus, Scenario
+from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Scenario
+from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
 
 from .chain import SensorChain, timing_of
@@ -112,6 +113,12 @@ class ClosedLoop:
         columns = {name: out[:, i].reshape(loop.shape) for i, name in enumerate(RESULT_COLUMNS)}
         columns["gain"] = np.array(np.broadcast_to(np.asarray(gain, dtype=np.float64), loop.shape))
         return ContactResult(_LoopColumns(columns), "loop")
+
+    @property
+    def continuous(self) -> ContinuousLaw | None:
+        """The law in continuous time that its controller samples; None where that tells none."""
+        own = getattr(getattr(self.law, "law", self.law), "continuous", None)
+        return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
         """Return the same loop, whose first encounter meets the noise of so many runs later."""

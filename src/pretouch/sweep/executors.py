@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pretouch._core.values import Value
 from pretouch.design import Task, design_gain
-from pretouch.motion import ContactStatus, find_contact
+from pretouch.motion import ContactStatus
 from pretouch.motion.scenario import scenario_with
 
 from .axes import ENCOUNTER_INPUTS, Axis
@@ -64,7 +64,7 @@ def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict
     options: dict[str, Any] = {"method": held.method, "horizon": held.horizon}
     if not plan.designs:
         gain: Any = values.get("gain", held.gain)
-        contact = find_contact(scenario, held.sensor, gain, **options)
+        contact = held.law.contact(scenario, held.sensor, gain, **options)
         found: dict[str, NDArray[Any]] = {STATUS: np.asarray(contact.status, dtype=np.int8)}
         good = found[STATUS] == ContactStatus.CONTACT
     else:
@@ -76,7 +76,7 @@ def _columns(held: Task, plan: Plan, values: Mapping[str, NDArray[Any]]) -> dict
         found = {STATUS: status, "gain": design.gain, "objective": design.objective}
         good = status == DESIGN_CODES["optimal"]
         if set(plan.results) - set(OF_DESIGNS):
-            contact = find_contact(scenario, held.sensor, np.where(good, design.gain, 0.0), **options)
+            contact = held.law.contact(scenario, held.sensor, np.where(good, design.gain, 0.0), **options)
     for name in plan.results:
         if name not in found:
             column = read(name, contact, held.impact)

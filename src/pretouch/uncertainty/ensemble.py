@@ -13,7 +13,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
-from pretouch.motion import ContactResult, Scenario, find_contact
+from pretouch.motion import DAMPER, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.evaluator import Evaluator, ManySensorEvaluator, with_noise_after
 from pretouch.motion.many_curves import ManyCurves, many_curves
 from pretouch.motion.request import make_request
@@ -155,6 +155,7 @@ class Ensemble(Value):
         many: their sensors, where they are not one but may be solved together.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
+        law: the law in continuous time.
         evaluator: solves encounters in the place of `find_contact`, where given; the i-th of them meets the noise of
             run i.
     """
@@ -167,6 +168,7 @@ class Ensemble(Value):
     many: ManyCurves | None
     method: str
     horizon: float
+    law: ContinuousLaw = DAMPER
     evaluator: Evaluator | None = None
 
     def __len__(self) -> int:
@@ -178,7 +180,7 @@ class Ensemble(Value):
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
     def contacts(self, gain: Any) -> ContactResult:
-        """Find the contacts of all encounters with one gain D_p [N s], or an array whose last axis is 1 or n."""
+        """Find the contacts of all encounters with one gain, or an array of them whose last axis is 1 or n."""
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
         if self.evaluator is not None:
@@ -186,12 +188,12 @@ class Ensemble(Value):
         options: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
         if self.likeness is not None:
             one = self.likeness
-            found = find_contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
+            found = self.law.contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
             return found if one.sensor is self.sensor else one.result(found, self.scenario)
         if self.many is not None:
             request = make_request(self.scenario, self.sensor, gains, self.method, self.horizon, many=self.many)
             return ContactResult(Solution(request), request.method)
-        return _stacked([find_contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
+        return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
         """Have somebody else solve the encounters: at once, or one by one where it takes one sensor at a time."""
@@ -265,6 +267,7 @@ def make_ensemble(
     count: int | None = None,
     method: str = "auto",
     horizon: float = 600.0,
+    law: ContinuousLaw = DAMPER,
     evaluate: Evaluator | None = None,
 ) -> Ensemble:
     """Put samples of inputs into an encounter.
@@ -276,6 +279,7 @@ def make_ensemble(
         count: how many encounters, where no input differs.
         method: how encounters are solved, as in `find_contact`.
         horizon: how long to wait for contact [s].
+        law: the law in continuous time.
         evaluate: solves encounters in the place of `find_contact`, as in `design_gain`.
 
     Returns:
@@ -316,28 +320,29 @@ def make_ensemble(
     own = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
     try:
         several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
-        likeness, many = _sensors(sensor, own, several, method)
+        likeness, many = _sensors(sensor, own, several, law, method)
     except InvalidInputError as impossible:
         raise InvalidInputError(f"uncertainty: {impossible}{_REMEDY}") from None
     if evaluate is not None and several.shape == ():  # alike but for the noise, of which each element has its own
         position = np.full(size, several.obstacle.position)
         several = replace(several, obstacle=replace(several.obstacle, position=position))
     found: dict[str, Any] = {"scenario": several, "values": checked, "count": size, "likeness": likeness, "many": many}
-    return Ensemble(**found, sensor=sensor, method=method, horizon=horizon, evaluator=evaluate)
+    return Ensemble(**found, sensor=sensor, method=method, horizon=horizon, law=law, evaluator=evaluate)
 
 
 def _sensors(
-    sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario, method: str
+    sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario, law: ContinuousLaw, method: str
 ) -> tuple[Likeness | None, ManyCurves | None]:
     """Find how the sensors are one, or put them side by side; refuse values that no such curve has."""
     if not own:
         return Likeness(sensor=sensor, length=1.0, gain=1.0), None
-    found = find_likeness(sensor, own, several.distance)
-    if found is not None:
-        return found, None
+    found = None if law.degree is None else find_likeness(sensor, own, several.distance)
+    if found is not None and law.degree is not None:
+        return found.of_degree(law.degree), None
     # every sensor is built here, so that an impossible one is named before anything is solved
     rows = (dict(zip(own, map(float, row), strict=True)) for row in zip(*own.values(), strict=True))
-    return None, many_curves(sensor, own, tuple(sensor_with(sensor, row) for row in rows), method)
+    each = tuple(sensor_with(sensor, row) for row in rows)
+    return None, many_curves(sensor, own, each, method) if law == DAMPER else None
 
 
 def _of_sensor(name: str) -> bool:

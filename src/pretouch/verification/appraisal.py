@@ -16,7 +16,7 @@ from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.objectives import OwnObjective, appraise
 from pretouch.design.robust import Required
 from pretouch.design.robust.measures import limits_of
-from pretouch.motion import ContactResult, ContactState, Scenario, find_contact
+from pretouch.motion import ContactResult, ContactState, Scenario
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
@@ -42,7 +42,7 @@ def foreseen_impact(task: Task) -> ImpactModel | None:
 
 def predicted_contact(task: Task, gain: float) -> ContactResult:
     """Return how the nominal encounter ends with a gain [N s], in continuous time with a perfect sensor."""
-    return find_contact(task.scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
+    return task.law.contact(task.scenario, task.sensor, gain, method=task.method, horizon=task.horizon)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,7 +99,7 @@ def draw_encounters(task: Task) -> Draws:
         raise InvalidInputError(
             f"uncertainty: found {known[0]}, which is a number in the law of the loop and known exactly; leave it out"
         )
-    several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon)
+    several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
     return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=own)
 

@@ -16,7 +16,7 @@ from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
 from pretouch.design.constraints import ImpactModel
 from pretouch.design.page import impact_rows
-from pretouch.motion import ContactResult, ContactStatus, Motion, Scenario, solve_motion
+from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Motion, Scenario
 from pretouch.motion.describing import inputs_section, method_section
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
@@ -89,7 +89,8 @@ class SimulatedEncounter(Described, Value):
         scenario: the encounter.
         sensor: the sensor curve.
         loop: the loop that it was run on.
-        gain: D_p [N s].
+        law: the law in continuous time.
+        gain: its number: D_p [N s].
         impact: the physical properties, where given.
         method: by which the encounter was predicted, as `find_contact` takes it.
         horizon: how long the prediction waits for contact [s].
@@ -102,6 +103,7 @@ class SimulatedEncounter(Described, Value):
     scenario: Scenario
     sensor: SensorModel
     loop: ClosedLoop
+    law: ContinuousLaw
     gain: float
     impact: ImpactModel | None
     method: str
@@ -135,7 +137,8 @@ class SimulatedEncounter(Described, Value):
 
     def _motion(self, gain: float, prediction: ContactResult, run: SimulationResult) -> Motion:
         horizon = self.horizon if prediction.reached.all() else min(self.horizon, run.end_time)
-        return solve_motion(self.scenario, self.sensor, gain, method=self.method, horizon=horizon, samples=_SAMPLES)
+        how: dict[str, Any] = {"method": self.method, "horizon": horizon, "samples": _SAMPLES}
+        return self.law.motion(self.scenario, self.sensor, gain, **how)
 
     @property
     def has_contact_force(self) -> bool:

@@ -15,7 +15,7 @@ from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
 from pretouch.design import GainDesign, Objective
 from pretouch.design.robust import Required
-from pretouch.motion import ContactResult, Scenario
+from pretouch.motion import ContactResult, ContinuousLaw, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
@@ -183,7 +183,7 @@ class Verdict(Described, Value):
 
     Args:
         status: holds, holds-narrowly, does-not-hold or no-gain.
-        gain: D_p that was verified [N s]; None where there is none.
+        gain: the number of the law that was verified, D_p [N s]; None where there is none.
         reasons: why the status is not `holds`, the gravest first.
         design: the ideal design: continuous time, perfect sensor, nominal encounter.
         predicted: the nominal encounter at the gain in continuous time; None without a gain.
@@ -242,6 +242,11 @@ class Verdict(Described, Value):
     unmitigated: SimulationResult | None = None
 
     page: ClassVar[str] = "pretouch.verification.page:verdict_page"
+
+    @property
+    def law(self) -> ContinuousLaw:
+        """The law in continuous time that the loop samples."""
+        return self.design.problem.task.law
 
     @property
     def best_change(self) -> LoopChange | None:

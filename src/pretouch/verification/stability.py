@@ -12,8 +12,8 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.control import Controller, VirtualDrag
-from pretouch.motion import Admittance
+from pretouch.control import Controller
+from pretouch.motion import DAMPER, Admittance
 from pretouch.sensors import SensorModel
 from pretouch.simulation import (
     ClosedLoop,
@@ -27,10 +27,6 @@ from pretouch.simulation import (
     timing_of,
 )
 
-_PROBE: Final = 1e-3  # change of ln xi: small beside any limit of the force, large beside rounding
-_WAIT: Final = 0.5  # s before and after the change, for ramps and filters to settle
-_READINGS: Final = 40
-_ALIKE: Final = 1e-3  # of the impulse: what is left of a low-pass after the wait is less
 _BELOW_HALF: Final = 0.45  # of the rate: the highest cutoff of a low-pass whose sensor becomes too slow for its own
 _FASTER: Final = 2.0
 _ROOM: Final = 2.0  # times the fastest change of ln xi that an approach makes
@@ -122,27 +118,11 @@ class StabilityCheck(Value):
         return {**{name: getattr(self, name) for name in own}, "distance": self.limit.distance, "gain": self.limit.gain}
 
 
-def acts_as_damper(loop: ClosedLoop) -> bool:
-    """Return whether the impulse of a law is its gain times the change of ln xi, on which the stability limit rests."""
-    if not isinstance(loop.law, Controller) or isinstance(loop.law.law, VirtualDrag):
-        return False  # nothing is known of the one, the other's impulse grows with the rate
-    law = loop.law.with_value(-1e-3)
-    # it is tried out: a reading that stands still, rises by a thousandth and stands still again tells the whole impulse
-    c = law.conditioning
-    highest = 16 * c.floor if c.saturation is None else c.saturation - c.offset
-    level = math.sqrt(c.floor * highest)
-    every = max(round(told_period(law) / law.period), 1)
-    steps = math.ceil(max(_WAIT / law.period, _READINGS * every) / every) * every
-    run, impulse = law.begin(), 0.0
-    for k in range(2 * steps):
-        reading = c.offset + level * (1.0 if k < steps else math.exp(_PROBE))
-        impulse += law.period * run.step(reading, fresh=k % every == 0).virtual_force
-    return abs(impulse / (-1e-3 * _PROBE) - 1) < _ALIKE
-
-
-def limit_of(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray) -> GainLimit:
-    """Return the strongest gains that are stable at distances [m], of a controller that acts as a damper."""
-    law: Any = loop.law
+def limit_of(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray) -> GainLimit | None:
+    """Return the strongest gains that are stable at distances [m]; None where damping or timing are not known."""
+    law = loop.law
+    if not isinstance(law, Controller) or loop.continuous != DAMPER:
+        return None
     return gain_limit(sensor, _own(law), timing_of(loop.chain, law), distance=distance, plant=loop.plant)
 
 

@@ -9,7 +9,6 @@ from typing import Any, Final
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
-from pretouch.control import VirtualDrag
 from pretouch.design import GainDesign, Task, design_gain
 from pretouch.design.task import placed
 from pretouch.motion import ContactResult
@@ -25,7 +24,7 @@ from .checks import assumptions_of, cautions_of, check_limits, check_reached, co
 from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
 from .result import LimitCheck, Verdict, VerdictStatus
-from .stability import acts_as_damper, check_stability, limit_of, stability_margin
+from .stability import check_stability, limit_of, stability_margin
 
 _NO_LOOP: Final = (
     "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
@@ -75,7 +74,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     """
     task = _checked(task)
     design = design_gain(task.replace(impact=foreseen_impact(task)))
-    chosen = design.gain if task.gain is None else float(finite(task.gain, "gain", "N*s"))
+    chosen = design.gain if task.gain is None else float(finite(task.gain, "gain", task.law.number.unit))
     same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
     asked: dict[str, Any] = {name: getattr(task, name) for name in same}
     asked |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
@@ -96,7 +95,7 @@ def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[s
     unmitigated = draws.run(loop, 0.0)
     problem = LoopProblem(draws=draws, predicted=draws.predicted(gain), unmitigated=unmitigated)
     distance = passed_distances(sensor, float(draws.distance.max()))
-    limit = limit_of(loop, sensor, distance) if acts_as_damper(loop) else None
+    limit = limit_of(loop, sensor, distance)
     outcomes = replace(problem.appraise(loop, gain), margin=stability_margin(limit, gain))
     stability = check_stability(loop, sensor, distance, gain, limit)
     runs = outcomes.result, unmitigated
@@ -111,7 +110,7 @@ def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[s
         "calibration_check": None if task.calibration is None else check_calibration(task, task.calibration, gain),
         "predicted": predicted,
         "comparisons": comparisons,
-        "stability_text": _no_stability_in_words(gain, limit is not None) if stability is None else stability.text,
+        "stability_text": stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
         "loss": loss,
         "changes": tried,
         "assumptions": assumptions_of(task, draws.compared),
@@ -147,11 +146,15 @@ def _loop_of(task: Task) -> ClosedLoop:
         raise InvalidInputError(_NO_LOOP)
     if not isinstance(task.loop, ClosedLoop):
         raise InvalidInputError(f"loop: found {type(task.loop).__name__}, expected a ClosedLoop")
-    law = getattr(task.loop.law, "law", None)
-    if isinstance(law, VirtualDrag):
+    own = task.loop.continuous
+    if own is None and "law" not in vars(task):
         raise InvalidInputError(
-            "loop: found a VirtualDrag, whose number is no gain D_p to be compared with L(2); run it by simulate"
+            f"loop: found a law ({type(getattr(task.loop.law, 'law', task.loop.law)).__name__}) that names none in "
+            'continuous time by which it could be predicted; give it `continuous`, such as "virtual-damper" or an '
+            "OwnLaw, or give the task its law"
         )
+    if own not in {None, task.law}:
+        raise InvalidInputError(f"law: found a {task.law.kind} beside a loop whose controller is a {own.kind}")
     return task.loop
 
 
@@ -179,7 +182,7 @@ def _missed(v: Verdict) -> Iterator[str]:
         if stability.strongest == 0:
             yield "the loop is unstable with any gain, however weak"
         else:
-            strongest = format_quantity(stability.strongest, "N*s")
+            strongest = format_quantity(stability.strongest, v.law.number.unit)
             place = format_quantity(stability.critical_distance, "m")
             yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
     if reached is not None and reached.missing:
@@ -229,13 +232,13 @@ def _narrow(v: Verdict) -> Iterator[str]:
         yield f"no contact is predicted with this gain, and {share} of the runs come to one"
 
 
-def _no_stability_in_words(gain: float, damper: bool) -> str:
-    """Return why nothing is said of stability with a gain [N s]: of the law or, where that is a damper, of the gain."""
-    if damper:
-        return f"Nothing is said of stability: D_p = {format_quantity(gain, 'N*s')} does not mitigate."
+def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
+    """Return why nothing is said of stability with a gain: of the law or, where that has a limit, of the gain."""
+    if known:
+        return f"Nothing is said of stability: {task.law.number.equals(gain)} does not mitigate."
     return (
-        "How far the loop is from oscillating is not known: the limit is that of an impulse of D_p times the change of "
-        "ln xi, which this law does not make."
+        f"How far the loop is from oscillating is not known: of this law, {task.law.kind}, neither damping nor timing "
+        "are."
     )
 
 
@@ -276,10 +279,10 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {scenario.shape}, expected one; ClosedLoop.run takes many"
         )
-    one = finite(_gain_of(task), "gain", "N*s")
+    one = finite(_gain_of(task), "gain", task.law.number.unit)
     if not isinstance(one, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
-    same = ("scenario", "sensor", "loop", "impact", "method", "horizon")
+    same = ("scenario", "sensor", "loop", "impact", "method", "horizon", "law")
     return SimulatedEncounter(
         **{name: getattr(task, name) for name in same},
         gain=one,

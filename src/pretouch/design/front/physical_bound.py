@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite, float_or_array, nonnegative, positive
 from pretouch._core.values import Value
-from pretouch.motion import ContactResult, Scenario, solve_motion
+from pretouch.motion import DAMPER, ContactResult, Scenario
 
 from ..search.trials import Trials
 
@@ -272,10 +272,10 @@ def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: Con
     # Elsewhere motions are sampled.
     a = scenario.admittance
     damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
-    proved = damped & (np.asarray(gain) <= 0) & (trials.freedom.scenario.obstacle.acceleration <= 0)
+    how, braked = trials.encounters.task, trials.freedom.scenario.obstacle.acceleration > 0
+    proved = damped & (np.asarray(gain) <= 0) & np.logical_not(braked) & (how.law == DAMPER)
     if np.all(proved):
         return np.ones(np.shape(gain), dtype=bool)
-    how = trials.encounters.task
-    motion = solve_motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
+    motion = how.law.motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)
     forward = motion.displacement.max(axis=-1) <= _FORWARD * np.abs(result.end.displacement)
     return np.asarray(proved | forward)

@@ -246,7 +246,7 @@ def price_of_robustness(problem: GainProblem, name: str, count: int, gain: float
         low, high = own.quantile(_TAIL), own.quantile(1 - _TAIL)
     x = np.linspace(low, high, count)
     values = dict(zip(members, known.others(members.index(name), x), strict=True)) | {name: x}
-    several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon)
+    several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     result = several.contacts(gain)
     robust = np.where(result.reached, task.goal.value(result.end, several.speed, task.impact), np.nan)
 

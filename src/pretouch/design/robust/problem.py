@@ -11,7 +11,7 @@ import numpy as np
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
-from pretouch.motion import ContactResult
+from pretouch.motion import DAMPER, ContactResult
 from pretouch.uncertainty import Ensemble, make_ensemble
 
 from ..bound import least_objective, premises_hold, touches_later
@@ -39,7 +39,8 @@ class RobustProblem(GainProblem):
     @classmethod
     def over(cls, task: Task, axis: GainAxis, values: Mapping[str, Any], **options: Any) -> RobustProblem:
         """Pose a task over encounters with these values of uncertain inputs; options are those of make_ensemble."""
-        how = {"method": task.method, "horizon": task.horizon, "evaluate": task.evaluate, **options}
+        names = ("method", "horizon", "law", "evaluate")
+        how = {**{name: getattr(task, name) for name in names}, **options}
         return cls(task=task, axis=axis, ensemble=make_ensemble(task.scenario, task.sensor, values, **how))
 
     @property
@@ -100,8 +101,8 @@ class RobustProblem(GainProblem):
     def _touch_later(self) -> bool:
         """Tell whether in every encounter a stronger mitigating gain is known to touch later."""
         several = self.ensemble
-        if several.evaluator is not None or several.method == "uniform-motion":
-            return False  # the proof speaks of L(1) from the given state in continuous time
+        if several.evaluator is not None or several.law != DAMPER or several.method == "uniform-motion":
+            return False  # the proof speaks of L(1) with L(2) from the given state in continuous time
         if several.likeness is not None:
             return bool(touches_later(several.scenario, several.likeness.sensor).all())
         if several.many is not None:

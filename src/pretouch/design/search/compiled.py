@@ -24,7 +24,7 @@ import numpy as np
 
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, chebyshev_basis, positive
-from pretouch.motion import Scenario
+from pretouch.motion import DAMPER, Scenario
 from pretouch.motion.curve import Curves, alone, curve_windows, farthest
 from pretouch.motion.kernels import of_core
 from pretouch.motion.request import checked_method, for_stretches
@@ -98,7 +98,8 @@ def known_terms(problem: GainProblem) -> list[tuple[float, float, float, float]]
     """Return a row per term, as pretouch_find_gains takes it; None where the search does not know the problem."""
     if problem.task.evaluate is not None or problem.task.constraints or problem.task.sensor.valid_range[0] > 0:
         return None
-    if problem.task.method == "uniform-motion" or type(problem.task.goal) is not Objective:
+    other = problem.task.law != DAMPER or problem.task.method == "uniform-motion"
+    if other or type(problem.task.goal) is not Objective:
         return None
     rows: list[tuple[float, float, float, float]] = []
     for term in problem.task.goal.terms:

@@ -1,0 +1,252 @@
+"""Laws in continuous time: the letter's virtual damper, and the virtual drag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, NamedTuple, Protocol, final, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.units import format_quantity
+from pretouch.sensors import SensorModel
+
+from .contact import ContactResult, Motion, traced
+from .guaranteed import trace_guaranteed
+from .layout import TRACE_COLUMNS
+from .request import make_request
+from .scenario import Scenario
+from .solution import Solution
+
+
+class LawNumber(NamedTuple):
+    """The one number of a law that a design chooses.
+
+    Args:
+        name: such as "gain".
+        symbol: such as "D_p".
+        unit: such as "N*s".
+        sign: of values that mitigate, -1 or 1.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    sign: int
+
+    @property
+    def label(self) -> str:
+        """Name and symbol, such as "gain D_p"."""
+        return f"{self.name} {self.symbol}"
+
+    def equals(self, value: float) -> str:
+        """Return a value in words, such as "D_p = -0.7 N s"."""
+        return f"{self.symbol} = {format_quantity(value, self.unit)}"
+
+
+@runtime_checkable
+class ContinuousLaw(Protocol):
+    """A law as a function of the encounter, without sampling: what designs and predictions ask of it.
+
+    `DAMPER` and `DRAG` are two, `OwnLaw` makes one of any force.
+
+    Attributes:
+        kind: its name, as files and pages say it.
+        number: what a design chooses of it.
+        degree: of s' = d(ln xi)/dt in the force, to which this is proportional beside the number; None where it is not.
+    """
+
+    @property
+    def kind(self) -> str:
+        """The name of the law."""
+
+    @property
+    def number(self) -> LawNumber:
+        """What a design chooses of it."""
+
+    @property
+    def degree(self) -> int | None:
+        """The power of s' that the force is proportional to, or None."""
+
+    def contact(
+        self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
+    ) -> ContactResult:
+        """Find the contact of encounters, with values of the number that broadcast with them."""
+
+    def motion(
+        self,
+        scenario: Scenario,
+        sensor: SensorModel,
+        value: ArrayLike,
+        *,
+        method: str = ...,
+        horizon: float = ...,
+        samples: int = ...,
+    ) -> Motion:
+        """Sample the whole motion of encounters."""
+
+    def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
+        """Return dF/dl' [N s/m] at a slope g [1/m] and a relative velocity l' [m/s]; NaN where it is not known."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Damper:
+    """The letter's virtual damper, F_p = D_p g(l) l' of L(2), in continuous time."""
+
+    kind: ClassVar[str] = "virtual-damper"
+    number: ClassVar[LawNumber] = LawNumber("gain", "D_p", "N*s", -1)
+    degree: ClassVar[int] = 1
+
+    def __reduce__(self) -> str:
+        return "DAMPER"
+
+    def contact(
+        self,
+        scenario: Scenario,
+        sensor: SensorModel,
+        value: ArrayLike,
+        *,
+        method: str = "auto",
+        horizon: float = 600.0,
+    ) -> ContactResult:
+        """Find the contact; see `find_contact`."""
+        request = make_request(scenario, sensor, value, method, horizon)
+        return ContactResult(Solution(request), request.method)
+
+    def motion(
+        self,
+        scenario: Scenario,
+        sensor: SensorModel,
+        value: ArrayLike,
+        *,
+        method: str = "auto",
+        horizon: float = 600.0,
+        samples: int = 200,
+    ) -> Motion:
+        """Sample the motion; see `solve_motion`."""
+        request = make_request(scenario, sensor, value, method, horizon)
+        result = ContactResult(Solution(request, whole=True), request.method)
+        end = np.atleast_1d(np.asarray(result.end.time)).ravel()
+        times = end[:, None] * np.linspace(0.0, 1.0, samples)
+        times[:, -1] = end
+        trace = np.empty((len(end), samples, len(TRACE_COLUMNS)))
+        trace_guaranteed(request, times, trace)
+        trace[:, -1, 0] = np.ravel(result.end.distance)
+        return traced(request, times, trace, result)
+
+    def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
+        """Return D_p g [N s/m], which no speed changes."""
+        return np.asarray(value) * slope + np.zeros_like(relative_velocity)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Drag:
+    """The virtual drag, F = -phi s'^2 while s = ln xi grows and 0 otherwise, in continuous time (docs/drag.md).
+
+    The admittance's pull toward the object is held off during an approach: M x~'' = F - max(K x~ + D x~', 0). From rest
+    at the reference, or behind it, that is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve. With a
+    uniform obstacle the contact speed is the same share rho = exp(-(phi/M) int g^2 dl) of every approach speed, and the
+    excursion is the same at every speed.
+
+    `impulse_residual` is that of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment, which certifies the time
+    as well; s is the sensor's ln xi, which the quadrature never sees. A run that comes to rest relative to the object
+    ends there, NEVER in contact: a_o > 0 then takes the object away.
+
+    Valid for:
+        A plant that follows the virtual object exactly, at rest at its reference or giving way from behind it, and a
+        sensor without delay that sees the object from the farthest distance of the encounter on. What is beyond that
+        raises InvalidInputError: a plant ahead of its reference, or faster than it toward the object; one that is not
+        at rest while the object does not approach; a curve whose ln xi rises with the distance.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, Obstacle, find_contact
+        >>> from pretouch.sensors import InversePower
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=np.array([-0.05, -0.3, -1.0])),
+        ... )
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> contact = find_contact(scenario, sensor, 0.01437, law=DRAG).contact
+        >>> contact.relative_velocity / scenario.relative_velocity
+        array([0.15003894, 0.15003894, 0.15003894])
+        >>> np.round(contact.displacement, 6)
+        array([-0.059604, -0.059604, -0.059604])
+    """
+
+    kind: ClassVar[str] = "virtual-drag"
+    number: ClassVar[LawNumber] = LawNumber("drag", "\u03c6", "N*s^2", 1)
+    degree: ClassVar[int] = 2
+
+    def __reduce__(self) -> str:
+        return "DRAG"
+
+    def contact(
+        self,
+        scenario: Scenario,
+        sensor: SensorModel,
+        value: ArrayLike,
+        *,
+        method: str = "auto",
+        horizon: float = 600.0,
+    ) -> ContactResult:
+        """Find the contact by the method "quadrature"."""
+        from .drag import solve_drag  # noqa: PLC0415 - only where a drag is used
+
+        _check_quadrature(method)
+        return solve_drag(scenario, sensor, value, horizon=horizon)
+
+    def motion(
+        self,
+        scenario: Scenario,
+        sensor: SensorModel,
+        value: ArrayLike,
+        *,
+        method: str = "auto",
+        horizon: float = 600.0,
+        samples: int = 200,
+    ) -> Motion:
+        """Sample the motion, by the same quadrature."""
+        from .drag import sample_drag  # noqa: PLC0415 - only where a drag is used
+
+        _check_quadrature(method)
+        return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
+
+    def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
+        """Return 2 phi g^2 |l'| [N s/m] in an approach, and 0 where the object recedes."""
+        return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
+
+
+def _check_quadrature(method: str) -> None:
+    if method not in {"auto", "quadrature"}:
+        raise InvalidInputError(f"method: found {method!r}, expected 'auto' or 'quadrature' for a virtual drag")
+
+
+DAMPER: Final = Damper()
+"""The letter's law."""
+
+DRAG: Final = Drag()
+"""The law that leaves every approach the same share of its speed."""
+
+LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)}
+"""By their names in files."""
+
+
+def continuous_law(law: Any) -> ContinuousLaw:
+    """Return a law in continuous time: one itself, a name of one, or that of a sampled law, which tells its own.
+
+    Raises:
+        InvalidInputError: it is none, or tells none.
+    """
+    found = LAWS.get(law) if isinstance(law, str) else law
+    if isinstance(found, ContinuousLaw):
+        return found
+    own = getattr(law, "continuous", None)
+    if own is None:
+        raise InvalidInputError(
+            f"law: found {law if isinstance(law, str) else type(law).__name__}, which is no law in continuous time and "
+            f"names none by `continuous`; expected one of {', '.join(LAWS)}, an OwnLaw, or a sampled law that names one"
+        )
+    return continuous_law(own)

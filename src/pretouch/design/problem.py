@@ -129,7 +129,12 @@ class GainProblem(Value):
     @property
     def is_differentiable(self) -> bool:
         """Whether its encounters have gradients by all inputs: under the virtual damper, but for the uniform motion."""
-        return self.task.evaluate is None and self.task.law == DAMPER and self.task.method != "uniform-motion"
+        return self.is_continuous and self.task.law == DAMPER
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether its motions are those of a law in continuous time, from the given state."""
+        return self.task.evaluate is None and self.task.method != "uniform-motion"
 
     @property
     def is_noisy(self) -> bool:

@@ -149,7 +149,7 @@ def _assemble(trials: Trials, names: tuple[str, ...], found: FoundFront, choice:
 
 
 def _why_no_bound(trials: Trials) -> str:
-    if not trials.encounters.is_differentiable:
+    if not trials.encounters.is_continuous:
         return "the motion is not that of L(1) from rest, of which the bound speaks"
     return why_no_bound(trials.freedom.scenario)
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite, float_or_array, nonnegative, positive
 from pretouch._core.values import Value
-from pretouch.motion import DAMPER, ContactResult, Scenario
+from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 
 from ..search.trials import Trials
 
@@ -243,7 +243,7 @@ def compare_with_bound(
     """Put encounters in contact beside the best that any robot with the same largest acceleration could do."""
     # None where the bound does not speak of such encounters.
     given = trials.freedom.scenario
-    if not trials.encounters.is_differentiable or why_no_bound(given):
+    if not trials.encounters.is_continuous or why_no_bound(given):
         return None
     end = result.end
     acceleration, speed = np.asarray(end.largest_acceleration), np.abs(end.relative_velocity)
@@ -269,11 +269,12 @@ def _gives_way(trials: Trials, scenario: Scenario, gain: FloatArray, result: Con
     """Tell which plants never move toward the obstacle, past where they rested; of the shape of the gain."""
     # Where the admittance is not under-damped, the gain mitigates and the obstacle does not brake, that is proved
     # (docs/fast-designs.md: l' < 0 all the way, so the force only ever pushes, and such an admittance does not swing).
-    # Elsewhere motions are sampled.
+    # Under a drag it is a premise of the motion (docs/drag.md). Elsewhere motions are sampled.
     a = scenario.admittance
     damped = np.square(a.damping) >= 4 * np.multiply(a.mass, a.stiffness) * (1 - 1e-12)
     how, braked = trials.encounters.task, trials.freedom.scenario.obstacle.acceleration > 0
-    proved = damped & (np.asarray(gain) <= 0) & np.logical_not(braked) & (how.law == DAMPER)
+    mitigates = damped & (np.asarray(gain) <= 0) & np.logical_not(braked) & (how.law == DAMPER)
+    proved = np.asarray(mitigates | (how.law == DRAG))
     if np.all(proved):
         return np.ones(np.shape(gain), dtype=bool)
     motion = how.law.motion(scenario, how.sensor, gain, method=how.method, horizon=how.horizon, samples=_SAMPLES)

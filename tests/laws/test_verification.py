@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from pretouch.design.constraints import CONSTRAINT_NAMES
 from pretouch.verification.appraisal import simulated_quantity
 from verification_samples import NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, velocity_limit, verdict
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 HOLDS, NARROWLY = pt.VerdictStatus.HOLDS, pt.VerdictStatus.HOLDS_NARROWLY
 DOES_NOT, NO_GAIN = pt.VerdictStatus.DOES_NOT_HOLD, pt.VerdictStatus.NO_GAIN
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
@@ -340,3 +343,22 @@ def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
     assert said(0.05, **slow).endswith("for the sensor is that slow.")
     assert said(0.02).endswith(": farther away, what is read is not above the floor.")
     assert "a first reading takes 24.83 ms, and farther away" in said(0.02, **slow)
+
+
+def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still() -> None:
+    """The counts of a VCNL4010 with a floor of 5 deviations of noise; the floor that is named is tried anew here."""
+    task = pt.load_scenario(EXAMPLES / "loop.toml").replace(runs=2)
+    (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if text.startswith("At rest"))
+    found = re.search(r"moves the robot by up to ([\d.]+) mm .* with a floor of ([\d.]+) it .* from ([\d.]+) mm on", said)
+    assert found is not None
+    moved, floor, place = (float(number) for number in found.groups())
+    assert moved > 1
+    loop, gain = task.loop, pt.verify_gain(task, changes=False).gain
+    held = replace(loop.law, conditioning=replace(loop.law.conditioning, floor=floor))
+    rest = replace(task.scenario, obstacle=pt.Obstacle(position=1e-3 * place))
+    quiet = replace(loop, law=held, contact=None, horizon=60.0, seed=7)
+    moves = np.asarray(quiet.run(rest, task.sensor, gain, runs=20).largest_excursion)
+    assert np.median(moves) < 1e-3
+    assert moves.max() < 0.5e-3 * moved
+    still = pt.verify_gain(task.replace(loop=replace(loop, law=held)), changes=False)
+    assert not any(text.startswith("At rest") for text in still.warnings)

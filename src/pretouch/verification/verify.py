@@ -114,7 +114,7 @@ def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[s
         "loss": loss,
         "changes": tried,
         "assumptions": assumptions_of(task, draws.compared),
-        "warnings": cautions_of(draws, runs, comparisons, design),
+        "warnings": cautions_of(draws, runs, comparisons, design, gain),
         "compared_runs": draws.compared,
         "mitigated": outcomes.result,
         "unmitigated": unmitigated,

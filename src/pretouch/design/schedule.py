@@ -294,7 +294,7 @@ def _search(ways: _Ways, rails: DragRails, constant: DragDesign, *, monotone: bo
         lower = max(lower, float(np.minimum(reduced * low, reduced * high).sum() - y @ right))
         if smallest - lower <= _CLOSE:
             break
-        shares = (np.clip(found.x[:-1], low, high) + best) / 2
+        shares = (np.clip(found.x[:-1], low, high) + best) / 2  # corners lie far from what is best
         reached = rows @ shares  # raised toward the strong rail, as far as it takes for all to keep the ratio
         shares = shares + (np.maximum(1 - reached, 0.0) / np.maximum(high - reached, 1e-300)).max() * (high - shares)
     return best, lower * scale

@@ -14,6 +14,7 @@ import pretouch as pt
 from pretouch import control, uncertainty
 from pretouch.control.laws import observe, start_sensing
 from pretouch.design import find_physical_bound
+from pretouch.design.schedule import schedule_drag
 from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
 from pretouch.sweep import Axis, Progress
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
@@ -126,6 +127,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
         )
     ),
     "front with admittance": lambda: pt.pareto_front(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
+    "schedule of a drag": lambda: schedule_drag(SENSOR, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=12),
     "bound": lambda: find_physical_bound(SCENARIO, acceleration_limit=2.0),
     "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.robust.Quantile(probability=0.9)),
     "robust, worst case": lambda: _robust(measure=pt.robust.WorstCase()),

@@ -113,7 +113,7 @@ class ContactResult(Value):
         gain: the number of the law in each run: D_p [N s] of the virtual damper.
         closest_distance: the smallest distance of each run [m]; 0 at contact, and where it only decays to 0.
         settling_distance: the distance at which a run without contact comes to rest [m], 0 where it decays to 0;
-            infinite where it does not.
+            infinite where it does not, NaN where that is not known.
         impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
             momentum of the approach: an identity of L(1) and L(2) for every curve, so this certifies the computed
             motion; of another law the same with its own impulse. NaN for the uniform motion, which does not start from

@@ -158,6 +158,8 @@ def test_encounters_broadcast_and_each_is_the_same_alone() -> None:
     alone = find_contact(APPROACH, POWER, 0.02, law=DRAG_AGAIN)
     assert alone.status is ContactStatus.CONTACT
     assert alone.end.as_dict() == {name: values[0, 1] for name, values in found.end.as_dict().items()}
+    assert find_contact(APPROACH, POWER, np.zeros((0, 2)), law=DRAG_AGAIN).status.shape == (0, 2)
+    assert solve_motion(APPROACH, POWER, np.zeros((0, 2)), law=DRAG_AGAIN, samples=5).time.shape == (0, 2, 5)
 
 
 def test_runs_that_end_without_contact() -> None:

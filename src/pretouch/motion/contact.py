@@ -25,6 +25,26 @@ class Columns(Protocol):
         """Return a quantity of every run, a float for a single one."""
 
 
+@dataclass(frozen=True, slots=True)
+class KnownColumns(Value):
+    """Columns that are all known at once.
+
+    Args:
+        columns: the quantities of every run by name, of the broadcast shape; made read-only.
+    """
+
+    columns: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        for values in self.columns.values():
+            values.setflags(write=False)
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run, a float for a single one."""
+        found = self.columns[name]
+        return found if found.ndim else found.item()
+
+
 class _Quantity:
     """A quantity that is read from the columns of its owner."""
 
@@ -179,7 +199,7 @@ class ContactResult(Value):
         if found is None:
             raise ResultUnavailableError(
                 f"gradients: there are none of a result by {self.method}; solve the encounter by find_contact with "
-                "another method"
+                "another method or law"
             )
         return found
 

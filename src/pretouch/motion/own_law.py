@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
@@ -10,33 +10,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import finite
+from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
-from .contact import ContactResult, Motion, motion_of
+from .contact import ContactResult, ContactState, KnownColumns, Motion, motion_of
 from .laws import LawNumber
 from .own_run import Given, OwnRun
 from .request import Request, make_request
 from .scenario import Scenario
 
+_COLUMNS: Final = (
+    *ContactState.names(),
+    *("status", "gain", "closest_distance", "settling_distance", "impulse_residual"),
+)
+_COURSE: Final = (
+    *("time", "distance", "relative_velocity", "displacement_velocity", "displacement_acceleration"),
+    "virtual_force",
+)
 _BODIES: Final = ("p", "v", "a", "r", "r_v", "r_a")
-
-
-@dataclass(frozen=True, slots=True)
-class _OwnColumns(Value):
-    """Columns that are all known, of the broadcast shape."""
-
-    columns: Mapping[str, Any]
-
-    def __post_init__(self) -> None:
-        for values in self.columns.values():
-            values.setflags(write=False)
-
-    def column(self, name: str) -> Any:
-        """Return a quantity of every run, a float for a single one."""
-        found = self.columns[name]
-        return found if found.ndim else found.item()
 
 
 def _not_known(value: Any, slope: Any, relative_velocity: Any) -> Any:
@@ -124,8 +116,8 @@ class OwnLaw(Value):
         request = self._request(scenario, sensor, value, method, horizon)
         runs = self._runs(request)
         sampled = [run.sampled(samples) for run in runs]
-        course = {name: np.stack([one[name] for one in sampled]) for name in sampled[0]}
-        bodies = {name: np.array([[getattr(run.given, name)] for run in runs]) for name in _BODIES}
+        course = {name: _joined([one[name] for one in sampled], (len(runs), samples)) for name in _COURSE}
+        bodies = {name: _joined([getattr(run.given, name) for run in runs], (len(runs), 1)) for name in _BODIES}
         return motion_of(_result(request, runs), request.shape, bodies, course)
 
     def _request(
@@ -148,6 +140,10 @@ class OwnLaw(Value):
 
 def _result(request: Request, runs: list[OwnRun]) -> ContactResult:
     found = [run.columns() for run in runs]
-    columns = {name: np.array([one[name] for one in found]).reshape(request.shape) for name in found[0]}
+    columns = {name: _joined([one[name] for one in found], request.shape) for name in _COLUMNS}
     columns["status"] = columns["status"].astype(np.int64)
-    return ContactResult(_OwnColumns(columns), "integration")
+    return ContactResult(KnownColumns(columns), "integration")
+
+
+def _joined(values: list[Any], shape: tuple[int, ...]) -> FloatArray:
+    return np.array(values, dtype=np.float64).reshape(shape)

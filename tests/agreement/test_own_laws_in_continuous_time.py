@@ -281,6 +281,12 @@ def test_a_motion_that_takes_too_many_steps_is_unresolved(monkeypatch: pytest.Mo
     assert result.end.time == 0.0
 
 
+def test_a_motion_that_would_stay_at_a_jump_of_the_force_is_unresolved() -> None:
+    """Dry friction stops the approach at l' = 0, where it has no value that holds the motion there."""
+    result = find_contact(APPROACH, POWER, 5.0, law=own(lambda *asked: -asked[0] * float(np.sign(asked[2]))))
+    assert result.status is ContactStatus.UNRESOLVED
+
+
 def test_requests_that_make_no_sense() -> None:
     with pytest.raises(InvalidInputError, match="method: found 'closed-form'"):
         find_contact(APPROACH, POWER, -0.7, law=DAMPER_AGAIN, method="closed-form")

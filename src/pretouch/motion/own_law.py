@@ -59,7 +59,8 @@ class OwnLaw(Value):
 
     Valid for:
         A plant that follows the virtual object exactly and a sensor without delay. s and g are those of the nearest
-        end of the curve where a step looks beyond its range.
+        end of the curve where a step looks beyond its range. A force that is continuous, or jumps where the motion
+        passes on: where it would have to stay at a jump the run is `UNRESOLVED`.
 
     Examples:
         >>> from pretouch.motion import Admittance, LawNumber, Obstacle, OwnLaw, find_contact

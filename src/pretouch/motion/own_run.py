@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import threading
+import warnings
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
@@ -24,9 +25,10 @@ _PEAK_OF: Final = dict(zip(PEAKS, ("displacement", "travel", "velocity", "accele
 _APPROACH, _ALONG, _RECEDE = -1, 0, 1
 _TURN, _BORDER = 0, 1  # what ends a piece
 _TOLERANCE: Final = 1e-13
-_LOOKS: Final = 200_000  # at the force on one piece, some 3 s; what needs more is unresolved
-_PIECES: Final = 10_000
+_LOOKS: Final = 300_000  # at the force, some 5 s; what needs more is unresolved
 _ONE_AT_A_TIME: Final = threading.RLock()  # LSODA keeps its state in globals, before SciPy 1.17 for all threads
+_AT_ONCE: Final = ("f(a) and f(b) must have", "`ts` must be strictly")
+"""How SciPy refuses a motion that turns within rounding of where its piece began, which a jump of the force can do."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _PROBES: Final = 65
 _AHEAD: Final = 1e3  # times the distance, up to which they lie
@@ -61,7 +63,7 @@ class _Piece(NamedTuple):
 
 
 class _UnresolvedError(Exception):
-    """A piece takes too many steps."""
+    """The motion takes too many steps."""
 
 
 class OwnRun:
@@ -95,7 +97,7 @@ class OwnRun:
         self.borders = (self.low, *(k for k in sensor.knots if k > self.low), self.high)
         self.pieces: list[_Piece] = []
         self.known: dict[str, float] = {}
-        self.settling = math.nan
+        self.settling, self.looks = math.nan, 0
         self.status = self._follow(horizon)
 
     def _distance(self, time: Any, x: Any) -> Any:
@@ -139,7 +141,7 @@ class OwnRun:
         distance, speed = self._distance(time, g.x0), self._speed(time, g.u0)
         course = int(np.sign(speed)) or self._course(time, state)
         cell = int(np.searchsorted(self.borders, distance, "left" if course == _APPROACH else "right")) - 1
-        for _ in range(_PIECES):
+        while True:
             if course != _APPROACH and self._never(distance, float(state[1]), course):
                 return self._stay(state, ContactStatus.NEVER)
             if not 0 <= cell < len(self.borders) - 1:
@@ -158,7 +160,6 @@ class OwnRun:
                 cell += course
             else:
                 course = _RECEDE if course == _ALONG else self._course(time, state)
-        return ContactStatus.UNRESOLVED
 
     def _stay(self, state: FloatArray, status: ContactStatus) -> ContactStatus:
         """End where the run is; a run of no duration has one piece as well."""
@@ -225,12 +226,10 @@ class OwnRun:
         if course != _ALONG:
             turn = _event(lambda t, y: self._speed(t, y[1]), -course)
             events = [turn, _event(lambda t, y: self._distance(t, y[0]) - border, course)]
-        looks = 0
 
         def rates(t: float, y: FloatArray) -> tuple[float, float]:
-            nonlocal looks
-            looks += 1
-            if looks > _LOOKS:
+            self.looks += 1
+            if self.looks > _LOOKS:
                 raise _UnresolvedError
             x, u = y.tolist()
             if course == _ALONG:
@@ -240,9 +239,14 @@ class OwnRun:
 
         options = {"rtol": _TOLERANCE, "atol": _TOLERANCE / 100 * (g.p - g.x0), "dense_output": True}
         try:
-            with _ONE_AT_A_TIME:
+            with _ONE_AT_A_TIME, warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "lsoda:", UserWarning)  # the status says it
                 run = solve_ivp(rates, (time, horizon), state, method="LSODA", events=events, **options)
         except _UnresolvedError:
+            return None
+        except ValueError as error:
+            if not str(error).startswith(_AT_ONCE):
+                raise
             return None
         ended = next((i for i, times in enumerate(run.t_events) if len(times)), None)
         return None if run.status < 0 else _Piece(course, run.sol, run.t, ended)

@@ -38,6 +38,14 @@ def log_slope(distance: Any) -> Any:
     return np.full_like(distance, -40.0)
 
 
+def cubic(value: float, output: float, rate: float) -> float:
+    """Push as a user's law may."""
+    return -value * max(rate, 0.0) ** 3
+
+
+OWN_LAW = pt.motion.OwnLaw(kind="cubic", number=pt.motion.LawNumber("cube", "c", "N*s^3", 1), force=cubic)
+
+
 def half(scenario: Any, sensor: Any, gain: Any) -> pt.ContactResult:
     """Solve encounters as a user's function may."""
     return pt.find_contact(scenario, sensor, 0.5 * np.asarray(gain))
@@ -87,6 +95,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "contacts, other sensors": lambda: uncertainty.make_ensemble(
         SCENARIO, pt.MittagLeffler(scale=1.0, rate=-80.0, order=0.8), {"sensor.order": [0.75, 0.8]}
     ).contacts(-0.7),
+    "contacts, own law": lambda: pt.find_contact(SEVERAL, SENSOR, 1e-3, law=OWN_LAW),
     "no contact": lambda: pt.find_contact(SCENARIO, SENSOR, -0.7, horizon=0.01),
     "gradients": lambda: pt.find_contact(SEVERAL, SENSOR, -0.7).gradients,
     "gradients, like sensors": lambda: (
@@ -161,7 +170,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "problem": lambda: pt.load_scenario(EXAMPLES / "approach.toml"),
     "problem with a loop": lambda: pt.load_scenario(EXAMPLES / "loop.toml"),
     "encounters": lambda: SEVERAL,
-    "law": lambda: (pt.motion.DRAG, pt.motion.LawNumber("gain", "D", "N*s", -1)),
+    "laws": lambda: (pt.motion.DRAG, OWN_LAW),
     "objective": lambda: pt.time_objective(time_scale=1.0, velocity_scale="obstacle speed"),
     "ensemble": lambda: uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}),
     "axis": lambda: Axis(name="gain", columns={"gain": np.linspace(-1.0, -0.5, 3)}),

@@ -5,6 +5,7 @@ from .evaluator import find_contact, solve_motion
 from .gradients import ContactGradients
 from .laws import DAMPER, DRAG, ContinuousLaw, LawNumber
 from .layout import ContactStatus
+from .own_law import OwnLaw
 from .request import METHODS
 from .scenario import Admittance, Obstacle, Plant, Reference, Scenario
 
@@ -21,6 +22,7 @@ __all__ = [
     "LawNumber",
     "Motion",
     "Obstacle",
+    "OwnLaw",
     "Plant",
     "Reference",
     "Scenario",

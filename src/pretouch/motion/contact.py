@@ -25,6 +25,26 @@ class Columns(Protocol):
         """Return a quantity of every run, a float for a single one."""
 
 
+@dataclass(frozen=True, slots=True)
+class KnownColumns(Value):
+    """Columns that are all known at once.
+
+    Args:
+        columns: the quantities of every run by name, of the broadcast shape; made read-only.
+    """
+
+    columns: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        for values in self.columns.values():
+            values.setflags(write=False)
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run, a float for a single one."""
+        found = self.columns[name]
+        return found if found.ndim else found.item()
+
+
 class _Quantity:
     """A quantity that is read from the columns of its owner."""
 
@@ -113,7 +133,7 @@ class ContactResult(Value):
         gain: the number of the law in each run: D_p [N s] of the virtual damper.
         closest_distance: the smallest distance of each run [m]; 0 at contact, and where it only decays to 0.
         settling_distance: the distance at which a run without contact comes to rest [m], 0 where it decays to 0;
-            infinite where it does not.
+            infinite where it does not, NaN where that is not known.
         impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
             momentum of the approach: an identity of L(1) and L(2) for every curve, so this certifies the computed
             motion; of another law the same with its own impulse. NaN for the uniform motion, which does not start from
@@ -179,7 +199,7 @@ class ContactResult(Value):
         if found is None:
             raise ResultUnavailableError(
                 f"gradients: there are none of a result by {self.method}; solve the encounter by find_contact with "
-                "another method"
+                "another method or law"
             )
         return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from pretouch._core.blocks import Cell, Chapter, Measured, Rows, cell_as_text
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, finite
-from pretouch._core.values import Value
 from pretouch.control import Controller, VirtualDrag
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Scenario
+from pretouch.motion.contact import KnownColumns
 from pretouch.motion.laws import continuous_law
 from pretouch.sensors import SensorModel
 
@@ -112,7 +112,13 @@ class ClosedLoop:
         out, *_ = run_loop(loop, np.arange(math.prod(loop.shape)), touches=1)
         columns = {name: out[:, i].reshape(loop.shape) for i, name in enumerate(RESULT_COLUMNS)}
         columns["gain"] = np.array(np.broadcast_to(np.asarray(gain, dtype=np.float64), loop.shape))
-        return ContactResult(_LoopColumns(columns), "loop")
+        columns["status"] = columns["status"].astype(np.int64)
+        # a body with a mass presses into the other: that comes after the contact
+        reached = columns["status"] == ContactStatus.CONTACT
+        columns["closest_distance"] = np.where(reached, 0.0, columns["closest_distance"])
+        for name in ("settling_distance", "impulse_residual"):  # a loop that does not know its law knows neither
+            columns[name] = np.full(loop.shape, np.nan)
+        return ContactResult(KnownColumns(columns), "loop")
 
     @property
     def continuous(self) -> ContinuousLaw | None:
@@ -243,26 +249,6 @@ class ClosedLoop:
                     f"admittance.{name}: found {asked:g} in the scenario and {has:g} in the law of the loop, expected "
                     "the same in both"
                 )
-
-
-@dataclass(frozen=True, slots=True)
-class _LoopColumns(Value):
-    """The columns of a loop's encounters, as a ContactResult reads them."""
-
-    columns: Mapping[str, FloatArray]
-
-    def column(self, name: str) -> Any:
-        """Return a quantity of every run, a float for a single one."""
-        status = self.columns["status"]
-        if name == "status":
-            return status.astype(np.int64) if status.ndim else int(status)
-        if name in {"settling_distance", "impulse_residual"}:  # a loop that does not know its law knows neither
-            found = np.full(status.shape, np.nan)
-        elif name == "closest_distance":  # a body with a mass presses into the other: that comes after the contact
-            found = np.where(status == ContactStatus.CONTACT, 0.0, self.columns[name])
-        else:
-            found = self.columns[name]
-        return found if found.ndim else float(found)
 
 
 Row = tuple[str, Cell]

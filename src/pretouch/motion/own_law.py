@@ -1,0 +1,150 @@
+"""A law of a user's own in continuous time: any force of ln xi and its rate, integrated numerically."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.values import Value
+from pretouch.sensors import SensorModel
+
+from .contact import ContactResult, ContactState, KnownColumns, Motion, motion_of
+from .laws import LawNumber
+from .own_run import Given, OwnRun
+from .request import Request, make_request
+from .scenario import Scenario
+
+_COLUMNS: Final = (
+    *ContactState.names(),
+    *("status", "gain", "closest_distance", "settling_distance", "impulse_residual"),
+)
+_COURSE: Final = (
+    *("time", "distance", "relative_velocity", "displacement_velocity", "displacement_acceleration"),
+    "virtual_force",
+)
+_BODIES: Final = ("p", "v", "a", "r", "r_v", "r_a")
+
+
+def _not_known(value: Any, slope: Any, relative_velocity: Any) -> Any:
+    return np.full(np.broadcast_shapes(np.shape(value), np.shape(slope), np.shape(relative_velocity)), np.nan)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnLaw(Value):
+    """Any force F of s = ln xi and its rate s' = g(l) l', by one number: a `ContinuousLaw` for `find_contact` and all.
+
+    The motion is M x~'' + D x~' + K x~ = F, L(1), integrated in time by SciPy's LSODA, stiff or not, one encounter
+    after the other, at some 10 to 50 ms each. Turning points of the distance and knots of the curve are ends of steps.
+    `impulse_residual` is |M dx~' + D dx~ + K int x~ dt - int F dt - int H dt| over the largest of these terms, H what
+    is held off, by a quadrature that the integration never sees.
+
+    A run is known to be `NEVER` in contact where all is at rest, and, for a law that holds off, where the object no
+    longer approaches, a_o >= 0, and F at s' = 0 is at most M a_o at each of some distances ahead; it ends there. Others
+    without contact end at the horizon. `settling_distance` is NaN where it is not known.
+
+    Args:
+        kind: its name, as files and pages say it.
+        number: what a design chooses of it.
+        force: takes a value of the number, s, and s' [1/s], floats, and returns F [N].
+        damping: takes a value, g [1/m] and l' [m/s], floats or arrays, and returns dF/dl' [N s/m]; None: not known.
+        holds_off: whether the pull of the admittance toward the object is held off while that approaches: M x~'' = F -
+            max(K x~ + D x~', 0) for l' < 0, as a virtual drag has it (docs/drag.md). Where the pull would bring the
+            object near again as soon as it is let go, the plant keeps the distance, l' = 0.
+
+    Valid for:
+        A plant that follows the virtual object exactly and a sensor without delay. s and g are those of the nearest
+        end of the curve where a step looks beyond its range. A force that is continuous, or jumps where the motion
+        passes on: where it would have to stay at a jump the run is `UNRESOLVED`.
+
+    Examples:
+        >>> from pretouch.motion import Admittance, LawNumber, Obstacle, OwnLaw, find_contact
+        >>> from pretouch.sensors import InversePower
+        >>> def cubic(value, s, rate):
+        ...     return -value * max(rate, 0.0) ** 3
+        >>> law = OwnLaw(kind="cubic", number=LawNumber("cube", "c", "N*s^3", 1), force=cubic, holds_off=True)
+        >>> scenario = Scenario(
+        ...     admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        ...     obstacle=Obstacle(position=0.0422, velocity=np.array([-0.1, -0.3])),
+        ... )
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> find_contact(scenario, sensor, 1e-3, law=law).contact.relative_velocity.round(6)
+        array([-0.056069, -0.089538])
+    """
+
+    kind: str
+    number: LawNumber
+    degree: ClassVar[int | None] = None
+    force: Callable[[float, float, float], float]
+    damping: Any = None
+    holds_off: bool = False
+
+    def __post_init__(self) -> None:
+        if not callable(self.force):
+            raise InvalidInputError(f"force: found {self.force!r}, expected a function of the value, s and s'")
+        if self.damping is None:
+            object.__setattr__(self, "damping", _not_known)
+
+    def contact(
+        self,
+        scenario: Scenario,
+        sensor: SensorModel,
+        value: ArrayLike,
+        *,
+        method: str = "auto",
+        horizon: float = 600.0,
+    ) -> ContactResult:
+        """Find the contact by the method "integration"."""
+        request = self._request(scenario, sensor, value, method, horizon)
+        return _result(request, self._runs(request))
+
+    def motion(
+        self,
+        scenario: Scenario,
+        sensor: SensorModel,
+        value: ArrayLike,
+        *,
+        method: str = "auto",
+        horizon: float = 600.0,
+        samples: int = 200,
+    ) -> Motion:
+        """Sample the motion, of the same integration."""
+        request = self._request(scenario, sensor, value, method, horizon)
+        runs = self._runs(request)
+        sampled = [run.sampled(samples) for run in runs]
+        course = {name: _joined([one[name] for one in sampled], (len(runs), samples)) for name in _COURSE}
+        bodies = {name: _joined([getattr(run.given, name) for run in runs], (len(runs), 1)) for name in _BODIES}
+        return motion_of(_result(request, runs), request.shape, bodies, course)
+
+    def _request(
+        self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, method: str, horizon: float
+    ) -> Request:
+        if method not in {"auto", "integration"}:
+            raise InvalidInputError(
+                f"method: found {method!r}, expected 'auto' or 'integration' for the law {self.kind}"
+            )
+        checked = finite(value, self.number.name, self.number.unit)
+        return make_request(scenario, sensor, checked, "integration", horizon)
+
+    def _runs(self, request: Request) -> list[OwnRun]:
+        columns, values = request.part(slice(None))
+        reference = np.broadcast_to(request.scenario.reference.position, request.shape).reshape(-1)
+        given = np.column_stack([columns, reference, values]).tolist()
+        options: Any = {"holds_off": self.holds_off, "horizon": request.horizon}
+        return [OwnRun(Given(*row), request.sensor, self.force, self.kind, **options) for row in given]
+
+
+def _result(request: Request, runs: list[OwnRun]) -> ContactResult:
+    found = [run.columns() for run in runs]
+    columns = {name: _joined([one[name] for one in found], request.shape) for name in _COLUMNS}
+    columns["status"] = columns["status"].astype(np.int64)
+    return ContactResult(KnownColumns(columns), "integration")
+
+
+def _joined(values: list[Any], shape: tuple[int, ...]) -> FloatArray:
+    return np.array(values, dtype=np.float64).reshape(shape)

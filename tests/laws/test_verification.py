@@ -349,7 +349,9 @@ def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still() -
     """The counts of a VCNL4010 with a floor of 5 deviations of noise; the floor that is named is tried anew here."""
     task = pt.load_scenario(EXAMPLES / "loop.toml").replace(runs=2)
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if text.startswith("At rest"))
-    found = re.search(r"moves the robot by up to ([\d.]+) mm .* with a floor of ([\d.]+) it .* from ([\d.]+) mm on", said)
+    found = re.search(
+        r"moves the robot by up to ([\d.]+) mm .* with a floor of ([\d.]+) it .* from ([\d.]+) mm on", said
+    )
     assert found is not None
     moved, floor, place = (float(number) for number in found.groups())
     assert moved > 1

@@ -159,6 +159,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "gain limit": lambda: pt.simulation.gain_limit(
         SENSOR, SCENARIO.admittance, pt.simulation.timing_of(NOISY.chain, NOISY.law), distance=[0.0, 0.04]
     ),
+    "speed limit": lambda: pt.simulation.speed_limit(
+        SENSOR, SCENARIO.admittance, pt.simulation.LoopTiming(rate=250.0), 0.0144, detection_distance=0.0422
+    ),
     "witness": _witness,
     "conformance": lambda: pt.check_sensor(SENSOR),
     "letter": lambda: pt.letter.reproduce(["figure-5", "impact-force"]),

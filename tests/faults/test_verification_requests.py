@@ -65,5 +65,3 @@ def test_a_drag_is_not_compared_with_a_damper(verb: Callable[[pt.Task], Any]) ->
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, gain=-0.7, loop=replace(QUICK, law=drag), runs=2)
     with pytest.raises(pt.errors.InvalidInputError, match=r"^loop: found a VirtualDrag, .* run it by simulate$"):
         verb(task)
-    with pytest.raises(pt.errors.InvalidInputError, match=r"^stability: found a VirtualDrag"):
-        task.loop.stability_limit(SCENARIO, SENSOR)

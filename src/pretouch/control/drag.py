@@ -37,7 +37,8 @@ class VirtualDrag:
         relative_noise: standard deviation of a reading in proportion to xi.
         resolution: step of the readings [unit of xi].
         smoothing_time: time constant of the smoothed level and rate [s]. It lags behind changes of speed: at most an
-            eighth of the distance of detection over the largest speed, 7 ms for 42 mm at 0.75 m/s.
+            eighth of the distance of detection over the largest speed, 7 ms for 42 mm at 0.75 m/s. Near a steady s' the
+            impulse of a small change of s is 2 phi s' times that change behind one low-pass of it, see `Law`.
         dead_zone: width of the dead zone of s in standard deviations of the smoothed level. White noise rises by 8.8 of
             them within a minute once in a hundred times, by 10.4 within an hour.
         still_rate: rate of s that counts as none, in its standard deviations. Smaller ones keep the share at low speed,

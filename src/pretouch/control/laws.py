@@ -59,6 +59,10 @@ class Law(Protocol):
 
     A new law is a dataclass with these six, and one function, made of `observe`, of what the law itself does, and of
     `drive`: in Python `state, output = step(parameters, state, sample)`, or compiled, see `SampledLaw`.
+
+    A law may smooth ln xi on the way to its impulse. Where that amounts, near an operating point, to one low-pass that
+    takes in 1 - exp(-T/tau) of every reading, the sensor's period being T, the law tells tau [s] as an attribute
+    `smoothing_time`, and limits of stability count it.
     """
 
     @property

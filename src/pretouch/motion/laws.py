@@ -55,6 +55,8 @@ class ContinuousLaw(Protocol):
         kind: its name, as files and pages say it.
         number: what a design chooses of it.
         degree: of s' = d(ln xi)/dt in the force, to which this is proportional beside the number; None where it is not.
+
+    A law during which the admittance's pull does not act, such as the drag, says so by an attribute `holds_off`.
     """
 
     @property
@@ -179,6 +181,7 @@ class Drag:
     kind: ClassVar[str] = "virtual-drag"
     number: ClassVar[LawNumber] = LawNumber("drag", "\u03c6", "N*s^2", 1)
     degree: ClassVar[int] = 2
+    holds_off: ClassVar[bool] = True
 
     def __reduce__(self) -> str:
         return "DRAG"

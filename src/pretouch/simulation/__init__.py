@@ -6,6 +6,7 @@ from .loop import simulate
 from .parts import PARTS, SensorPart, sensor_part
 from .result import LoopTrace, SimulationResult
 from .robot import ContactModel, HuntCrossley, IdealPlant, ImpedancePlant, PlantModel, PositionPlant, SpringDamper
+from .speed import SpeedLimit, speed_limit
 from .stability import DampingLimit, GainLimit, gain_limit, largest_damping, lowest_rate
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "SensorChain",
     "SensorPart",
     "SimulationResult",
+    "SpeedLimit",
     "SpringDamper",
     "chain_of_fit",
     "gain_limit",
@@ -31,5 +33,6 @@ __all__ = [
     "lowest_rate",
     "sensor_part",
     "simulate",
+    "speed_limit",
     "timing_of",
 ]

@@ -200,6 +200,8 @@ class LoopTiming:
         exposure: over which time a reading averages [s], at most one period.
         sections: second-order sections of a digital filter that runs at `rate`, as SciPy gives them, one tuple of six
             numbers each; none by default.
+        smoothing: time constant tau_s [s] of a first-order low-pass behind them, which takes in 1 - exp(-hold/tau_s) of
+            every reading; 0 for none.
 
     Examples:
         >>> LoopTiming(rate=100.0, delay=0.005).period
@@ -211,6 +213,7 @@ class LoopTiming:
     hold: float | None = quantity("s", None, sign="positive")
     exposure: float = quantity("s", 0.0, sign="nonnegative")
     sections: Any = ()
+    smoothing: float = quantity("s", 0.0, sign="nonnegative")
 
     def __post_init__(self) -> None:
         check_declared(self)
@@ -235,6 +238,14 @@ class LoopTiming:
         """For how long the force of one difference acts [s]."""
         return self.period if self.hold is None else self.hold
 
+    @property
+    def filters(self) -> tuple[tuple[float, ...], ...]:
+        """All sections that a reading passes, the smoothing as the last of them."""
+        if self.smoothing == 0:
+            return tuple(self.sections)
+        kept = math.exp(-self.holding / self.smoothing)
+        return (*self.sections, (1 - kept, 0.0, 0.0, 1.0, -kept, 0.0))
+
 
 def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
     """Tell when a loop of this chain and this controller samples and acts.
@@ -245,10 +256,11 @@ def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
 
     Args:
         chain: the sensor chain; its jitter, noise and dropouts are left out.
-        controller: the controller; its limits and what its law does beside the gain are left out.
+        controller: the controller; its limits and what its law does beside the gain are left out, but for a
+            `smoothing_time`, see `pretouch.control.laws.Law`.
 
     Returns:
-        The timing, with the Butterworth filter of the controller.
+        The timing, with the Butterworth filter of the controller and the smoothing of its law.
 
     Examples:
         >>> from pretouch.control import Conditioning, VirtualAdmittance, VirtualDamper
@@ -277,6 +289,7 @@ def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
         hold=hold,
         exposure=chain.exposure,
         sections=[(s.b0, s.b1, s.b2, 1.0, s.a1, s.a2) for s in designed],
+        smoothing=getattr(controller.law, "smoothing_time", 0.0),
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.blocks import Cell, Chapter, Measured, Rows, cell_as_text
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, finite
-from pretouch.control import Controller, VirtualDrag
+from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Scenario
 from pretouch.motion.contact import KnownColumns
 from pretouch.motion.laws import continuous_law
@@ -27,6 +27,8 @@ from .robot import ContactModel, IdealPlant, PlantModel
 from .stability import GainLimit, gain_limit, passed_distances
 
 _OWN: Final = ("mass", "damping", "stiffness")
+_ROUNDS: Final = 100  # toward the strongest drag that is stable with its own motion
+_ALIKE: Final = 1e-6  # of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,41 +152,59 @@ class ClosedLoop:
         """Run encounters, those along the last axis with n curves of their own; see `run`."""
         return result_of(self.encounters(scenario, tuple(sensors), gain, None, each=True))
 
-    def stability_limit(self, scenario: Scenario, sensor: SensorModel) -> GainLimit:
-        """Find the strongest gain that is stable at all distances from the start of an encounter to its contact.
+    def stability_limit(self, scenario: Scenario, sensor: SensorModel, value: float | None = None) -> GainLimit:
+        """Find the strongest number of the law that is stable from the start of an encounter to its contact.
+
+        Args:
+            scenario: the encounter.
+            sensor: the sensor curve.
+            value: where the damping of the law follows the speed, as that of a drag, the number with whose predicted
+                motion the object comes; by default that of the loop's law. A number up to the limit that its own motion
+                has is stable; a weaker one comes faster, so that its motion has a smaller limit.
 
         Returns:
             The limit; some milliseconds of work.
 
         Raises:
-            InvalidInputError: nothing is known of the timing of the law.
+            InvalidInputError: nothing is known of the timing of the law, or of its damping.
         """
         law: Any = self.law
         if not isinstance(law, Controller):
             raise InvalidInputError(
                 f"stability: found a law ({type(law).__name__}) that is no Controller, whose timing is not known"
             )
-        if isinstance(law.law, VirtualDrag):
-            raise InvalidInputError("stability: found a VirtualDrag, whose damping follows the speed: it has no gain")
+        known, velocity = continuous_law(law.law), None
+        distance = passed_distances(sensor, float(scenario.distance))
+        if known.degree != 1:  # its damping follows the speed
+            motion = known.motion(scenario, sensor, law.law.value if value is None else value)
+            distance, velocity = motion.distance, motion.relative_velocity
         return gain_limit(
             sensor,
             scenario.admittance,
             timing_of(self.chain, law),
-            distance=passed_distances(sensor, float(scenario.distance)),
+            distance=distance,
             plant=self.plant,
+            law=known,
+            relative_velocity=velocity,
         )
 
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Cut bounds of the gain [N s] so that it can grow by a factor until the loop is unstable; refuse none left."""
-        strongest = self.stability_limit(scenario, sensor).strongest / margin
-        low, high = max(bounds[0], strongest), min(bounds[1], -strongest)
+        """Cut bounds of the number so that it can grow by a factor until the loop is unstable; refuse none left."""
+        strongest = 0.0
+        for _ in range(_ROUNDS):  # an object comes slower with a stronger one, which allows more: each found is stable
+            limit = self.stability_limit(scenario, sensor, strongest)
+            n, found = limit.law.number, limit.strongest / margin
+            if not abs(strongest) * (1 + _ALIKE) < abs(found):
+                break
+            strongest = found
+        low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
             raise InvalidInputError(
-                f"stability_margin: found {margin:g}, which allows gains up to {strongest:.4g} N*s, but [gain] has "
-                f"bounds from {bounds[0]:g} to {bounds[1]:g} N*s, expected a smaller margin, weaker gains, a faster "
-                "sensor or a larger virtual mass"
+                f"stability_margin: found {margin:g}, which allows {n.name}s up to {strongest:.4g} {n.unit}, but "
+                f"[{n.name}] has bounds from {bounds[0]:g} to {bounds[1]:g} {n.unit}, expected a smaller margin, "
+                f"weaker {n.name}s, a faster sensor or a larger virtual mass"
             )
         return low, high
 

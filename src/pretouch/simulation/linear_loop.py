@@ -71,7 +71,7 @@ class LinearLoop:
         system = z[:, None, None] * np.eye(len(self.reading)) - self.transition
         state = np.linalg.solve(system, (delays @ self.pushes)[:, :, None])[:, :, 0]
         out = state @ self.reading + delays @ self.feedthrough
-        for b0, b1, b2, _, a1, a2 in self.timing.sections:
+        for b0, b1, b2, _, a1, a2 in self.timing.filters:
             out = out * (b0 + b1 / z + b2 / z**2) / (1 + a1 / z + a2 / z**2)
         # 1 - 1/z loses digits near z = 1: 1 - exp(-ia) = 2i sin(a/2) exp(-ia/2)
         difference = 2j * np.sin(np.asarray(angle) / 2) * np.exp(-0.5j * np.asarray(angle))
@@ -84,7 +84,7 @@ class LinearLoop:
         """
         n, later = len(self.reading), np.zeros((self.lag, len(self.reading) + 1))
         effects = np.vstack([later, np.column_stack([self.pushes, self.feedthrough])])
-        size = n + len(effects) + 2 * len(self.timing.sections)
+        size = n + len(effects) + 2 * len(self.timing.filters)
         return np.stack([self._advance(unit, damping, effects[:, :n], effects[:, n]) for unit in np.eye(size)], axis=1)
 
     @property
@@ -96,7 +96,7 @@ class LinearLoop:
         n, m = len(self.reading), len(feedthrough)
         plant, past, previous, filters = state[:n], state[n : n + m - 1], state[n + m - 1], state[n + m :].copy()
         value = float(self.reading @ plant + feedthrough[1:] @ past)
-        for i, (b0, b1, b2, _, a1, a2) in enumerate(self.timing.sections):
+        for i, (b0, b1, b2, _, a1, a2) in enumerate(self.timing.filters):
             out = b0 * value + filters[2 * i]
             filters[2 * i] = b1 * value - a1 * out + filters[2 * i + 1]
             filters[2 * i + 1] = b2 * value - a2 * out

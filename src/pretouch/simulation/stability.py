@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
+from pretouch._core.units import pretty_unit
 from pretouch._core.values import Value
-from pretouch.motion import Admittance
+from pretouch.motion import DAMPER, Admittance, ContinuousLaw
 from pretouch.sensors import SensorModel
 
 from .chain import LoopTiming
@@ -29,7 +30,7 @@ _FASTEST: Final = 1e6  # Hz: no proximity sensor reads faster, and what is held 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DampingLimit(Value):
-    """The largest damping d = D_p g with which the sampled loop is stable, at any distance.
+    """The largest damping d, such as D_p g, with which the sampled loop is stable, at any distance.
 
     Args:
         damping: the limit [N s/m]; infinite where no damping makes the loop unstable, 0 where any does, however weak:
@@ -57,54 +58,57 @@ class DampingLimit(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainLimit(Value):
-    """The largest |D_p| with which the loop is stable, at each distance.
+    """The number of a law with the largest magnitude with which the loop is stable, at each distance.
 
     Args:
         distance: l [m], shape (n,).
-        gain: the strongest stable gain D_p < 0 at each [N s], shape (n,); -inf where g is 0, and 0 where no gain is
-            stable.
-        damping: the largest damping D_p g, the same at all distances.
+        gain: the strongest stable number at each, shape (n,): D_p < 0 [N s] of a damper, phi > 0 [N s^2] of a drag;
+            infinite where it damps nothing, and 0 where no damping is stable.
+        damping: the largest damping, the same at all distances.
+        law: the law whose number it is.
     """
 
     distance: FloatArray
     gain: FloatArray
     damping: DampingLimit
+    law: ContinuousLaw = DAMPER
 
     @property
     def strongest(self) -> float:
-        """The strongest gain [N s] that is stable at every distance."""
-        return float(self.gain.max())
+        """The strongest number that is stable at every distance, that of the smallest magnitude [N s for a damper]."""
+        return float(self.gain[np.abs(self.gain).argmin()])
 
     @property
     def critical_distance(self) -> float:
         """The distance [m] that allows the least."""
-        return float(self.distance[np.argmax(self.gain)])
+        return float(self.distance[np.abs(self.gain).argmin()])
 
     def allowed(self, margin: float = 2.0) -> float:
         """Return the largest |D_p| that keeps a margin to instability: the limit of a `Constraint(name="gain")`.
 
         Args:
-            margin: how many times the gain could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
+            margin: how many times the number could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
 
         Returns:
-            The magnitude [N s]; infinite where no gain makes the loop unstable, 0 where any does.
+            The magnitude [N s for a damper]; infinite where none makes the loop unstable, 0 where any does.
 
         Raises:
             InvalidInputError: the margin does not exceed 1.
         """
         if not finite(margin, "margin") > 1:
             raise InvalidInputError(f"margin: found {margin:g}, which must exceed 1")
-        return -self.strongest / margin
+        return abs(self.strongest) / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
-        """Return bounds of a gain [N s] that keep the margin of `allowed`; none left is refused."""
-        strongest = -self.allowed(margin)
-        if not strongest < finite(weakest, "weakest", "N*s") < 0:
+        """Return bounds of the number that keep the margin of `allowed`; none left is refused."""
+        n, unit = self.law.number, pretty_unit(self.law.number.unit)
+        strongest = n.sign * self.allowed(margin)
+        if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
             raise InvalidInputError(
-                f"weakest: found {weakest:g} N s, which must lie between the strongest gain with this margin, "
-                f"{strongest:g} N s, and 0; a faster sensor allows stronger gains"
+                f"weakest: found {weakest:g} {unit}, which must lie between the strongest {n.name} with this margin, "
+                f"{strongest:g} {unit}, and 0; a faster sensor allows stronger {n.name}s"
             )
-        return strongest, weakest
+        return min(strongest, weakest), max(strongest, weakest)
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
@@ -115,7 +119,7 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
 
 
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
-    """Find the largest damping D_p g for which the sampled loop is stable: L(1) behind a sampler, a delay and a hold.
+    """Find the largest damping d, as D_p g, for which the loop is stable: L(1) behind a sampler, a delay and a hold.
 
     The linear loop is discretized exactly; its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
     negative. The crossover of the phase of P with the smallest d is the limit, and the eigenvalues of the closed loop
@@ -161,8 +165,14 @@ def gain_limit(
     *,
     distance: ArrayLike,
     plant: PlantModel | None = None,
+    law: ContinuousLaw = DAMPER,
+    relative_velocity: ArrayLike | None = None,
 ) -> GainLimit:
-    """Find the largest |D_p| with which the sampled loop is stable at each distance, linearized there: L(1), L(2).
+    """Find the strongest number of a law with which the sampled loop is stable at each distance, linearized there.
+
+    By default that is the D_p of L(1) with L(2). Of any law whose force is in proportion to its number, it is the
+    largest damping over that of the number 1. While a drag acts it holds the admittance's pull off, so that its loop is
+    that of the virtual mass alone.
 
     Args:
         sensor: the sensor curve.
@@ -170,9 +180,14 @@ def gain_limit(
         timing: when the loop samples and acts.
         distance: l [m], at which the loop is linearized: those that the encounter passes, contact included.
         plant: the robot behind the virtual object; ideal by default.
+        law: the law in continuous time.
+        relative_velocity: l' at each distance [m/s], of a law whose damping follows it, as that of the drag.
 
     Returns:
         The limits; their `allowed` is a constraint, and their `bounds` are bounds, of `design_gain`.
+
+    Raises:
+        InvalidInputError: the damping of the law is not known, or not without a relative velocity.
 
     Examples:
         >>> from pretouch.sensors import InversePower
@@ -184,10 +199,19 @@ def gain_limit(
     """
     where = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(where)))
-    limit = largest_damping(admittance, timing, plant=plant)
+    velocity = math.nan if relative_velocity is None else np.asarray(finite(relative_velocity, "relative_velocity"))
+    each = np.abs(law.damping(1.0, -slope, velocity))
+    if np.isnan(each).any() and relative_velocity is None:
+        raise InvalidInputError(
+            f"relative_velocity: found none, expected l' [m/s] at each distance: the damping of a {law.kind} follows it"
+        )
+    if np.isnan(each).any():
+        raise InvalidInputError(f"law: found a {law.kind} whose damping is not known at every distance")
+    free = replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "holds_off", False) else admittance
+    limit = largest_damping(free, timing, plant=plant)
     gain = np.full(where.shape, math.inf)
-    np.divide(limit.damping, slope, out=gain, where=slope > 0)
-    return GainLimit(distance=where, gain=0.0 - gain, damping=limit)
+    np.divide(limit.damping, each, out=gain, where=each > 0)
+    return GainLimit(distance=where, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
 
 
 def lowest_rate(

@@ -1,0 +1,88 @@
+"""How fast may an object come? The speed up to which a loop with a virtual drag is stable, and in time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from pretouch._core.values import Value
+from pretouch.motion import DRAG, Admittance, Obstacle, Scenario
+from pretouch.sensors import SensorModel
+
+from .chain import LoopTiming
+from .robot import PlantModel
+from .stability import gain_limit
+
+_LAG: Final = 0.25  # of the detection distance: from 0.3 to 0.4 of it on a drag no longer keeps its share of the speed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedLimit(Value):
+    """How fast an object may come until a loop with a virtual drag is unstable, and until it comes too late.
+
+    Args:
+        stable: the approach speed v from which on 2 phi g^2 |l'| exceeds the largest stable damping somewhere, with
+            |l'| = v exp(-Q(l)) of a uniform object [m/s]; infinite for phi = 0.
+        critical_distance: where it does so first [m].
+        timely: l_d / 4 over the lag, delay + 2 tau_s + hold [m/s]: an estimate. What moves by 0.3 to 0.4 of the
+            detection distance l_d within the lag is met too late, and touches with more than its share of the speed.
+    """
+
+    stable: float
+    critical_distance: float
+    timely: float
+
+    @property
+    def speed(self) -> float:
+        """The lesser of both [m/s]."""
+        return min(self.stable, self.timely)
+
+
+def speed_limit(
+    sensor: SensorModel,
+    admittance: Admittance,
+    timing: LoopTiming,
+    drag: float,
+    *,
+    detection_distance: float,
+    plant: PlantModel | None = None,
+) -> SpeedLimit:
+    """Find the speed up to which a sampled loop with a virtual drag is stable, and that up to which it is in time.
+
+    Args:
+        sensor: the sensor curve.
+        admittance: one virtual admittance.
+        timing: when the loop samples and acts, with the smoothing of its law, as `timing_of` tells it.
+        drag: phi [N s^2], >= 0.
+        detection_distance: l_d [m], from which on the object is seen.
+        plant: the robot behind the virtual object; ideal by default.
+
+    Returns:
+        Both speeds, for objects at constant speed.
+
+    Examples:
+        >>> from pretouch.sensors import InversePower
+        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+        >>> admittance = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+        >>> timing = LoopTiming(rate=250.0, delay=0.0025, smoothing=0.007)
+        >>> limit = speed_limit(sensor, admittance, timing, 0.01437, detection_distance=0.0422)
+        >>> round(limit.stable, 1), round(limit.timely, 2)
+        (5.3, 0.51)
+    """
+    approach = Scenario(admittance=admittance, obstacle=Obstacle(position=detection_distance, velocity=-1.0))
+    motion = DRAG.motion(approach, sensor, drag)
+    limit = gain_limit(
+        sensor,
+        admittance,
+        timing,
+        distance=motion.distance,
+        plant=plant,
+        law=DRAG,
+        relative_velocity=motion.relative_velocity,
+    )
+    return SpeedLimit(
+        stable=math.inf if drag == 0 else limit.strongest / drag,
+        critical_distance=limit.critical_distance,
+        timely=_LAG * detection_distance / (timing.delay + 2 * timing.smoothing + timing.holding),
+    )

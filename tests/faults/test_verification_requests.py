@@ -60,8 +60,13 @@ def test_a_request_that_makes_no_sense_says_why(make: Callable[[], object], mess
 
 
 @pytest.mark.parametrize("verb", [pt.verify_gain, pt.simulate_encounter])
-def test_a_drag_is_not_compared_with_a_damper(verb: Callable[[pt.Task], Any]) -> None:
-    drag = replace(QUICK.law, law=pt.control.VirtualDrag(drag=0.0144, noise=1e-3))
-    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, gain=-0.7, loop=replace(QUICK, law=drag), runs=2)
-    with pytest.raises(pt.errors.InvalidInputError, match=r"^loop: found a VirtualDrag, .* run it by simulate$"):
-        verb(task)
+def test_the_law_of_a_task_is_that_of_its_loop(verb: Callable[[pt.Task], Any]) -> None:
+    drag = replace(QUICK, law=replace(QUICK.law, law=pt.control.VirtualDrag(drag=0.0144, noise=1e-3)))
+    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, runs=2)
+    assert task.law is pt.motion.DRAG
+    with pytest.raises(pt.errors.InvalidInputError, match=r"^law: found a virtual-damper beside a loop whose .*drag$"):
+        verb(task.replace(law="virtual-damper"))
+    with pytest.raises(
+        pt.errors.InvalidInputError, match=r"^law: found 'friction', .* expected one of virtual-damper, "
+    ):
+        task.replace(law="friction")

@@ -248,8 +248,9 @@ def continuous_law(law: Any) -> ContinuousLaw:
         return found
     own = getattr(law, "continuous", None)
     if own is None:
+        name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {law if isinstance(law, str) else type(law).__name__}, which is no law in continuous time and "
-            f"names none by `continuous`; expected one of {', '.join(LAWS)}, an OwnLaw, or a sampled law that names one"
+            f"law: found {name}, which is no law in continuous time and names none by `continuous`; expected one of "
+            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law that names one"
         )
     return continuous_law(own)

@@ -24,7 +24,7 @@ from .law import SampledLaw, TunableLaw
 from .native_loop import RESULT_COLUMNS, Loop, run_loop
 from .result import FOLLOW, HORIZON, SimulationResult, check_loop, result_of, runs_of, whole
 from .robot import ContactModel, IdealPlant, PlantModel
-from .stability import GainLimit, gain_limit, passed_distances
+from .stability import GainLimit, gain_limit, passage
 
 _OWN: Final = ("mass", "damping", "stiffness")
 _ROUNDS: Final = 100  # toward the strongest drag that is stable with its own motion
@@ -173,11 +173,8 @@ class ClosedLoop:
             raise InvalidInputError(
                 f"stability: found a law ({type(law).__name__}) that is no Controller, whose timing is not known"
             )
-        known, velocity = continuous_law(law.law), None
-        distance = passed_distances(sensor, float(scenario.distance))
-        if known.degree != 1:  # its damping follows the speed
-            motion = known.motion(scenario, sensor, law.law.value if value is None else value)
-            distance, velocity = motion.distance, motion.relative_velocity
+        known, number = continuous_law(law.law), law.law.value if value is None else value
+        distance, velocity = passage(known, scenario, sensor, number, float(scenario.distance))
         return gain_limit(
             sensor,
             scenario.admittance,

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
-from pretouch._core.units import pretty_unit
+from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.values import Value
-from pretouch.motion import DAMPER, Admittance, ContinuousLaw
+from pretouch.motion import DAMPER, Admittance, ContinuousLaw, Scenario
 from pretouch.sensors import SensorModel
 
 from .chain import LoopTiming
@@ -118,6 +118,16 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
     return np.linspace(first, max(min(farthest, high), first), _PLACES)
 
 
+def passage(
+    law: ContinuousLaw, scenario: Scenario, sensor: SensorModel, value: float, farthest: float
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return distances that an encounter passes [m], and the predicted l' there [m/s] where the damping follows it."""
+    if law.degree == 1:
+        return passed_distances(sensor, farthest), None
+    motion = law.motion(scenario, sensor, value)
+    return motion.distance, motion.relative_velocity
+
+
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
     """Find the largest damping d, as D_p g, for which the loop is stable: L(1) behind a sampler, a delay and a hold.
 
@@ -186,9 +196,6 @@ def gain_limit(
     Returns:
         The limits; their `allowed` is a constraint, and their `bounds` are bounds, of `design_gain`.
 
-    Raises:
-        InvalidInputError: the damping of the law is not known, or not without a relative velocity.
-
     Examples:
         >>> from pretouch.sensors import InversePower
         >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -197,6 +204,17 @@ def gain_limit(
         >>> round(limit.strongest, 2), limit.critical_distance
         (-0.57, 0.0)
     """
+    where, each, free = _frozen(law, sensor, admittance, distance, relative_velocity)
+    limit = largest_damping(free, timing, plant=plant)
+    gain = np.full(where.shape, math.inf)
+    np.divide(limit.damping, each, out=gain, where=each > 0)
+    return GainLimit(distance=where, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
+
+
+def _frozen(
+    law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
+) -> tuple[FloatArray, FloatArray, Admittance]:
+    """Return distances [m], the damping of the number 1 there, and what acts beside it; refuse what is not known."""
     where = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
     slope = np.abs(np.asarray(sensor.log_slope(where)))
     velocity = math.nan if relative_velocity is None else np.asarray(finite(relative_velocity, "relative_velocity"))
@@ -208,10 +226,7 @@ def gain_limit(
     if np.isnan(each).any():
         raise InvalidInputError(f"law: found a {law.kind} whose damping is not known at every distance")
     free = replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "holds_off", False) else admittance
-    limit = largest_damping(free, timing, plant=plant)
-    gain = np.full(where.shape, math.inf)
-    np.divide(limit.damping, each, out=gain, where=each > 0)
-    return GainLimit(distance=where, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
+    return where, np.broadcast_to(each, where.shape), free
 
 
 def lowest_rate(
@@ -223,6 +238,8 @@ def lowest_rate(
     timing_at: Callable[[float], LoopTiming] | None = None,
     plant: PlantModel | None = None,
     margin: float = 1.0,
+    law: ContinuousLaw = DAMPER,
+    relative_velocity: ArrayLike | None = None,
 ) -> float:
     """Find the lowest rate of the sensor above which a gain is stable at every distance and every rate.
 
@@ -233,12 +250,14 @@ def lowest_rate(
     Args:
         sensor: the sensor curve.
         admittance: one virtual admittance.
-        gain: D_p < 0 [N s].
+        gain: the number of the law, one that mitigates: D_p < 0 [N s].
         distance: l [m], those that the encounter passes.
         timing_at: the timing for a rate [Hz]; without any delay by default. What follows the rate, such as a transfer
             that waits for the next period, belongs in it.
         plant: the robot behind the virtual object; ideal by default.
         margin: how many times the gain must be able to grow until the loop is unstable.
+        law: the law in continuous time.
+        relative_velocity: l' at each distance [m/s], of a law whose damping follows it, as that of the drag.
 
     Returns:
         The rate [Hz]; 0 where the gain is stable from 1e-6 Hz on, infinite where even a rate of a hundred times
@@ -254,12 +273,16 @@ def lowest_rate(
         >>> round(lowest_rate(sensor, mass, -1.0, distance=0.0), 3)  # |D_p g| / (2 M)
         30.5
     """
-    if not finite(gain, "gain", "N*s") < 0:
-        raise InvalidInputError(f"gain: found {gain:g} N s, which must be negative: only such gains mitigate")
-    slope = float(np.abs(np.asarray(sensor.log_slope(np.atleast_1d(np.asarray(distance, dtype=np.float64))))).max())
-    wanted = positive(margin, "margin") * -gain * slope
+    number = law.number
+    if not finite(gain, "gain", number.unit) * number.sign > 0:
+        kind = "positive" if number.sign > 0 else "negative"
+        raise InvalidInputError(
+            f"gain: found {format_quantity(gain, number.unit)}, which must be {kind}: only such gains mitigate"
+        )
+    _, each, free = _frozen(law, sensor, admittance, distance, relative_velocity)
+    wanted = positive(margin, "margin") * abs(gain) * float(each.max())
     make = timing_at or (lambda rate: LoopTiming(rate=rate))
-    system = linear_plant(admittance, plant or IdealPlant())
+    system = linear_plant(free, plant or IdealPlant())
 
     def spare(logarithm: float) -> float:
         found = first_crossover(linear_loop(*system, make(math.exp(logarithm))))

@@ -20,7 +20,7 @@ from pretouch.motion import ContactResult
 from pretouch.simulation import GainLimit
 
 from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, foreseen_impact, mean_and_error, part_of
-from .stability import Candidate, StabilityCheck, candidates_of, limit_of, stability_margin
+from .stability import Candidate, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
 
 _ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
 _WORTH: Final = 0.01  # of the objective: less is not worth a change
@@ -125,7 +125,7 @@ class Verified(NamedTuple):
     design: GainDesign  # the ideal one
     stability: StabilityCheck | None  # None where it is not known, as the limit
     limit: GainLimit | None  # the strongest stable gains of the loop
-    distance: FloatArray  # those that the encounter passes [m]
+    passed: Passed  # the distances that the encounter passes
 
 
 def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tuple[LoopChange, ...]]:
@@ -149,7 +149,7 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
         outcomes = problem.appraise(problem.compared(candidate.loop), gain, runs)
         after = None
         if known.limit is not None:
-            after = stability_margin(limit_of(candidate.loop, task.sensor, known.distance), gain)
+            after = stability_margin(limit_of(candidate.loop, task.sensor, known.passed), gain)
         found.append(_compared(candidate, gain, part, replace(outcomes, margin=after)))
     return _loss(task, known, search, best), tuple(sorted(found, key=_rank))
 
@@ -158,8 +158,8 @@ def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
     """Return what could be changed; readings are noisiest where ln xi deviates most, from contact to start."""
     draws, check, free = problem.draws, known.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
-    slope = np.abs(np.asarray(sensor.log_slope(known.distance)))
-    xi = np.exp(np.asarray(sensor.log_output(known.distance)))
+    slope = np.abs(np.asarray(sensor.log_slope(known.passed[0])))
+    xi = np.exp(np.asarray(sensor.log_output(known.passed[0])))
     noise = np.hypot(np.hypot(c.noise, c.relative_noise * xi) / xi, slope * c.distance_noise)
     ends = np.abs(free.relative_velocity[free.touched])
     fastest = max(ends.max(initial=0.0), np.abs(draws.scenarios.relative_velocity).max())  # [m/s]
@@ -251,10 +251,13 @@ class _Search:
 def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
     """Search the gain that is best on the loop, the verified and the ideal one among those that are tried."""
     (low, high), limit = problem.draws.task.stable_bounds(), known.limit
-    margin = None if limit is None else _MARGIN if -limit.allowed(_MARGIN) <= high else 1.0
-    strongest = -math.inf if limit is None or margin is None else limit.strongest / margin
-    # the ends of the axis are met to the bit: a gain that is proposed has the margin that it was sought with
-    axis = GainAxis(low=max(low, strongest), high=high)
+    margin, sign = None, problem.draws.task.law.number.sign
+    if limit is not None:
+        margin = _MARGIN if limit.allowed(_MARGIN) >= min(sign * low, sign * high) else 1.0
+        # the ends of the axis are met to the bit: a gain that is proposed has the margin that it was sought with
+        strongest = limit.strongest / margin
+        low, high = (max(low, strongest), high) if sign < 0 else (low, min(high, strongest))
+    axis = GainAxis(low=low, high=high)
     search = _Search(problem=problem, axis=axis, margin=margin)
     if axis.low <= axis.high:  # else no gain within the bounds may be tried
         among = [g for g in (known.gain, known.design.gain) if g is not None and axis.low <= g <= axis.high]

@@ -6,14 +6,16 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.control import Controller
-from pretouch.motion import DAMPER, Admittance
+from pretouch.motion import Admittance
 from pretouch.sensors import SensorModel
 from pretouch.simulation import (
     ClosedLoop,
@@ -118,25 +120,30 @@ class StabilityCheck(Value):
         return {**{name: getattr(self, name) for name in own}, "distance": self.limit.distance, "gain": self.limit.gain}
 
 
-def limit_of(loop: ClosedLoop, sensor: SensorModel, distance: FloatArray) -> GainLimit | None:
-    """Return the strongest gains that are stable at distances [m]; None where damping or timing are not known."""
-    law = loop.law
-    if not isinstance(law, Controller) or loop.continuous != DAMPER:
+Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
+"""Distances that an encounter passes [m]; with l' there [m/s] where the damping of the law follows it."""
+
+
+def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
+    """Return the strongest gains that are stable where an encounter passes; None where damping or timing is unknown."""
+    law, own = loop.law, loop.continuous
+    if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None
-    return gain_limit(sensor, _own(law), timing_of(loop.chain, law), distance=distance, plant=loop.plant)
+    known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "plant": loop.plant, "law": own}
+    return gain_limit(sensor, _own(law), timing_of(loop.chain, law), **known)
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
-    """Return how many times a gain [N s] can grow until the loop is unstable; None where that is not known."""
-    if limit is None or gain > 0:  # which does not mitigate
+    """Return how many times a gain can grow until the loop is unstable; None where that is not known."""
+    if limit is None or limit.law.number.sign * gain < 0:  # which does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
 
 
 def check_stability(
-    loop: ClosedLoop, sensor: SensorModel, distance: FloatArray, gain: float, limit: GainLimit | None
+    loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
-    """Return how far a loop is from oscillating with a gain [N s] at distances [m]; None where that is not known."""
+    """Return how far a loop is from oscillating with a gain where an encounter passes; None where it is not known."""
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
@@ -145,7 +152,8 @@ def check_stability(
     def timing_at(rate: float) -> LoopTiming:
         return timing_of(chain_at(loop.chain, rate), controller_at(law, told / rate))
 
-    known: dict[str, Any] = {"distance": distance, "timing_at": timing_at, "plant": loop.plant}
+    known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
+    known |= {"timing_at": timing_at, "plant": loop.plant}
     least = [lowest_rate(sensor, _own(law), gain, margin=factor, **known) if gain else 0.0 for factor in (1.0, 2.0)]
     return StabilityCheck(
         limit=limit, margin=margin, rate=loop.chain.rate, lowest_rate=least[0], lowest_rate_with_margin=least[1]

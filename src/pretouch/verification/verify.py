@@ -15,7 +15,7 @@ from pretouch.motion import ContactResult
 from pretouch.simulation import ClosedLoop
 from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.result import refuse_too_many_runs
-from pretouch.simulation.stability import passed_distances
+from pretouch.simulation.stability import passage
 from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
@@ -94,13 +94,13 @@ def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[s
     draws = draw_encounters(task)
     unmitigated = draws.run(loop, 0.0)
     problem = LoopProblem(draws=draws, predicted=draws.predicted(gain), unmitigated=unmitigated)
-    distance = passed_distances(sensor, float(draws.distance.max()))
-    limit = limit_of(loop, sensor, distance)
+    passed = passage(task.law, task.scenario, sensor, gain, float(draws.distance.max()))
+    limit = limit_of(loop, sensor, passed)
     outcomes = replace(problem.appraise(loop, gain), margin=stability_margin(limit, gain))
-    stability = check_stability(loop, sensor, distance, gain, limit)
+    stability = check_stability(loop, sensor, passed, gain, limit)
     runs = outcomes.result, unmitigated
     comparisons = compare_quantities(task, runs, (predicted, free))
-    known = Verified(gain, predicted, outcomes, design, stability, limit, distance)
+    known = Verified(gain, predicted, outcomes, design, stability, limit, passed)
     loss, tried = find_improvements(problem, known) if changes else (None, ())
     return {
         "reached": check_reached(outcomes.result, problem.predicted, task.confidence),

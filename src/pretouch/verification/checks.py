@@ -197,6 +197,8 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
     law, chain = loop.law, loop.chain
     if not isinstance(law, Controller) or law.conditioning.largest_rate is not None:
         return
+    if loop.continuous is not None and loop.continuous.damping(1.0, -1.0, 1.0) == 0:  # it follows nothing that recedes
+        return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield (
             "largest_rate is not set: a cable that breaks reads 0, which looks like an object that recedes at once, "

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
+from pretouch._core.values import declared
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario
 from pretouch.sensors import (
     CustomSensor,
@@ -110,7 +111,7 @@ def together(batches: Iterable[Encounters]) -> Encounters:
 
     def joined(body: str) -> object:
         bodies = [(getattr(part.scenario, body), len(part.gain)) for part in parts]
-        names = [field.name for field in fields(bodies[0][0])]
+        names = [field.name for field in declared(type(bodies[0][0]))]
         columns = {n: [np.broadcast_to(getattr(b, n), count) for b, count in bodies] for n in names}
         return type(bodies[0][0])(**{n: np.concatenate(column) for n, column in columns.items()})
 

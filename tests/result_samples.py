@@ -22,6 +22,7 @@ from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, con
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CONSTANT = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
 SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.linspace(-0.35, -0.2, 12)))
+STOPS = (pt.motion.Stretch(until=0.05), pt.motion.Stretch(until=np.linspace(0.1, 0.2, 12), acceleration=3.0))
 SPEED = {"obstacle.velocity": pt.robust.Uniform(low=-0.4, high=-0.2)}
 LIMITS = (pt.Constraint(name="relative_velocity", limit=0.09),)
 IMPACT = pt.SpringImpact(robot_mass=2.0, stiffness=1e4)
@@ -174,6 +175,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "problem with a loop": lambda: pt.load_scenario(EXAMPLES / "loop.toml"),
     "encounters": lambda: SEVERAL,
     "laws": lambda: (pt.motion.DRAG, OWN_LAW),
+    "encounters with a course": lambda: replace(SEVERAL, obstacle=replace(SEVERAL.obstacle, course=STOPS)),
     "objective": lambda: pt.time_objective(time_scale=1.0, velocity_scale="obstacle speed"),
     "ensemble": lambda: uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}),
     "axis": lambda: Axis(name="gain", columns={"gain": np.linspace(-1.0, -0.5, 3)}),

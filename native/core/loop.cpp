@@ -25,7 +25,10 @@ Encounter::Encounter(const pretouch_loop &loop_, int64_t index, const Law &law_,
              mix(loop_.seed, static_cast<uint64_t>(loop_.draws[index])), waiting, room),
       end(loop_.ends[index]), touches(loop_.touches + index * loop_.most_touches), ideal(loop_.plant.mass == 0.0),
       inverse_mass(ideal ? 0.0 : 1.0 / loop_.plant.mass + loop_.contact.inverse_mass),
-      body{scene.x, scene.v, 0.0, scene.xo, scene.vo, 0.0}, xv(scene.x), vv(scene.v), resolved(loop_.plant_step) {
+      body{scene.x, scene.v, 0.0, scene.xo, scene.vo, 0.0},
+      coming(loop_.stretches + index * loop_.stretches_each), last(coming + loop_.stretches_each),
+      leg{0.0, 0.0, scene.xo, scene.vo, 0.0, 0.0}, xv(scene.x), vv(scene.v), resolved(loop_.plant_step) {
+    begin_leg();
     end = {};
     end.status = HORIZON;
     end.rebound_velocity = end.detection_time = NAN;
@@ -80,9 +83,10 @@ void Encounter::record_instant(double force) {
 void Encounter::follow_period() {
     at = 0.0;
     while (at < loop.period - INSTANT) {
+        while (now() >= leg.until - INSTANT) begin_leg();
         Step step = next_step();
         if (count == 0) {  // the mean over a step: of the motion as it is, whatever the law reports
-            rate = (step.moved.v - body.v) / step.h;
+            rate = ideal ? (output.velocity - vv) / loop.period : (step.moved.v - body.v) / step.h;
             end.largest_acceleration = larger(end.largest_acceleration, fabs(rate));
         }
         if (step.hit) shorten(step);
@@ -102,27 +106,41 @@ void Encounter::follow_period() {
     }
 }
 
+// Goes on with the next stretch of the obstacle's course, or with what holds from the last one on.
+void Encounter::begin_leg() {
+    const double since = leg.until;
+    leg.way = leg.way_until(since);
+    leg.xo = leg.position(since);
+    leg.vo = leg.velocity(since);
+    leg.since = since;
+    leg.until = coming < last ? coming->until : INFINITY;
+    leg.ao = coming < last ? coming++->acceleration : scene.ao;
+}
+
 Encounter::Step Encounter::next_step() const {
     Step step;  // all of it is set here; setting it to 0 first would take a twentieth of a run
-    step.h = loop.period - at;
+    const double left = loop.period - at;
+    step.h = smaller(left, leg.until - now());
     if (ideal) {
-        const double later = t + loop.period;
-        step.moved = {output.position, output.velocity, 0.0, scene.xo + later * (scene.vo + 0.5 * scene.ao * later),
-                      scene.vo + scene.ao * later, 0.0};
+        const double later = now() + step.h;
+        const bool whole = step.h == left;  // what a law has answered is taken as it is
+        step.moved = {whole ? output.position : target.position(at + step.h),
+                      whole ? output.velocity : target.velocity(at + step.h), 0.0,
+                      leg.position(later), leg.velocity(later), 0.0};
     } else {
         step.h = smaller(step.h, touching ? resolved : loop.plant_step);
         move_along(step);
     }
     step.gap = distance_along(body, step.moved, step.h);
     step.touch = touching ? Touch{2.0, step.gap.end}
-                          : first_touch(step.gap, resolution(scene, step.moved.x, t + at + step.h));
+                          : first_touch(step.gap, resolution(scene, step.moved.x, leg.way_until(t + at + step.h)));
     step.hit = step.touch.part <= 1.0;
     return step;
 }
 
 // Before a touch there is no force: a stiff contact must not turn a step around before it is found.
 void Encounter::move_along(Step &step) const {
-    step.moved = advance(body, at, step.h, target, loop.plant, touching ? &loop.contact : nullptr, scene.ao);
+    step.moved = advance(body, at, step.h, target, loop.plant, touching ? &loop.contact : nullptr, leg.ao);
 }
 
 // Ends a step where the bodies touch; an ideal plant is there at once.

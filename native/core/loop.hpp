@@ -49,10 +49,18 @@ inline double contact_force(const pretouch_contact &c, double depth, double rate
     return larger(c.stiffness * grown + c.damping * rate * (c.grows != 0.0 ? grown : 1.0), 0.0);
 }
 
+// The obstacle, as it moves by itself, from a time on until another, with one acceleration; way: no less than it has gone.
+struct Leg {
+    double since, until, xo, vo, ao, way;
+
+    double position(double t) const { return xo + (t - since) * (vo + 0.5 * ao * (t - since)); }
+    double velocity(double t) const { return vo + ao * (t - since); }
+    double way_until(double t) const { return way + (fabs(vo) + 0.5 * fabs(ao) * (t - since)) * (t - since); }
+};
+
 // The distance [m] at a time that is not told from zero: of the terms that l is the difference of, as in motion.
-inline double resolution(const pretouch_scene &scene, double x, double t) {
+inline double resolution(const pretouch_scene &scene, double x, double way) {
     constexpr double rounding = 1e-12;
-    const double way = (fabs(scene.vo) + 0.5 * fabs(scene.ao) * t) * t;
     return rounding * (fabs(scene.x) + fabs(x) + fabs(scene.xo) + way);
 }
 
@@ -177,6 +185,8 @@ private:
     const double inverse_mass;       // 1 / the reduced mass of both bodies
     double t = 0.0, at = 0.0;        // start of the period, and time since then
     Body body;
+    const pretouch_stretch *coming, *const last;  // stretches of the obstacle's course, from the next one on
+    Leg leg;
     double xv, vv;                   // of the virtual object at the start of the period
     Target target{};
     pretouch_output output{};
@@ -199,6 +209,7 @@ private:
     void ask_law();
     void record_instant(double force);
     void follow_period();
+    void begin_leg();
     Step next_step() const;
     void move_along(Step &step) const;
     void shorten(Step &step);

@@ -151,6 +151,11 @@ typedef struct {
     double x, v, xo, vo, ao, xd, vd, ad;
 } pretouch_scene;
 
+/* The obstacle's acceleration until a time, which is not that of the scene before. */
+typedef struct {
+    double until, acceleration;
+} pretouch_stretch;
+
 /* A reading on its way: the number, when it can be had, when it was measured. */
 typedef struct {
     double value, ready, taken;
@@ -192,6 +197,8 @@ typedef struct {
     int64_t trace_rows;
     pretouch_moment *course;
     int64_t course_rows;
+    const pretouch_stretch *stretches; /* so many a scene, by their time, before its acceleration holds */
+    int64_t stretches_each;
 } pretouch_loop;
 
 /* Runs those encounters that `which` names. state: room for one state of the law; waiting: for a power of two of

@@ -8,7 +8,7 @@ allowed are trusted; elsewhere (an end of the sensor's range, a contact that is 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from mpmath import mp, mpf
 
 from encounters import CURVES, KINDS, Encounters, random_encounters
 from gradient_scales import scales_of, sizes_of
+from pretouch._core.values import declared
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.motion.gradient_rows import GradientRows
 from pretouch.motion.layout import RELATIVE_INPUTS
@@ -33,12 +34,14 @@ COUNT = 5
 def changed_scenario(scenario: Scenario, name: str, change: Any) -> Scenario:
     part, field = name.split(".")
     body = getattr(scenario, part)
-    columns = {f.name: np.broadcast_to(getattr(body, f.name), scenario.shape)[..., None] for f in fields(body)}
+    columns = {f.name: np.broadcast_to(getattr(body, f.name), scenario.shape)[..., None] for f in declared(type(body))}
     columns[field] = columns[field] + change
     parts = {}
     for other in ("admittance", "obstacle", "plant", "reference"):
         given = getattr(scenario, other)
-        values = {f.name: np.broadcast_to(getattr(given, f.name), scenario.shape)[..., None] for f in fields(given)}
+        values = {
+            f.name: np.broadcast_to(getattr(given, f.name), scenario.shape)[..., None] for f in declared(type(given))
+        }
         parts[other] = replace(given, **(columns if other == part else values))
     return replace(scenario, **parts)
 

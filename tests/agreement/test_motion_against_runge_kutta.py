@@ -15,6 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from encounters import CURVES, KINDS, Encounters, random_encounters, together
+from pretouch._core.values import declared
 from pretouch.motion import Admittance, ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact, solution
 from pretouch.sensors import ExponentialFirstOrder, SensorModel
 from reference_integrator import integrate, integrate_over_distance
@@ -29,7 +30,7 @@ def _part(scenario: Scenario, index: np.ndarray) -> Scenario:
     """The encounters of a batch with the given index."""
 
     def pick(body: object) -> object:
-        names = [n for n in body.__dataclass_fields__ if np.ndim(getattr(body, n))]  # type: ignore[attr-defined]
+        names = [f.name for f in declared(type(body)) if np.ndim(getattr(body, f.name))]
         return replace(body, **{n: getattr(body, n)[index] for n in names})  # type: ignore[type-var]
 
     parts = ("admittance", "obstacle", "plant", "reference")

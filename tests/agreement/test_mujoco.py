@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -100,6 +101,25 @@ def test_mujoco_comes_to_the_same_encounter_the_closer_the_shorter_its_step(name
         assert ratios == pytest.approx([2.0, 2.0], rel=0.03), quantity
         # without it the two agree, to some 1e-10 that stem from the steps of `simulate`
         assert abs(2 * values[2] - values[1]) <= second * abs(values[1]) + 1e-9, quantity
+
+
+@needs_mujoco
+@pytest.mark.parametrize("obstacle_mass", [1.0, math.inf])
+def test_a_course_is_that_of_mujoco(obstacle_mass: float) -> None:
+    """It slows down, then comes again; the breakpoints lie within periods of the law and within steps of MuJoCo."""
+    scenario, curve, _, _ = ENCOUNTERS["an obstacle approaches"]
+    course = (
+        pt.motion.Stretch(until=0.03337),
+        pt.motion.Stretch(until=0.10003, acceleration=2.5),
+        pt.motion.Stretch(until=0.25011, acceleration=-2.0),
+    )
+    scenario = replace(scenario, obstacle=replace(scenario.obstacle, course=course))
+    contact, law, step = replace(CONTACT, obstacle_mass=obstacle_mass), controller(-0.7463), STEPS[-1]
+    ours = pt.simulate(scenario, curve, law, plant=ROBOT, contact=contact)
+    found = witness_encounter(scenario, curve, law, plant=ROBOT, contact=contact, time_step=step)
+    assert found.status is pt.ContactStatus.CONTACT
+    for quantity, bound in bounds_of(found, step, contact, ROBOT.mass).items():
+        assert abs(getattr(found, quantity) - getattr(ours, quantity)) <= bound, quantity
 
 
 @needs_mujoco

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from encounters import CURVES, KINDS, random_encounters
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
+from pretouch._core.values import declared
 from pretouch.motion import (
     Admittance,
     ContactStatus,
@@ -193,7 +194,7 @@ def test_an_array_is_its_elements_one_by_one(name: str, kind: str) -> None:
     a, o, p, r = (getattr(batch.scenario, n) for n in ("admittance", "obstacle", "plant", "reference"))
 
     def one(body: object, i: int) -> object:
-        return replace(body, **{f: np.broadcast_to(getattr(body, f), 6)[i] for f in body.__dataclass_fields__})  # type: ignore[attr-defined,type-var]
+        return replace(body, **{f.name: np.broadcast_to(getattr(body, f.name), 6)[i] for f in declared(type(body))})  # type: ignore[type-var]
 
     for i in range(6):
         alone = find_contact(

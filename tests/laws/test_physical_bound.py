@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 
 from encounters import CURVES, random_encounters
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.values import declared
 from pretouch.design import PhysicalBound, Task, find_physical_bound, pareto_front
 from pretouch.motion import Admittance, Obstacle, Plant, Reference, Scenario, find_contact, solve_motion
 from pretouch.sensors import ExponentialFirstOrder, InversePower
@@ -31,7 +31,7 @@ def test_no_gain_beats_the_bound(kind: str, curve: str) -> None:
     gives_way = result.reached & (motion.displacement.max(axis=-1) <= 1e-9) & (drawn.gain < 0)
     compared = 0
     for i in np.flatnonzero(gives_way):
-        obstacle = {f.name: float(getattr(drawn.scenario.obstacle, f.name)[i]) for f in fields(Obstacle)}
+        obstacle = {f.name: float(getattr(drawn.scenario.obstacle, f.name)[i]) for f in declared(Obstacle)}
         end = {n: float(getattr(result.end, n)[i]) for n in ("displacement", "relative_velocity", "time")}
         bound = PhysicalBound(
             distance=obstacle["position"],

@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ SOFT_ROBOT = pt.simulation.ImpedancePlant(mass=1.5, stiffness=60.0, damping=2.0)
 CONTACT = pt.simulation.HuntCrossley(stiffness=2e6, dissipation=1.0)
 IMPACT = pt.HertzImpact(robot_mass=2.0, effective_modulus=1e7, radius=0.0225)
 GAIN = -0.7
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def law(floor: float = 1e-3, limits: Limits | None = None, period: float = 1e-3, **conditioning: Any) -> Controller:
@@ -303,6 +305,31 @@ def test_an_encounter_is_one_json_object_one_line_and_a_report() -> None:
     assert repr(encounter) == f"<SimulatedEncounter: {encounter.headline}>"
     assert str(encounter).startswith(encounter.headline)
     assert "<table>" in encounter._repr_html_()
+
+
+def test_an_obstacle_with_a_course_is_run_without_a_prediction(tmp_path: Path) -> None:
+    """The example comes, stops at 28 mm, and comes again: by its stretches at 0.3 m/s, from 0.4 s on."""
+    encounter = pt.simulate_encounter(pt.load_scenario(EXAMPLES / "course.toml"))
+    assert encounter.prediction is encounter.unmitigated_prediction is None
+    # 42.2 mm: 10 mm and 4 mm until it is at rest, 15 mm while it comes again, 13.2 mm at 0.3 m/s; the robot rests
+    assert encounter.unmitigated.time == pytest.approx(0.444, abs=1e-9)
+    assert encounter.unmitigated.relative_velocity == pytest.approx(-0.3, abs=1e-9)
+    assert encounter.run.time > encounter.unmitigated.time
+    for row in encounter.comparisons:
+        assert row.predicted is row.predicted_unmitigated is row.difference is None
+    assert compared(encounter)["time"][::2] == (encounter.run.time, encounter.unmitigated.time)
+    assert "closest_distance" not in compared(encounter)
+    told = str(encounter)
+    assert "; not predicted, since the obstacle has a course; without mitigation 0.3 m/s." in encounter.headline
+    assert "Predicted: nothing, since the continuous solution knows no obstacle with a course." in told
+    assert json.loads(as_json(encounter.to_dict()))["predicted"] is None
+    pt.report.write_report(encounter, tmp_path / "run.html")
+    page = (tmp_path / "run.html").read_text(encoding="utf-8")
+    assert "knows no obstacle with a course" in page
+    assert "Of the prediction" not in page
+    assert_legible(plots.simulation(encounter))
+    with pytest.raises(pt.errors.InvalidInputError, match="obstacle course: found one of 4 stretches"):
+        _ = encounter.motion
 
 
 def test_an_encounter_that_cannot_be_asked_for_is_refused() -> None:

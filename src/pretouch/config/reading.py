@@ -78,6 +78,8 @@ class ScenarioSource:
         """
         try:
             yield
+        except ScenarioFileError:  # placed by a verb that this one has called
+            raise
         except InvalidInputError as error:
             told = self.explained(error)
             path, sentence = place(told, "")

@@ -6,11 +6,13 @@ This is the one place where they are named: messages and the test of docs/scenar
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Final
 
 from pretouch.design.constraints import CONSTRAINT_NAMES, QUANTITY_UNITS, HertzImpact, SpringImpact
-from pretouch.motion.scenario import Admittance, Obstacle, Plant, Reference
+from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
+from pretouch.motion.scenario import Admittance
 
 from .quantities import Quantity, UnfitValueError
 from .robust_sections import ROBUST, uncertainty_section
@@ -137,12 +139,31 @@ _PARETO: Final = {
     "choice": Key(Quantity("N*s", '"-0.7 N*s"')),
 }
 
+_STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s^2"'
+_OBSTACLE_KEYS: Final = {
+    **declared_keys(Obstacle),
+    "course": Key(list_of(Section(declared_keys(Stretch)), 1, None, _STRETCHES)),
+}
+
+
+def _one_after_another(given: Mapping[str, Any]) -> None:
+    ends = [stretch["until"] for stretch in given.get("course", ())]
+    for i, (before, after) in enumerate(pairwise(ends), 1):
+        if not after > before:
+            sentence = f"found {after:g} s behind a stretch until {before:g} s, expected a later time"
+            raise UnfitValueError(sentence, "course", i, "until")
+
+
+def _obstacle(course: Sequence[Mapping[str, float]] = (), **own: float) -> Obstacle:
+    return Obstacle(**own, course=tuple(Stretch(**stretch) for stretch in course))
+
+
 _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "admittance": {
         "damping": Section({**FREE, **declared_keys(Admittance)}, _in_order(*FREE), Admittance),
         "natural_frequency": Section(_BY_FREQUENCY, _in_order(*FREE), Admittance.from_natural_frequency),
     },
-    "obstacle": {"": Section(declared_keys(Obstacle), make=Obstacle)},
+    "obstacle": {"": Section(_OBSTACLE_KEYS, _one_after_another, _obstacle)},
     "plant": {"": Section(declared_keys(Plant), make=Plant)},
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,

@@ -226,9 +226,9 @@ class GainEvidence(Answer):
 
     @_part
     def ideal(self) -> IdealDesign | None:
-        """What the ideal design, of continuous time, loses where this was made; None for itself, or without a gain."""
+        """What the ideal design, of continuous time, loses here; None for itself, for a course, or without a gain."""
         p = self.problem
-        if p.task.evaluate is None or self.gain is None:
+        if p.task.evaluate is None or p.task.scenario.obstacle.course or self.gain is None:
             return None
         ideal = p.changed(evaluate=None)
         found = GainEvidence(problem=ideal, settled=settle(ideal))

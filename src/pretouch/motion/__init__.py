@@ -1,5 +1,6 @@
 """Pre-contact motion: the encounter, its solution for any sensor curve, and the contact that it ends in."""
 
+from .bodies import Obstacle, Plant, Reference, Stretch
 from .contact import ContactResult, ContactState, Motion
 from .evaluator import find_contact, solve_motion
 from .gradients import ContactGradients
@@ -7,7 +8,7 @@ from .laws import DAMPER, DRAG, ContinuousLaw, LawNumber
 from .layout import ContactStatus
 from .own_law import OwnLaw
 from .request import METHODS
-from .scenario import Admittance, Obstacle, Plant, Reference, Scenario
+from .scenario import Admittance, Scenario
 
 __all__ = [
     "DAMPER",
@@ -26,6 +27,7 @@ __all__ = [
     "Plant",
     "Reference",
     "Scenario",
+    "Stretch",
     "find_contact",
     "solve_motion",
 ]

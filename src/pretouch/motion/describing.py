@@ -46,7 +46,7 @@ _OF_A_FUNCTION: Final = (
     "Encounters were solved by a function that the design was handed: what that assumes is not known here.",
 )
 _OF_ALL: Final = (
-    "One dimension; obstacle and reference move with the uniform acceleration stated above, and the obstacle is not "
+    "One dimension; obstacle and reference move with the accelerations stated above, and the obstacle is not "
     "moved by the robot.",
     "Time starts when the object enters the detection range.",
 )
@@ -84,6 +84,11 @@ def scenario_rows(scenario: Scenario) -> Iterator[Row]:
         if not of_response or scenario.admittance.stiffness > 0:
             label = words_for(own) if of_response else f"{part}: {own}{symbols.get(own, '')}"
             yield label, Measured(float(attrgetter(name)(scenario)), unit)
+    for stretch in scenario.obstacle.course:
+        yield (
+            f"obstacle: acceleration until {float(stretch.until):.4g} s",
+            Measured(float(stretch.acceleration), "m/s^2"),
+        )
     yield "distance at the start", Measured(float(scenario.distance), "m")
 
 

@@ -1,9 +1,9 @@
-"""The encounter: its dynamics, its bodies, and its inputs by name."""
+"""The encounter: its dynamics, and its inputs by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +13,8 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, float_or_array, nonnegative, positive
 from pretouch._core.values import Value, check_declared, quantity, units_of_fields
 from pretouch.sensors import SensorModel
+
+from .bodies import Obstacle, Plant, Reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,55 +79,6 @@ class Admittance(Value):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Body(Value):
-    def __post_init__(self) -> None:
-        check_declared(self, arrays=True, before=f"{type(self).__name__.lower()} ")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Obstacle(_Body):
-    """The object's contact surface, uniformly accelerated, L(9).
-
-    Args:
-        position: x_o at t = 0 [m].
-        velocity: x_o' at t = 0 [m/s]; negative where it approaches.
-        acceleration: x_o'' [m/s^2], constant.
-    """
-
-    position: Any = quantity("m", example='"42.2 mm"')
-    velocity: Any = quantity("m/s", 0.0)
-    acceleration: Any = quantity("m/s^2", 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plant(_Body):
-    """The robot's contact surface at the start.
-
-    Args:
-        position: x at t = 0 [m].
-        velocity: x' at t = 0 [m/s].
-    """
-
-    position: Any = quantity("m", 0.0)
-    velocity: Any = quantity("m/s", 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reference(_Body):
-    """The task's reference x_d, uniformly accelerated.
-
-    Args:
-        position: x_d at t = 0 [m].
-        velocity: x_d' at t = 0 [m/s].
-        acceleration: x_d'' [m/s^2], constant.
-    """
-
-    position: Any = quantity("m", 0.0)
-    velocity: Any = quantity("m/s", 0.0)
-    acceleration: Any = quantity("m/s^2", 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(Value):
     """One encounter, or an array of them: every field broadcasts with every other.
 
@@ -182,7 +135,7 @@ class Scenario(Value):
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self) -> tuple[Any, ...]:
-        """Return the admittance, and plant and obstacle at t = 0 relative to the reference, as L(9) has them.
+        """Return the admittance, and plant and obstacle at t = 0 relative to the reference, by L(9); refuse a course.
 
         Returns:
             M_a, D_a, K_a, x~(0), x~'(0), x_o - x_d at t = 0, its velocity and its acceleration, then velocity and
@@ -197,7 +150,7 @@ class Scenario(Value):
             _less(p.velocity, r.velocity),
             _less(o.position, r.position),
             _less(o.velocity, r.velocity),
-            _less(o.acceleration, r.acceleration),
+            _less(o.one_acceleration(), r.acceleration),
             r.velocity,
             r.acceleration,
         )
@@ -215,6 +168,7 @@ class Scenario(Value):
         return (
             *(a.mass, a.damping, a.stiffness),
             *(o.position, o.velocity, o.acceleration),
+            *(number for stretch in o.course for number in (stretch.until, stretch.acceleration)),
             *(p.position, p.velocity),
             *(r.position, r.velocity, r.acceleration),
         )
@@ -257,11 +211,15 @@ def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel
 
 def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
     """Return a copy of a scenario with every number or array changed in the same way."""
-    parts = {}
-    for part in ("admittance", "obstacle", "plant", "reference"):
-        body: Any = getattr(scenario, part)
-        parts[part] = replace(body, **{f.name: change(getattr(body, f.name)) for f in fields(body)})
-    return replace(scenario, **parts)
+
+    def changed(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(changed, value))
+        if is_dataclass(value) and not isinstance(value, type):
+            return replace(value, **{f.name: changed(getattr(value, f.name)) for f in fields(value)})
+        return change(value)
+
+    return replace(scenario, **{part: changed(getattr(scenario, part)) for part in _PARTS})
 
 
 def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:

@@ -62,8 +62,7 @@ def loop_motion(
     end = result.end
     last = float(end.time) if result.reached.all() else min(horizon, float(end.time))
     kept = trace.time < last
-    obstacle = scenario.obstacle
-    closing = obstacle.velocity + obstacle.acceleration * trace.time - trace.velocity
+    closing = scenario.obstacle.velocity_at(trace.time) - trace.velocity
     columns = {
         "time": (trace.time, end.time),
         "distance": (trace.distance, end.distance),

@@ -52,7 +52,7 @@ def simulation(encounter: SimulatedEncounter) -> Figure:
     end = _shown_until(encounter)
     clock = scale_for("s", end)
     courses = [_unmitigated_course(encounter), _loop_course(encounter)]
-    if encounter.prediction.status is not ContactStatus.UNRESOLVED:
+    if encounter.prediction is not None and encounter.prediction.status is not ContactStatus.UNRESOLVED:
         courses.append(_predicted_course(encounter))
     panels = [_panel(encounter, courses, which, clock, end) for which in _PANELS]
     if encounter.has_contact_force and (encounter.run.touched or encounter.unmitigated.touched):
@@ -72,7 +72,7 @@ _FORCE: Final = ("contact_force", "contact force", "N")
 def _shown_until(encounter: SimulatedEncounter) -> float:
     """Return the time [s] up to which a run is shown: beyond its contacts, or beyond where it came nearest."""
     run = encounter.run
-    others: tuple[ContactResult | SimulationResult, ...] = (encounter.prediction, encounter.unmitigated)
+    others: tuple[ContactResult | SimulationResult | None, ...] = (encounter.prediction, encounter.unmitigated)
     times = [t for t in map(_contact_time, others) if t is not None]
     if not run.touched:
         distance = encounter.trace.distance
@@ -84,11 +84,11 @@ def _shown_until(encounter: SimulatedEncounter) -> float:
     return _AIR * float(max(*last, *(min(t, _LONGEST * run.time) for t in times)))
 
 
-def _contact_time(result: ContactResult | SimulationResult) -> float | None:
+def _contact_time(result: ContactResult | SimulationResult | None) -> float | None:
     """Return the time of contact [s], None without one."""
     if isinstance(result, SimulationResult):
         return float(result.time) if result.touched else None
-    return float(result.end.time) if result.reached.all() else None
+    return None if result is None or not result.reached.all() else float(result.end.time)
 
 
 def _loop_course(encounter: SimulatedEncounter) -> _Course:
@@ -137,8 +137,7 @@ def _held(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatArr
 
 def _relative_velocity(encounter: SimulatedEncounter, run: SimulationResult, trace: LoopTrace) -> FloatArray:
     """Return l' at each step: that of the obstacle is given until a contact may move it, and then a difference."""
-    obstacle = encounter.scenario.obstacle
-    given = float(obstacle.velocity) + float(obstacle.acceleration) * trace.time
+    given = encounter.scenario.obstacle.velocity_at(trace.time)
     contact = encounter.loop.contact
     moved = trace.time > run.time if contact is not None and np.isfinite(contact.obstacle_mass) else None
     if moved is not None and moved.any() and len(trace.time) > 1:

@@ -287,11 +287,12 @@ def _run(slides: _Slides) -> tuple[FloatArray, bool]:
                 reference_acceleration=reference.acceleration,
             ),
         )
+        obstacle_rates = np.diff(obstacle.velocity_at(t + step * np.arange(e.parts + 1))) / step  # means over each step
         target = (*virtual, output.position, output.velocity, output.acceleration)
         for i in range(e.parts):
             (x, x_o), (v, v_o) = data.qpos.tolist(), data.qvel.tolist()
             push, servo = _drive(e, i / e.parts, target, (x, v, servo))
-            data.qfrc_applied[:] = push, e.obstacle_mass * obstacle.acceleration
+            data.qfrc_applied[:] = push, e.obstacle_mass * obstacle_rates[i]
             mujoco.mj_step(model, data)
             force = float(data.efc_force[0]) if data.nefc else 0.0
             rows.append((t + i * step, x_o - x, x, v, x_o, v_o, push, force))

@@ -108,6 +108,7 @@ class _Loop(Structure):
         *(("seed", ctypes.c_uint64), *numbers("scenes", "draws", "ends", "touches", kind=POINTER)),
         ("most_touches", INTEGER),
         *(("trace", POINTER), ("trace_rows", INTEGER), ("course", POINTER), ("course_rows", INTEGER)),
+        *(("stretches", POINTER), ("stretches_each", INTEGER)),
     )
 
 
@@ -178,21 +179,23 @@ def run_loop(
 
 def _posed(loop: Loop, which: IntArray, found: tuple[FloatArray, ...]) -> tuple[_Loop, _Called | None]:
     """Put some encounters of a loop as the core reads them; arrays to be filled as `run_loop` returns them."""
-    scenes, period = _scenes(loop)[which], loop.laws[0].period
+    scenes, period = _columns(loop, _scene_of(loop.scenario))[which], loop.laws[0].period
+    course = loop.scenario.obstacle.course
+    stretches = _columns(loop, [number for s in course for number in (s.until, s.acceleration)])[which]
     laws, called = _laws(loop, which, scenes)
     met, curve_of = np.unique(loop.sensor_of.ravel()[which], return_inverse=True)
     tables, indices = _curves(loop, met), (curve_of.ravel(), loop.noise_of.ravel()[which])
     curves = (_Curve * len(tables))(*[_Curve(address(table), len(table), *rest) for table, *rest in tables])
-    ends, touches, trace, course = found
+    ends, touches, trace, moments = found
     by_curve, draws = (address(i, _INDEX) for i in indices)
     native = _Loop(
         *(laws, _Plant(*loop.plant.coefficients())),
         *(_Contact(*(loop.contact.numbers() if loop.contact else _NO_CONTACT)), _Chain(*loop.chain.numbers())),
         *(ctypes.addressof(curves), by_curve, period, plant_step(loop.plant, period), loop.horizon, loop.follow),
         *(loop.seed, address(scenes), draws, address(ends), address(touches), touches.shape[1]),
-        *(address(trace), len(trace), address(course), len(course)),
+        *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course)),
     )
-    native.held = laws.held, scenes, tables, indices, curves, called, found  # read by their addresses
+    native.held = laws.held, scenes, stretches, tables, indices, curves, called, found  # read by their addresses
     return native, called
 
 
@@ -215,16 +218,19 @@ def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _Call
     return laws, called
 
 
-def _scenes(loop: Loop) -> FloatArray:
-    s = loop.scenario
-    columns = (
+def _scene_of(s: Scenario) -> tuple[Any, ...]:
+    return (
         *(s.plant.position, s.plant.velocity, s.obstacle.position, s.obstacle.velocity, s.obstacle.acceleration),
         *(s.reference.position, s.reference.velocity, s.reference.acceleration),
     )
-    scenes = np.empty((*loop.shape, len(columns)))
+
+
+def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
+    """Put columns of the runs of a loop side by side, shape (n, columns)."""
+    rows = np.empty((*loop.shape, len(columns)))
     for i, column in enumerate(columns):
-        scenes[..., i] = column
-    return scenes.reshape(-1, len(columns))
+        rows[..., i] = column
+    return rows.reshape(math.prod(loop.shape), len(columns))
 
 
 def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, float]]:

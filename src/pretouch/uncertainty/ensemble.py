@@ -186,10 +186,12 @@ class Ensemble(Value):
         if self.evaluator is not None:
             return self._evaluated(self.evaluator, gains)
         options: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
-        if self.likeness is not None:
-            one = self.likeness
+        one = self.likeness
+        if one is not None and one.sensor is self.sensor:
+            return self.law.contact(self.scenario, self.sensor, gains, **options)
+        if one is not None:
             found = self.law.contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
-            return found if one.sensor is self.sensor else one.result(found, self.scenario)
+            return one.result(found, self.scenario)
         if self.many is not None:
             request = make_request(self.scenario, self.sensor, gains, self.method, self.horizon, many=self.many)
             return ContactResult(Solution(request), request.method)
@@ -336,8 +338,7 @@ def _sensors(
     """Find how the sensors are one, or put them side by side; refuse values that no such curve has."""
     if not own:
         return Likeness(sensor=sensor, length=1.0, gain=1.0), None
-    found = None if law.degree is None else find_likeness(sensor, own, several.distance)
-    if found is not None and law.degree is not None:
+    if law.degree is not None and (found := find_likeness(sensor, own, several.distance)) is not None:
         return found.of_degree(law.degree), None
     # every sensor is built here, so that an impossible one is named before anything is solved
     rows = (dict(zip(own, map(float, row), strict=True)) for row in zip(*own.values(), strict=True))

@@ -216,7 +216,7 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     # until it is detected nothing acts: the robot goes on with its reference
     t = np.asarray(result.detection_time)
     velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
-    acceleration = np.asarray(s.obstacle.acceleration) - s.reference.acceleration
+    acceleration = np.asarray(s.obstacle.one_acceleration()) - s.reference.acceleration
     distance = (draws.distance + t * (velocity + 0.5 * acceleration * t))[seen]
     start, late = float(draws.distance[seen].mean()), float(t[seen].mean())
     if distance.mean() < _LATE * start:

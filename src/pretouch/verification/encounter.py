@@ -34,15 +34,11 @@ from .encounter_parts import (
     ending_in_words,
     flags_of,
     headline_of,
+    run_as_dict,
 )
 
 _SAMPLES: Final = 400
 _PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
-_RUN: Final = (
-    *("time", "position", "velocity", "displacement", "relative_velocity", "closest_distance", "largest_excursion"),
-    *("largest_travel", "largest_speed", "largest_virtual_force", "peak_force", "impact_force", "impulse"),
-    *("rebound_velocity", "detection_time", "end_time", "contacts", "flags"),
-)
 _HEAD: Final = ("", "on the loop", "predicted", "difference", "loop, D_p = 0", "predicted, D_p = 0")
 _COMPARED: Final = (
     "Predicted: the continuous solution, with a perfect sensor and a plant that follows exactly. On the loop: one run "
@@ -57,14 +53,15 @@ _ELASTIC: Final = (
     "an obstacle that does not yield add to it, losses take from it."
 )
 _COURSE: Final = (
-    "The course of the run on the loop, the prediction, and the run without mitigation until its contact. Dotted: when "
-    "the law first saw the object, where that is not at the start, and the first contact. Virtual force and reading "
-    "stay the same over a period of the law; the predicted reading is the output of the curve at the predicted "
+    "The run on the loop, the prediction where there is one, and the run without mitigation until its contact. Dotted: "
+    "when the law first saw the object, where that is not at the start, and the first contact. Virtual force and "
+    "reading stay the same over a period of the law; the predicted reading is the output of the curve at the predicted "
     "distance, without delay and noise."
 )
+_NOTHING: Final = "nothing, since the continuous solution knows no obstacle with a course"
 _SEEN: Final = (
     "A law answers the change of ln \u03be that it sees; what had passed before is lost to it. Seen too late, an "
-    "object is met as hard as without mitigation. The prediction begins at the start."
+    "object is met as hard as without mitigation. A prediction begins at the start."
 )
 _OF_THE_LOOP: Final = (
     "One run, with one draw of the noise: another seed comes to another contact. How often a limit holds is a question "
@@ -96,8 +93,8 @@ class SimulatedEncounter(Described, Value):
         horizon: how long the prediction waits for contact [s].
         run: on the loop with the gain.
         unmitigated: on the loop with gain 0, and with the same noise.
-        prediction: by the continuous solution with the gain.
-        unmitigated_prediction: by the continuous solution with gain 0.
+        prediction: by the continuous solution with the gain; None for an obstacle with a course, which it knows not.
+        unmitigated_prediction: by the continuous solution with gain 0; None for such an obstacle.
     """
 
     scenario: Scenario
@@ -110,8 +107,8 @@ class SimulatedEncounter(Described, Value):
     horizon: float
     run: SimulationResult
     unmitigated: SimulationResult
-    prediction: ContactResult
-    unmitigated_prediction: ContactResult
+    prediction: ContactResult | None
+    unmitigated_prediction: ContactResult | None
 
     page: ClassVar[str] = "pretouch.verification.encounter:encounter_page"
 
@@ -135,8 +132,9 @@ class SimulatedEncounter(Described, Value):
         """The predicted motion with gain 0, until contact, or for as long as the run where there is none."""
         return self._motion(0.0, self.unmitigated_prediction, self.unmitigated)
 
-    def _motion(self, gain: float, prediction: ContactResult, run: SimulationResult) -> Motion:
-        horizon = self.horizon if prediction.reached.all() else min(self.horizon, run.end_time)
+    def _motion(self, gain: float, prediction: ContactResult | None, run: SimulationResult) -> Motion:
+        missed = prediction is not None and not prediction.reached.all()
+        horizon = min(self.horizon, run.end_time) if missed else self.horizon
         how: dict[str, Any] = {"method": self.method, "horizon": horizon, "samples": _SAMPLES}
         return self.law.motion(self.scenario, self.sensor, gain, **how)
 
@@ -206,9 +204,9 @@ class SimulatedEncounter(Described, Value):
                 "status": ContactStatus(self.run.status).label,
                 "headline": self.headline,
                 "gain": self.gain,
-                "method": self.prediction.method,
-                "loop": _run_as_dict(self.run),
-                "loop_no_mitigation": _run_as_dict(self.unmitigated),
+                "method": None if self.prediction is None else self.prediction.method,
+                "loop": run_as_dict(self.run),
+                "loop_no_mitigation": run_as_dict(self.unmitigated),
                 "predicted": self.prediction,
                 "predicted_no_mitigation": self.unmitigated_prediction,
                 "comparisons": self.comparisons,
@@ -231,10 +229,6 @@ class SimulatedEncounter(Described, Value):
 
     def __repr__(self) -> str:
         return f"<SimulatedEncounter: {self.headline}>"
-
-
-def _run_as_dict(run: SimulationResult) -> dict[str, Any]:
-    return {"status": ContactStatus(run.status).label, **{name: getattr(run, name) for name in _RUN}}
 
 
 def _part_as_dict(part: object) -> dict[str, Any]:
@@ -272,7 +266,7 @@ def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
         yield f"{words_for('relative_velocity')}, on the loop", Measured(abs(run.relative_velocity), "m/s", 3)
     else:
         yield f"{words_for('closest_distance')}, on the loop", Measured(run.closest_distance, "m", 3)
-    if predicted.reached.all():
+    if predicted is not None and predicted.reached.all():
         yield "predicted", Measured(abs(float(predicted.end.relative_velocity)), "m/s", 3)
     if free.touched:
         yield "without mitigation, on the loop", Measured(abs(free.relative_velocity), "m/s", 3)
@@ -289,15 +283,16 @@ def _comparison(e: SimulatedEncounter) -> Chapter:
     made = (
         f"On the loop: {type(loop.law).__name__} every {format_quantity(loop.law.period, 's', 3)}, readings at "
         f"{loop.chain.rate:g} Hz, {type(loop.plant).__name__}, {model}, seed {loop.seed}. Predicted: "
-        f"{e.prediction.method}."
+        f"{_NOTHING if e.prediction is None else e.prediction.method}."
     )
     elastic = Paragraph(text=_ELASTIC, quiet=True) if e.impact is not None and e.has_contact_force else None
     return Chapter(title="Loop and prediction", blocks=(table, Paragraph(text=made, brief=True), elastic))
 
 
 def _comparison_rows(e: SimulatedEncounter) -> Iterator[Row]:
-    ends = [ending_in_words(r.status) for r in (e.run, e.prediction, e.unmitigated, e.unmitigated_prediction)]
-    if set(ends) != {"contact"}:
+    results = e.run, e.prediction, e.unmitigated, e.unmitigated_prediction
+    ends = ["" if result is None else ending_in_words(result.status) for result in results]
+    if set(ends) - {""} != {"contact"}:
         yield "ends with", *ends[:2], "", *ends[2:]
     for one in e.comparisons:
         if not one.is_empty:
@@ -346,5 +341,7 @@ def _flag_row(flag: ReportedFlag) -> Row:
 
 def _method(e: SimulatedEncounter) -> Chapter:
     loop = Chapter(title="Of the loop", blocks=(Listing(items=_OF_THE_LOOP),))
-    prediction = replace(method_section(e.prediction.method), title="Of the prediction")
-    return Chapter(title="Method and assumptions", blocks=(loop, prediction))
+    other = replace(method_section("loop", solved_on="loop"), title="Of the runs")
+    if e.prediction is not None:
+        other = replace(method_section(e.prediction.method), title="Of the prediction")
+    return Chapter(title="Method and assumptions", blocks=(loop, other))

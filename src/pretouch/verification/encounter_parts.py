@@ -24,6 +24,11 @@ _LATE: Final = 0.1  # of the change of ln xi until contact, from which a detecti
 _PASSING: Final = 0.01  # of the approach: readings that are late for less are no news
 _AT_CONTACT: Final = ("time", "relative_velocity", "position")
 _LARGEST: Final = ("largest_excursion", "largest_virtual_force")
+_RUN: Final = (
+    *("time", "position", "velocity", "displacement", "relative_velocity", "closest_distance", "largest_excursion"),
+    *("largest_travel", "largest_speed", "largest_virtual_force", "peak_force", "impact_force", "impulse"),
+    *("rebound_velocity", "detection_time", "end_time", "contacts", "flags"),
+)
 _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity")
 
 
@@ -154,12 +159,12 @@ def percent(share: float) -> str:
 
 def compare_contacts(
     runs: tuple[SimulationResult, SimulationResult],
-    predictions: tuple[ContactResult, ContactResult],
+    predictions: tuple[ContactResult | None, ContactResult | None],
     impact: ImpactModel | None,
     has_force: bool,
 ) -> tuple[QuantityComparison, ...]:
     """Return the numbers of runs and predictions side by side, with the gain and without, of a contact with a force."""
-    ends = [p.end if p.reached.all() else None for p in predictions]
+    ends = [None if p is None or not p.reached.all() else p.end for p in predictions]
 
     def row(name: str, loop: Iterable[float], predicted: Iterable[float]) -> QuantityComparison:
         (own, free), (foreseen, foreseen_free) = map(finite_or_none, loop), map(finite_or_none, predicted)
@@ -175,9 +180,11 @@ def compare_contacts(
         return row(name, (getattr(r, name) if r.touched else math.nan for r in runs), elastic)
 
     rows = [solved(name) for name in _AT_CONTACT]
-    if not all(r.touched for r in runs) or None in ends:
+    if not all(r.touched for r in runs) or any(p is not None and not p.reached.all() for p in predictions):
         nearest = (0.0 if r.touched else r.closest_distance for r in runs)
-        rows.append(row("closest_distance", nearest, (p.closest_distance for p in predictions)))
+        rows.append(
+            row("closest_distance", nearest, (math.nan if p is None else p.closest_distance for p in predictions))
+        )
     rows += [solved(name) for name in _LARGEST]
     return (*rows, *(of_contact(name) for name in _OF_CONTACT if has_force))
 
@@ -226,16 +233,23 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
     )
 
 
+def run_as_dict(run: SimulationResult) -> dict[str, Any]:
+    """Return the numbers of a run, in SI, and how it ended."""
+    return {"status": ContactStatus(run.status).label, **{name: getattr(run, name) for name in _RUN}}
+
+
 def headline_of(
     run: SimulationResult,
     free: SimulationResult,
-    predicted: ContactResult,
+    predicted: ContactResult | None,
     compared: tuple[QuantityComparison, QuantityComparison],
     grows: bool | None,
 ) -> str:
     """Say what a run came to beside its prediction, by speed and time, and beside that without mitigation."""
     text = _loop_clause(run)
-    if predicted.reached.all():
+    if predicted is None:
+        text += "; not predicted, since the obstacle has a course"
+    elif predicted.reached.all():
         text += f"; predicted {_speed(predicted.end.relative_velocity)} after {_time(predicted.end.time)}"
         text += f" ({_against(*compared)})" if run.touched else ""
     else:
@@ -288,7 +302,7 @@ def cautions_in_words(
         yield "The law never saw the object, so it made no force: look at its floor, its offset and the sensor's range."
     elif seen.missed_share is not None and seen.missed_share > _LATE:
         yield (
-            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} The prediction lets the law act from "
+            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} A prediction lets the law act from "
             f"{format_quantity(seen.start_distance, 'm')} on."
         )
     approach = run.time if run.touched else run.end_time

@@ -253,7 +253,7 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
             impact, from which an elastic impact force is predicted, method and horizon of the prediction.
 
     Returns:
-        The runs, the predictions, and what they come to side by side.
+        The runs, the predictions, which an obstacle with a course has none of, and what they come to side by side.
 
     Raises:
         InvalidInputError: the scenario or the gain is an array, or there is no loop or no gain.
@@ -283,13 +283,14 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     if not isinstance(one, float):
         raise InvalidInputError("gain: found an array, expected one number: a controller runs with one gain")
     same = ("scenario", "sensor", "loop", "impact", "method", "horizon", "law")
+    predicted = [None if scenario.obstacle.course else predicted_contact(task, value) for value in (one, 0.0)]
     return SimulatedEncounter(
         **{name: getattr(task, name) for name in same},
         gain=one,
         run=loop.run(scenario, sensor, one),
         unmitigated=loop.run(scenario, sensor, 0.0),
-        prediction=predicted_contact(task, one),
-        unmitigated_prediction=predicted_contact(task, 0.0),
+        prediction=predicted[0],
+        unmitigated_prediction=predicted[1],
     )
 
 
@@ -297,10 +298,16 @@ def _gain_of(task: Task) -> float:
     """Return the gain that is named, else the designed one."""
     if task.gain is not None:
         return task.gain
-    design = design_gain(task.replace(evaluate=None))
-    if design.gain is None:
+    course = bool(task.scenario.obstacle.course)
+    design = None if course else design_gain(task.replace(evaluate=None))
+    if design is None or design.gain is None:
+        why = (
+            "no ideal design knows an obstacle with a course"
+            if design is None
+            else f"the design is {design.status.value}"
+        )
         raise InvalidInputError(
-            f"gain: the design is {design.status.value}, so there is none to simulate; name one, such as "
+            f"gain: {why}, so there is none to simulate; name one, such as "
             'gain=-0.7, or in a file gain = "-0.7 N*s" in [controller] or --gain'
         )
     return float(design.gain)

@@ -184,6 +184,8 @@ def why_no_bound(scenario: Scenario) -> str:
         return "found an array of encounters, expected one"
     if any(np.any(np.asarray(v) != 0) for v in moving) or scenario.plant.position != scenario.reference.position:
         return "found a plant that does not rest at its reference, of which the bound speaks"
+    if scenario.obstacle.course:
+        return "found an obstacle with a course, expected a constant acceleration, of which the bound speaks"
     if not scenario.obstacle.velocity < 0:
         return "found an obstacle that does not approach, expected a negative velocity"
     return ""

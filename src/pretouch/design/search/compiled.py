@@ -17,13 +17,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from ctypes import byref, c_int
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, chebyshev_basis, positive
+from pretouch._core.values import declared
 from pretouch.motion import DAMPER, Scenario
 from pretouch.motion.curve import Curves, alone, curve_windows, farthest
 from pretouch.motion.kernels import of_core
@@ -240,7 +241,7 @@ def _varied(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     """Yield the fields that are arrays of more than one number."""
     for part in ("admittance", "obstacle", "plant", "reference"):
         body: Any = getattr(scenario, part)
-        for f in fields(body):
+        for f in declared(body.__class__):
             value = getattr(body, f.name)
             if np.size(value) > 1:
                 yield f"{part}.{f.name}", value

@@ -1,0 +1,212 @@
+"""An obstacle that stops, recedes, comes again or is thrown: the loop follows its course as other ways do."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import pretouch as pt
+from loop_samples import BareLaw
+from pretouch._core.errors import InvalidInputError
+from pretouch.design.objectives import excursion_objective
+from pretouch.motion import Stretch
+from pretouch.motion.describing import scenario_rows
+
+SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
+ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
+STOPS = (Stretch(until=0.0503), Stretch(until=0.1507, acceleration=0.3 / 0.1004))
+"""It stops, and its breakpoints lie within periods of the law."""
+RECEDES = (Stretch(until=0.0507), Stretch(until=0.2003, acceleration=4.0))
+AGAIN = (*RECEDES, Stretch(until=0.4001, acceleration=-4.0))
+THROWN = (Stretch(until=0.0333, acceleration=3.0), Stretch(until=0.9, acceleration=-9.81))
+COURSES = {"stops": STOPS, "recedes": RECEDES, "comes again": AGAIN, "thrown": THROWN}
+PLANTS = {
+    "ideal": pt.simulation.IdealPlant(),
+    "impedance": pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0),
+}
+
+
+def scene(course: tuple[Stretch, ...] = (), **others: float) -> pt.Scenario:
+    given = {"position": 0.0422, "velocity": -0.3, **others}
+    return pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(**given, course=course))
+
+
+def run(scenario: pt.Scenario, plant: str = "ideal", gain: float = -0.7) -> pt.simulation.SimulationResult:
+    return pt.simulate(scenario, SENSOR, BareLaw(gain=gain, period=1e-3), plant=PLANTS[plant], horizon=0.6)
+
+
+def obstacle_by_hand(course: tuple[Stretch, ...], time: float, last: float = 0.0) -> tuple[float, float]:
+    position, velocity, since = 0.0422, -0.3, 0.0
+    for until, a in (*((s.until, s.acceleration) for s in course), (np.inf, last)):
+        t = min(time, until) - since
+        if t <= 0:
+            break
+        position, velocity, since = position + velocity * t + a * t * t / 2, velocity + a * t, until
+    return position, velocity
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("name", COURSES)
+def test_the_obstacle_is_where_its_course_has_it(name: str, plant: str) -> None:
+    """To rounding: of 600 steps or of some thousands, each by 1e-17 m."""
+    found = run(scene(COURSES[name]), plant)
+    trace = found.trace()
+    until = trace.time <= (found.time if found.touched else np.inf)
+    expected = [obstacle_by_hand(COURSES[name], t)[0] for t in trace.time[until]]
+    assert len(expected) > 50
+    np.testing.assert_allclose(trace.obstacle_position[until], expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_a_contact_is_where_an_integrator_of_its_own_has_it(name: str) -> None:
+    """Without mitigation the robot of the sampled loop is at rest, and the time of contact is that of the course."""
+
+    def fall(time: float, state: np.ndarray) -> tuple[float, float]:
+        ends = [s.until for s in COURSES[name]]
+        i = int(np.searchsorted(ends, time, side="right"))
+        return state[1], COURSES[name][i].acceleration if i < len(ends) else 0.0
+
+    def touch(time: float, state: np.ndarray) -> float:
+        return float(state[0])
+
+    touch.terminal = True  # type: ignore[attr-defined]
+    own = solve_ivp(fall, (0, 0.6), (0.0422, -0.3), events=touch, rtol=1e-11, atol=1e-13, max_step=1e-3)
+    found = run(scene(COURSES[name]), gain=0.0)
+    assert found.touched == bool(len(own.t_events[0]))
+    if found.touched:
+        # a step of 1e-3 s over a jump of 10 m/s^2 that the integrator does not know is rejected down to rtol
+        assert found.time == pytest.approx(own.t_events[0][0], abs=1e-8)
+        assert found.relative_velocity == pytest.approx(own.y_events[0][0][1], abs=1e-8)
+    else:
+        assert own.y[0].min() == pytest.approx(found.closest_distance, abs=1e-5)  # at steps of 1e-3 s of the integrator
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_a_mitigated_motion_is_that_of_an_integrator(name: str) -> None:
+    """As T goes to zero the loop meets L(1) with L(2): at T = 0.1 ms within the T / 2 that a force comes late by."""
+    law, course = BareLaw(gain=-0.7, period=1e-4), COURSES[name]
+    found = pt.simulate(scene(course), SENSOR, law, horizon=0.6)
+    end = float(found.time) if found.touched else 0.6
+
+    def motion(time: float, state: np.ndarray) -> tuple[float, float]:
+        x, v = state
+        position, velocity = obstacle_by_hand(course, time)
+        force = -0.7 * float(SENSOR.log_slope(max(position - x, 0.0))) * (velocity - v)
+        return v, force - 10.0 * v - 25.0 * x
+
+    times = np.linspace(0.01, 0.99, 12) * end
+    own = solve_ivp(motion, (0, end), (0.0, 0.0), t_eval=times, rtol=1e-9, atol=1e-12, max_step=2e-3)
+    trace = found.trace()
+    np.testing.assert_allclose(np.interp(times, trace.time, trace.position), own.y[0], rtol=0, atol=2e-4)
+    # 0.3 m/s of a robot that moves with a delay of T / 2 = 50 us: 15 um, ten times that where the force is steep
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_one_stretch_is_a_constant_acceleration(plant: str) -> None:
+    one, other = run(scene((Stretch(until=5.0, acceleration=-0.5),)), plant), run(scene(acceleration=-0.5), plant)
+    for name in ("time", "position", "velocity", "relative_velocity", "largest_excursion", "largest_acceleration"):
+        assert getattr(one, name) == getattr(other, name), name
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_two_equal_stretches_are_one(plant: str) -> None:
+    """To rounding for an ideal robot; else a step of the method is cut, whose error is below 1e-9."""
+    halves = (Stretch(until=0.04567, acceleration=-0.5), Stretch(until=5.0, acceleration=-0.5))
+    one, other = run(scene(halves), plant), run(scene(acceleration=-0.5), plant)
+    for name in ("time", "position", "velocity", "relative_velocity", "largest_excursion"):
+        within = 1e-12 if plant == "ideal" else 1e-8
+        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=0, abs=within), name
+
+
+def test_courses_broadcast() -> None:
+    until = np.array([0.05, 0.06, 0.07])
+    course = (Stretch(until=until, acceleration=1.0), Stretch(until=0.2, acceleration=[[3.0], [-3.0]]))
+    several = scene(course)
+    assert several.shape == (2, 3)
+    found = run(several)
+    alone = run(scene((Stretch(until=0.06, acceleration=1.0), Stretch(until=0.2, acceleration=-3.0))))
+    assert found.time[1, 1] == alone.time
+    assert found.relative_velocity[1, 1] == alone.relative_velocity
+
+
+def test_the_velocity_is_that_of_the_course() -> None:
+    times = np.linspace(0, 1, 57)
+    for course in COURSES.values():
+        expected = [obstacle_by_hand(course, t, 0.5)[1] for t in times]
+        body = pt.Obstacle(position=0.0422, velocity=-0.3, acceleration=0.5, course=course)
+        np.testing.assert_allclose(body.velocity_at(times), expected, rtol=0, atol=1e-14)
+
+
+def test_what_stops_before_it_arrives_is_not_met() -> None:
+    stops = run(scene((Stretch(until=0.1, acceleration=3.0),)), gain=0.0)
+    assert not stops.touched
+    assert stops.closest_distance == pytest.approx(0.0422 - 0.015, abs=1e-13)  # v^2 / 2a = 15 mm
+
+
+def test_values_travel() -> None:
+    given = scene(AGAIN)
+    assert pickle.loads(pickle.dumps(given)) == given == copy.deepcopy(given)  # noqa: S301 - our own
+    assert given != scene(RECEDES)
+    assert hash(given) == hash(scene(AGAIN))
+    assert eval(repr(AGAIN[0]), {"Stretch": Stretch}) == AGAIN[0]  # noqa: S307 - our own
+
+
+@pytest.mark.parametrize(
+    ("course", "told"),
+    [
+        ((Stretch(until=0.2), Stretch(until=0.1)), "until 0.1 s behind one until 0.2 s"),
+        ((Stretch(until=0.2), Stretch(until=0.2)), "later than the one before"),
+        ((3.0,), "expected a sequence of Stretch"),
+        (Stretch(until=1.0), "expected a sequence of Stretch"),
+    ],
+)
+def test_courses_that_make_no_sense_are_refused(course: tuple[Stretch, ...], told: str) -> None:
+    with pytest.raises(InvalidInputError, match=told):
+        pt.Obstacle(position=0.04, course=course)
+
+
+@pytest.mark.parametrize("until", [0.0, -1.0, np.nan, np.inf])
+def test_a_stretch_ends_at_a_time(until: float) -> None:
+    with pytest.raises(InvalidInputError, match="stretch until"):
+        Stretch(until=until)
+
+
+def test_shapes_that_do_not_broadcast_are_refused_by_the_scenario() -> None:
+    with pytest.raises(InvalidInputError, match="do not broadcast"):
+        scene((Stretch(until=[0.1, 0.2]), Stretch(until=[0.3, 0.4, 0.5])))
+
+
+@pytest.mark.parametrize("verb", [pt.find_contact, pt.solve_motion])
+def test_the_motion_of_constant_acceleration_refuses_a_course(verb: object) -> None:
+    with pytest.raises(InvalidInputError, match=r"found one of 2 stretches.* by simulate or ClosedLoop\.run"):
+        verb(scene(STOPS), SENSOR, -0.7)  # type: ignore[operator]
+
+
+def test_a_design_on_the_loop_takes_a_course() -> None:
+    """It is the least of what the loop makes of neighboring gains, and its page is written without the ideal design."""
+    law = pt.control.Controller(
+        period=1e-3,
+        conditioning=pt.control.Conditioning(floor=1e-3),
+        law=pt.control.VirtualDamper(gain=-0.7),
+        admittance=pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0),
+    )
+    loop = pt.ClosedLoop(law=law, chain=pt.SensorChain(rate=1000.0))
+    scenario = scene((Stretch(until=0.05), Stretch(until=0.1, acceleration=-1.0)))
+    objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
+    design = pt.design_gain(pt.Task(scenario, SENSOR, objective, bounds=(-10.0, -0.01), evaluate=loop))
+    assert "sampled loop" in str(design)
+    rows = dict(scenario_rows(scenario))
+    assert rows["obstacle: acceleration until 0.1 s"].value == -1.0
+    contact = loop(scenario, SENSOR, design.gain * np.array([1.0, 0.8, 1.25])).contact
+    values = (contact.displacement / 0.5) ** 2 + (contact.relative_velocity / 0.3) ** 2
+    assert values.argmin() == 0
+
+
+def test_a_design_by_the_motion_refuses_a_course() -> None:
+    objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
+    with pytest.raises(InvalidInputError, match="obstacle course: found one of 2 stretches"):
+        pt.design_gain(pt.Task(scene(STOPS), SENSOR, objective, bounds=(-10.0, -0.01)))

@@ -1,0 +1,87 @@
+"""[[obstacle.course]]: read as it is written, and every mistake told by line and key."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from loop_text import LOOPED
+
+import pretouch as pt
+from pretouch._core.errors import ScenarioFileError
+from pretouch.config import load_scenario
+from pretouch.motion import Stretch
+from scenario_text import STILL, line_of, refusal, replaced, writer
+
+FIRST = '[[obstacle.course]]\nuntil = "50 ms"\n'
+SECOND = '[[obstacle.course]]\nuntil = "0.2 s"\nacceleration = "3 m/s^2"\n'
+COURSE = STILL + FIRST + SECOND
+WITH = replaced(STILL, COURSE)
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    return writer(tmp_path, monkeypatch)
+
+
+def test_a_course_is_read(write):
+    course = (Stretch(until=0.05), Stretch(until=0.2, acceleration=3.0))
+    assert load_scenario(write(WITH)).scenario.obstacle == pt.Obstacle(
+        position=0.0422, velocity=-0.3, acceleration=0.0, course=course
+    )
+
+
+# (what is replaced, by what, the start of the line that is named, key, what the sentence says)
+MISTAKES = [
+    ('"50 ms"', '"50 mm"', 'until = "50', "obstacle.course[0].until", 'found "50 mm", expected a quantity in s'),
+    ('"50 ms"', '"0 s"', 'until = "0 s"', "obstacle.course[0].until", "expected a positive quantity in s"),
+    ('"50 ms"', '"inf"', 'until = "inf"', "obstacle.course[0].until", "expected a finite quantity in s"),
+    ('"0.2 s"', '"50 ms"', 'until = "50 ms"\nacc', "obstacle.course[1].until", "found 0.05 s behind a stretch until"),
+    ('"0.2 s"', '"20 ms"', 'until = "20 ms"', "obstacle.course[1].until", "expected a later time"),
+    ('"3 m/s^2"', '"3 m/s"', 'acceleration = "3 m', "obstacle.course[1].acceleration", "a quantity in m/s^2"),
+    (
+        'until = "0.2 s"\n',
+        "",
+        "[[obstacle.course]]\nacc",
+        "obstacle.course[1].until",
+        "missing, expected a quantity in s",
+    ),
+    ('until = "50 ms"', 'untl = "50 ms"', "untl", "obstacle.course[0].untl", 'did you mean "until"?'),
+    (FIRST + SECOND, "course = 3\n", "course", "obstacle.course", "found 3, expected one or more of"),
+    (FIRST + SECOND, "course = []\n", "course", "obstacle.course", "expected one or more of [[obstacle.course]]"),
+    (FIRST + SECOND, '[obstacle.course]\nuntil = "1 s"\n', "[obstacle.course]", "obstacle.course", "found a table"),
+    (FIRST, '[[obstacle.corse]]\nuntil = "50 ms"\n', "[[obstacle.corse]]", "obstacle.corse", "found an unknown key"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "start", "key", "says"), MISTAKES)
+def test_mistakes_are_told_by_line_and_key(write, old, new, start, key, says):
+    text = replaced(old, new, WITH)
+    line = text[: text.index(start)].count("\n") + 1
+    told = refusal(write(text))
+    assert f"line {line}: {key}: " in told
+    assert says in told
+
+
+@pytest.mark.parametrize("verb", [pt.design_gain, pt.pareto_front])
+def test_designs_refuse_a_course_by_its_line(write, verb):
+    path = write(WITH)
+    said = rf"line {line_of('[[obstacle.course]]', WITH)}: obstacle\.course: found one of 2 stretches.*ClosedLoop\.run"
+    with pytest.raises(ScenarioFileError, match=said):
+        verb(load_scenario(path))
+
+
+def test_a_loop_from_a_file_runs_a_course(write):
+    stops = '[[obstacle.course]]\nuntil = "10 ms"\nacceleration = "30 m/s^2"\n'
+    text = re.sub(r"(\[obstacle\]\n(?:\w.*\n)*)", rf"\1{stops}", LOOPED, count=1)
+    assert stops in text
+    task = load_scenario(write(text))
+    run = task.loop.run(task.scenario, task.sensor, 0.0)
+    assert not run.touched
+    assert run.closest_distance < task.scenario.distance
+    assert pt.simulate_encounter(task.replace(gain=0.0)).run.closest_distance == run.closest_distance
+    placed = rf"^[^,]*, line {line_of('[[obstacle.course]]', text)}: obstacle\.course: found one of 1 stretches"
+    with pytest.raises(ScenarioFileError, match=placed):
+        pt.verify_gain(task)
+    with pytest.raises(ScenarioFileError, match=r"gain: no ideal design knows an obstacle with a course.* name one"):
+        pt.simulate_encounter(task)

@@ -1,6 +1,6 @@
 """Run every benchmark: `python -m benchmarks`."""
 
-from . import accuracy, controller, gradients, loops, solving, starting, verdicts
+from . import accuracy, controller, drag, gradients, loops, solving, starting, verdicts
 
 if __name__ == "__main__":
     starting.main()
@@ -10,3 +10,4 @@ if __name__ == "__main__":
     loops.main()
     verdicts.main()
     gradients.main()
+    drag.main()

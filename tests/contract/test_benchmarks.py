@@ -137,6 +137,17 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
             ["--count", "300", "--seconds", "0.01"],
             [r"exponential-1 .*ns", r"table .*ns", r"0\.\d\d ms each"],
         ),
+        (
+            "drag",
+            ["--quick"],
+            [
+                r"0\.3 m/s +letter .* drag .* asked mean <= 48",
+                r"VCNL4040",
+                r"\(6\) peak acceleration +[01]\.",
+                r"not reached:",
+            ],
+        ),
+        ("bounds", ["--count", "1000"], [r"any schedule .*[01]\.\d{9} of the bound at most", r"exceeded: 0 of 7"]),
     ],
 )
 def test_a_program_prints_what_it_measures(name: str, options: list[str], printed: list[str]) -> None:

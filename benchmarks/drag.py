@@ -105,7 +105,7 @@ class Setting:
         speed: at which the object comes [m/s].
         push: its acceleration toward the robot [m/s^2].
         position: where it begins [m].
-        home: where the robot begins, as seen from its reference [m].
+        course: stretches of another acceleration that come first: until [s], away from the robot [m/s^2].
         exponent: of the true curve, over the one that the drag is designed for.
         ratio: rho of the drag.
         known: acceleration of the object that the drag is told [m/s^2].
@@ -120,7 +120,7 @@ class Setting:
     speed: float = 0.3
     push: float = 0.0
     position: float = START
-    home: float = 0.0
+    course: tuple[tuple[float, float], ...] = ()
     exponent: float = 1.0
     ratio: float = RATIO
     known: float = 0.0
@@ -151,9 +151,11 @@ def run(setting: Setting, law: Law, size: Size) -> pt.SimulationResult:
     scenario = pt.Scenario(
         admittance=pt.Admittance(**ADMITTANCE),
         obstacle=pt.Obstacle(
-            position=np.full((size.draws, 1), setting.position), velocity=-setting.speed, acceleration=-setting.push
+            position=np.full((size.draws, 1), setting.position),
+            velocity=-setting.speed,
+            acceleration=-setting.push,
+            course=tuple(pt.motion.Stretch(until=until, acceleration=away) for until, away in setting.course),
         ),
-        plant=pt.Plant(position=setting.home),
     )
     exponent = EXPONENT * setting.exponent
     at_contact = setting.part.scale * OFFSET**-EXPONENT
@@ -203,9 +205,26 @@ SETTINGS = (
     Setting(name="pushed on, 2 m/s^2, fed forward", push=2.0, known=-2.0),
     Setting(name="10 Hz position-controlled", robot=SLOW_ROBOT),
 )
+STOPPING = 3.0  # m/s^2, from 0.3 m/s and to it
 RETURNS = tuple(
-    Setting(name=f"stands at {1e3 * place:g} mm", speed=0.0, position=place, home=-0.05)
-    for place in (-0.003, -0.009, -0.021, -0.033)
+    Setting(name=f"at {1e3 * (START - 0.015 - 0.3 * since):.0f} mm", course=((since, 0.0), (since + 0.1, STOPPING)))
+    for since in (0.1, 0.12, 0.16, 0.2)
+)
+GRAVITY = 9.81
+COURSES = (
+    Setting(
+        name="rests 0.5 s at 12 mm, comes again",
+        course=((0.05, 0.0), (0.15, STOPPING), (0.65, 0.0), (0.75, -STOPPING)),
+    ),
+    Setting(
+        name="rests 0.5 s at -3 mm, comes again",
+        course=((0.1, 0.0), (0.2, STOPPING), (0.7, 0.0), (0.8, -STOPPING)),
+    ),
+    Setting(name="recedes, comes back with 1.5 m/s^2", course=((0.35, 1.5),), push=1.5),
+    Setting(name="from 0.1 to 0.5 m/s within 0.1 s", speed=0.1, course=((0.1, 0.0), (0.2, -4.0))),
+    Setting(name="dropped after 0.1 s", speed=0.0, course=((0.1, 0.0),), push=GRAVITY),
+    Setting(name="dropped after 0.1 s, fed forward", speed=0.0, course=((0.1, 0.0),), push=GRAVITY, known=-GRAVITY),
+    Setting(name="thrown up at 1 m/s", speed=1.0, push=-GRAVITY),
 )
 SPEEDS = (0.05, 0.1, 0.3, 0.5, 1.0)
 WITNESSED = (0.05, 0.3, 1.0)
@@ -346,7 +365,8 @@ def sections(quick: bool) -> Iterator[tuple[str, Lines]]:
     yield f"contact speed [mm/s], excursion [mm], acceleration [m/s^2], rho {RATIO}", compared(SETTINGS, size)
     yield "impact force at 0.3 m/s", impacts(size)
     yield "an object that leaves: how far, and how fast, the robot goes beyond its reference after it", leaving(size)
-    yield "home from 50 mm onto an object that stands", compared(RETURNS, size)
+    yield "an object that comes and stops: the robot goes home onto it", compared(RETURNS, size)
+    yield "an object of another course", compared(COURSES, size)
     horizon = 5.0 if quick else 60.0
     yield f"at rest, {horizon:g} s: share that moves by more than 1 mm", at_rest(size, horizon)
     for name, which in PARTS.items():

@@ -206,6 +206,8 @@ def test_a_known_acceleration_is_fed_forward_while_the_object_approaches() -> No
     assert (found[:51, FORCE] == 0.0).all()
     assert (found[51:100, FORCE] <= -2.0).all()
     assert (found[130:, FORCE] == 0.0).all(), "over 20 ms after the last rise"
+    with pytest.raises(InvalidInputError, match=r"known_acceleration: found 9\.81 m/s\^2, expected 0 or less"):
+        VirtualDrag(drag=0.01, noise=0.0, known_acceleration=9.81)
 
 
 def test_a_loop_tries_values_of_its_coefficient() -> None:

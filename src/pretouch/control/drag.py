@@ -46,7 +46,8 @@ class VirtualDrag:
         hold_time: how long an approach lasts after s rose last [s]; None: 20 ms, or two sensor periods if longer.
         own_advance: D_b <= 0 [N s], the gain of a virtual damper against the robot's own advance; it brakes to rest and
             not beyond. 0: none.
-        known_acceleration: of the object during an approach [m/s^2], such as gravity; M_a times it is fed forward.
+        known_acceleration: of the object toward the robot, <= 0 [m/s^2], such as gravity; M_a times it is fed forward
+            during an approach.
 
     Valid for:
         noise that is independent from reading to reading; median and low-pass of the conditioning only lower it.
@@ -80,6 +81,11 @@ class VirtualDrag:
         check_declared(self, instead=ONE_ROBOT)
         if self.own_advance > 0:
             raise InvalidInputError(f"own_advance: found {self.own_advance:g} N*s, expected 0 or less: it brakes")
+        if self.known_acceleration > 0:
+            raise InvalidInputError(
+                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or less: an object that is "
+                "slowed down would be followed"
+            )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)
         for name, most in largest.items():

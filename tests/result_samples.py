@@ -173,6 +173,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
 REQUESTS: dict[str, Callable[[], Any]] = {
     "problem": lambda: pt.load_scenario(EXAMPLES / "approach.toml"),
     "problem with a loop": lambda: pt.load_scenario(EXAMPLES / "loop.toml"),
+    "problem with a drag": lambda: pt.load_scenario(EXAMPLES / "drag.toml"),
     "encounters": lambda: SEVERAL,
     "laws": lambda: (pt.motion.DRAG, OWN_LAW),
     "encounters with a course": lambda: replace(SEVERAL, obstacle=replace(SEVERAL.obstacle, course=STOPS)),

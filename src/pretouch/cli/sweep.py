@@ -104,8 +104,8 @@ def _sweep(
     from pretouch.config import load_scenario  # noqa: PLC0415 - `pretouch --help` stays quick
     from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
-    fixed = read_gain(gain)
-    task = load_scenario(file).replace(gain=fixed)
+    task = load_scenario(file)
+    task = task.replace(gain=read_gain(gain, task.law))
     axes = _axes(task, axis)
     if figure is not None:
         _check_figure(figure, axes, force=shown.force)

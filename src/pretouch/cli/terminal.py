@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, TypeAlias
 
 import typer
 
-from pretouch._core.errors import PretouchError
+from pretouch._core.errors import PretouchError, UnitError
 from pretouch._core.files import as_json, is_own_unchanged
 from pretouch._core.units import read_quantity
 
 if TYPE_CHECKING:
     from pretouch.design import Task
+    from pretouch.motion import ContinuousLaw
     from pretouch.uncertainty import Reservations
 
 
@@ -62,9 +63,12 @@ def option(metavar: str, told: str, **more: Any) -> Any:
     return typer.Option(metavar=metavar, help=told, **more)
 
 
-def read_gain(text: str | None) -> float | None:
-    """Read the gain of an option, where it is given."""
-    return None if text is None else read_quantity(text, "N*s", name="--gain")
+def read_gain(text: str | None, law: ContinuousLaw) -> float | None:
+    """Read the gain of an option, where it is given, in the unit of its law."""
+    try:
+        return None if text is None else read_quantity(text, law.number.unit, name="--gain")
+    except UnitError as error:
+        raise UnitError(f"{error}, as law kind {law.kind} has it") from None
 
 
 def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:

@@ -38,8 +38,8 @@ def _load(file: Path, doing: str) -> Task:
 
 def _load_loop(file: Path, doing: str, gain: str | None, seed: int | None) -> Task:
     """Load a scenario file with a loop; gain and seed replace those of the file where they are given."""
-    asked = read_gain(gain)
     task = _load(file, doing)
+    asked = read_gain(gain, task.law)
     loop = task.loop if seed is None or task.loop is None else replace(task.loop, seed=seed)
     return task.replace(loop=loop, gain=task.gain if asked is None else asked)
 

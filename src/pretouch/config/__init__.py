@@ -104,16 +104,23 @@ def _task(builder: _Builder) -> Task | None:
     if sensor is not None and scenario is not None:
         builder.check_range(sensor, scenario, calibration)
     asked |= robust_fields(builder, scenario, sensor, calibration, constraints)
-    if any(name in builder.data for name in LOOP_SECTIONS):
+    has_loop = any(name in builder.data for name in LOOP_SECTIONS)
+    if has_loop:
         from .loop import loop_fields  # noqa: PLC0415 - the simulation, only for a file with a loop
 
         asked |= loop_fields(builder, scenario, sensor, calibration)
-    bounds = builder.values("gain")
-    if builder.unread or builder.mistakes or scenario is None or sensor is None or objective is None or bounds is None:
+    if "law" in builder.data:
+        from .law import law_fields  # noqa: PLC0415 - the sampled drag, only for a file that names a law
+
+        builder.needs_impact_of_effect()
+        asked |= law_fields(builder, scenario, asked["uncertainty"], has_loop)
+    if builder.unread or builder.mistakes or scenario is None or sensor is None:
         return None
-    low, high = bounds["bounds"]
+    if "gain" in builder.sections:
+        low, high = builder.sections["gain"][1]["bounds"]
+        asked["bounds"] = (low, high)
     source = replace(builder.source, supported=_supported(sensor, calibration))
-    return Task(scenario, sensor, objective, bounds=(low, high), **asked, calibration=calibration, source=source)
+    return Task(scenario, sensor, objective, **asked, calibration=calibration, source=source)
 
 
 def _supported(sensor: SensorModel, calibration: CalibrationReport | None) -> str:
@@ -215,6 +222,11 @@ class _Builder(Reading):
         for name in limits:
             self._needs_impact(CONSTRAINT_NAMES[name], ("constraints", name))
         return tuple(Constraint(name=name, limit=limit) for name, limit in limits.items())
+
+    def needs_impact_of_effect(self) -> None:
+        """Refuse a drag that is chosen by a force without physical properties."""
+        if "impact_force" in (self.values("law") or {}):
+            self._needs_impact("impact_force", ("law", "impact_force"))
 
     def check_range(self, sensor: SensorModel, scenario: Scenario, calibration: CalibrationReport | None) -> None:
         """Refuse an encounter that the sensor cannot follow from its start to contact; name the reason."""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
+from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper, VirtualDrag
+from pretouch.motion.laws import DRAG
 from pretouch.motion.scenario import Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import (
@@ -24,6 +25,7 @@ from pretouch.simulation import (
     chain_of_fit,
 )
 
+from .law import sampled_drag
 from .quantities import KeyPath, Quantity, output_unit
 from .schema import FREE, LOOP_SECTIONS
 from .section import one_of
@@ -67,7 +69,7 @@ def _of_sensor(file: Reading, calibration: CalibrationReport | None) -> tuple[Ke
 
 def _given(file: Reading) -> Iterator[tuple[KeyPath, str, str]]:
     """Return the outputs of the loop that name a unit, with their places and units."""
-    for section in ("chain", "controller"):
+    for section in ("chain", "controller", "law"):
         keys = file.sections[section][0].keys if section in file.sections else {}
         for key, value in file.data[section].items() if keys else ():
             read = keys[key].read
@@ -94,8 +96,7 @@ def controller_of(
     """Build the controller, with a gain of 0 where the file names none, checked with the start of the encounter."""
     period = 1 / given["rate"] if "rate" in given else given["period"]
     sensing = _conditioning(file, given, chain, period)
-    own = {key: given[key] for key in _LAW}
-    law = file.attempt("controller", lambda: VirtualDamper(gain=given.get("gain", 0.0), **own))
+    law = _law(file, given, chain)
     largest = {name: given.get(f"largest_{name}") for name in _LIMITS}
     limits = file.attempt("controller", lambda: Limits(**largest))
     if sensing is None or law is None or limits is None:
@@ -118,6 +119,14 @@ def controller_of(
         return controller
 
     return file.attempt("controller", make)
+
+
+def _law(file: Reading, given: Mapping[str, Any], chain: SensorChain) -> VirtualDamper | VirtualDrag | None:
+    """Build the sampled law, with a number of 0 where the file names none."""
+    if file.kind == DRAG.kind:
+        return sampled_drag(file, chain)
+    own = {key: given[key] for key in _LAW}
+    return file.attempt("controller", lambda: VirtualDamper(gain=given.get("gain", 0.0), **own))
 
 
 def _conditioning(file: Reading, given: Mapping[str, Any], chain: SensorChain, period: float) -> Conditioning | None:

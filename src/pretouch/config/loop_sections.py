@@ -1,4 +1,7 @@
-"""The sections of a scenario file that describe the sampled loop: [chain], [controller], [robot], [contact], [loop]."""
+"""The sections of a scenario file that describe the sampled loop: [chain], [controller], [robot], [contact], [loop].
+
+And [law], of which most is of the sampled law.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,13 @@ from typing import Any, Final
 
 from pretouch._core.errors import UnitError
 from pretouch._core.units import has_workable_magnitude, parse_unit
-from pretouch.control import Conditioning, Limits, VirtualDamper
+from pretouch.control import Conditioning, Limits, VirtualDamper, VirtualDrag
+from pretouch.motion.laws import DAMPER, DRAG, ContinuousLaw
 from pretouch.simulation.chain import SensorChain
 from pretouch.simulation.robot import HuntCrossley, IdealPlant, ImpedancePlant, PositionPlant, SpringDamper
 
 from .quantities import Quantity, UnfitValueError
-from .section import REQUIRED, TAG, Key, Section, declared_keys, text, whole
+from .section import EFFECTS, REQUIRED, TAG, Key, Section, by_law, declared_keys, gain_of, text, whole
 
 _POWER_LAW: Final = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\w*N)/(\w*m)(?:\^(\d+\.?\d*))?\s*", re.I
@@ -79,27 +83,72 @@ _CHAIN: Final = Section(
 )
 """What lies between the distance and the readings; what is left out is as the part or the calibration has it."""
 
-_CONTROLLER: Final = Section(
-    {
+
+def _controller(law: ContinuousLaw) -> Section:
+    """Return the section of the sampled law; its virtual admittance is that of [admittance]."""
+    keys = {
         "rate": Key(Quantity("Hz", '"1 kHz"', "positive")),
         "period": Key(_SPAN),
         "floor": Key(Quantity("output", "30.0", "positive")),
         "offset": Key(Quantity("output", "0.0")),
         "contact_gain": Key(Quantity("", "0.0", "nonnegative")),
         "contact_threshold": Key(Quantity("N", '"20 N"', "positive"), 1.0),
-        "gain": Key(Quantity("N*s", '"-0.7 N*s"')),
-        **declared_keys(Conditioning, VirtualDamper, without=("floor", "offset", "sensor_period", "gain")),
+        **declared_keys(Conditioning, without=("floor", "offset", "sensor_period")),
         **_limits(),
-    },
-    _one_clock,
-)
-"""The sampled law; its virtual admittance is that of [admittance]."""
+    }
+    if law == DAMPER:  # what is sampled of the drag stands in [law]
+        keys |= {"gain": Key(gain_of(law)), **declared_keys(VirtualDamper, without=("gain",))}
+    return Section(keys, _one_clock)
+
+
+def _one_way(given: Mapping[str, Any]) -> None:
+    """Hold that the drag is named, or chosen by one effect, or by the objective."""
+    ways = [name for name in ("drag", *EFFECTS) if name in given]
+    if len(ways) > 1:
+        raise UnfitValueError(
+            f"found both {ways[0]} and {ways[1]}, expected one of {', '.join(EFFECTS)}, drag", ways[1]
+        )
+    if "largest_speed" in given and ways[:1] not in [[name] for name in AT_A_SPEED]:
+        beside = f"beside {ways[0]}" if ways else "alone"
+        raise UnfitValueError(f"found it {beside}, expected it with one of {', '.join(AT_A_SPEED)}", "largest_speed")
+
+
+_DRAG: Final = declared_keys(VirtualDrag)
+SAMPLED_DRAG: Final = tuple(_DRAG)
+"""The keys of [law] that are those of the sampled drag."""
+
+OF_CHAIN: Final = ("noise", "relative_noise", "resolution")
+"""Those of them that the chain knows."""
+
+AT_A_SPEED: Final = ("acceleration", "contact_speed", "impact_force")
+"""The effects that a drag has up to a largest speed."""
+
+_LAW: Final[Mapping[str, Section]] = {
+    DAMPER.kind: Section({"kind": TAG}),
+    DRAG.kind: Section(
+        {
+            "kind": TAG,
+            "drag": Key(_DRAG["drag"].read),
+            "ratio": Key(Quantity("", "0.15", "positive")),
+            "excursion": Key(Quantity("m", '"60 mm"', "positive")),
+            "acceleration": Key(Quantity("m/s^2", '"2 m/s^2"', "positive")),
+            "contact_speed": Key(Quantity("m/s", '"50 mm/s"', "positive")),
+            "impact_force": Key(Quantity("N", '"20 N"', "positive")),
+            "largest_speed": Key(Quantity("m/s", '"0.5 m/s"', "positive")),
+            **{name: Key(_DRAG[name].read) for name in OF_CHAIN},
+            **{name: key for name, key in _DRAG.items() if name not in {"drag", *OF_CHAIN}},
+        },
+        _one_way,
+    ),
+}
+"""[law] by its kind; keys of the damper's sampled law are those of [controller]."""
 
 _STIFFNESS: Final = declared_keys(HuntCrossley)["stiffness"].read
 
 LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
     "chain": {"": _CHAIN},
-    "controller": {"": _CONTROLLER},
+    "controller": by_law(_controller),
+    "law": _LAW,
     "robot": {
         plant.kind: Section({"kind": TAG, **declared_keys(plant)}, make=plant)
         for plant in (IdealPlant, ImpedancePlant, PositionPlant)

@@ -98,6 +98,7 @@ class Quantity:
         sign: what must hold.
         infinite: whether it may be infinite.
         words: texts that may stand in its place and are kept as they are.
+        of: which law has this unit, for messages; the empty text where none decides it.
 
     Examples:
         >>> Quantity("m", '"42.2 mm"')("42.2 mm")
@@ -109,6 +110,7 @@ class Quantity:
     sign: Sign = "any"
     infinite: bool = False
     words: tuple[str, ...] = ()
+    of: str = ""
 
     @property
     def expected(self) -> str:
@@ -121,6 +123,7 @@ class Quantity:
             text = f"a {adjective}{what.replace('/s', ' per second')}, a number or text in {volts} or {counts}"
         else:
             text = f"a {adjective}quantity in {self.unit}" if self.unit else f"a {adjective}number"
+        text += f", as law kind {self.of} has it" if self.of else ""
         return text + "".join(f' or "{word}"' for word in self.words)
 
     def __call__(self, value: Any) -> float | str:

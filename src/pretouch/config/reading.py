@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias, TypeVar
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError, ScenarioFileError
+from pretouch.motion.laws import DAMPER, LAWS
 
 from .document import key_lines
 from .quantities import KeyPath, UnfitValueError, shown
-from .schema import NEEDED, SECTIONS, keys_of, variants
+from .schema import OF_A_LAW, SECTIONS, keys_of, needed, variants
 from .section import Section, nearest, one_of
 from .sensor import CALIBRATION, sensor_variants
 
@@ -42,6 +43,8 @@ _HOME: Final[dict[str, KeyPath]] = {
     "seed": ("robust", "seed"),
     "confidence": ("robust", "confidence"),
     "stability_margin": ("loop", "stability_margin"),
+    "effect": ("law",),
+    **{name: ("law", name) for name in ("ratio", "excursion", "acceleration", "contact_speed", "largest_speed")},
 }
 
 
@@ -150,7 +153,7 @@ _BY_KEYS: Final = {
     "admittance": ({"natural_frequency", "damping_ratio"}, "natural_frequency", "damping"),
     "impact": ({"radius", "effective_modulus"}, "radius", "stiffness"),
 }
-_TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contact": "kind"}
+_TAGS: Final = {"sensor": "model", "objective": "kind", "robot": "kind", "contact": "kind", "law": "kind"}
 """The key that names the variant."""
 
 
@@ -160,6 +163,9 @@ class Reading:
     Args:
         source: the file.
         data: what `tomllib` read in it.
+
+    Attributes:
+        kind: of the law; None where [law] does not tell it, and what follows the law is then not read.
     """
 
     def __init__(self, source: ScenarioSource, data: Mapping[str, Any]) -> None:
@@ -168,11 +174,15 @@ class Reading:
         self.mistakes: list[Mistake] = []
         self.sections: dict[str, tuple[Section, dict[str, Any]]] = {}
         self.meant = {nearest(name, SECTIONS) for name in data if name not in SECTIONS}  # by names that are none
+        law = data.get("law", {} if "law" in self.meant else {"kind": DAMPER.kind})
+        kind = law.get("kind") if isinstance(law, dict) else None
+        self.kind = kind if isinstance(kind, str) and kind in LAWS else None
+        examples = needed(self.kind or DAMPER.kind, law if isinstance(law, dict) else ())
         for name in SECTIONS:
             if name in data:
                 self._read(name, data[name])
-            elif name in NEEDED and name not in self.meant:
-                self.unread.append(((name,), f"found no such section, expected [{name}] with {NEEDED[name]}"))
+            elif name in examples and name not in self.meant:
+                self.unread.append(((name,), f"found no such section, expected [{name}] with {examples[name]}"))
 
     def _read(self, name: str, found: Any) -> None:
         """Read a section; note its mistakes where it has some."""
@@ -180,7 +190,9 @@ class Reading:
             what = f"[[{name}]]" if isinstance(found, list) else shown(found)
             self.unread.append(((name,), f"found {what}, expected a section [{name}] with keys"))
             return
-        variant = _variant(name, found)
+        if name in OF_A_LAW and self.kind is None:
+            return
+        variant = _variant(name, found, self.kind or "")
         if not isinstance(variant, Section):
             self.unread.append(variant)
             return
@@ -232,8 +244,8 @@ def _unknown_sections(data: Mapping[str, Any]) -> Iterator[Mistake]:
             yield (name,), f"found an unknown section, expected {expected}"
 
 
-def _variant(name: str, found: Mapping[str, Any]) -> Section | Mistake:
-    """Choose the variant of a section by what it holds; a mistake where it holds nothing of the kind."""
+def _variant(name: str, found: Mapping[str, Any], law: str) -> Section | Mistake:
+    """Choose the variant of a section by what it holds, or by the law; a mistake where it holds nothing of the kind."""
     if name == "sensor":
         taken = sensor_variants(foreign=True)
         calibrated = taken.pop(CALIBRATION)
@@ -244,7 +256,7 @@ def _variant(name: str, found: Mapping[str, Any]) -> Section | Mistake:
     if name in _BY_KEYS:
         keys, with_them, without = _BY_KEYS[name]
         return known[with_them if keys & set(found) else without]
-    return known[""]
+    return known[law if name in OF_A_LAW else ""]
 
 
 def _named(section: str, found: Mapping[str, Any], taken: Mapping[str, Section]) -> Section | Mistake:
@@ -278,6 +290,12 @@ def _stranger(source: ScenarioSource, name: str, variant: Section, found: Mappin
     return f"found an unknown key, expected one of {takes}"
 
 
+_INSTEAD: Final = {
+    ("controller", "gain"): 'drag = "0.0144 N*s^2" in [law]',
+    ("constraints", "gain"): "bounds in [gain]",
+}
+
+
 def _of_another_variant(source: ScenarioSource, name: str, takes: str, found: Mapping[str, Any], key: str) -> str:
     """Say that a key belongs to another variant of its section than the one that was chosen."""
     owners = [tag for tag, other in variants(name).items() if key in other.keys]
@@ -288,6 +306,9 @@ def _of_another_variant(source: ScenarioSource, name: str, takes: str, found: Ma
         )
     if name == "sensor" and owners == [CALIBRATION]:
         return "found a key that belongs to a calibration, expected it only beside calibration = ..."
+    if name in OF_A_LAW:
+        instead = _INSTEAD.get((name, key), f"only {takes}")
+        return f'found a key of law kind "{owners[0]}", which the law of this file does not take; expected {instead}'
     if name in _TAGS:
         quoted = " and ".join(f'"{owner}"' for owner in owners)
         return f'found a key of {quoted}, which "{found[_TAGS[name]]}" does not take; expected only {takes}'

@@ -6,17 +6,18 @@ This is the one place where they are named: messages and the test of docs/scenar
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
 from pretouch.design.constraints import CONSTRAINT_NAMES, QUANTITY_UNITS, HertzImpact, SpringImpact
 from pretouch.motion.bodies import Obstacle, Plant, Reference, Stretch
+from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
 from pretouch.motion.scenario import Admittance
 
 from .quantities import Quantity, UnfitValueError
 from .robust_sections import ROBUST, uncertainty_section
-from .section import REQUIRED, TAG, WEIGHT, Key, Section, declared_keys, list_of, name_of
+from .section import EFFECTS, REQUIRED, TAG, WEIGHT, Key, Section, by_law, declared_keys, gain_of, list_of, name_of
 from .sensor import sensor_variants
 
 _OBSTACLE: Final = ("obstacle speed",)
@@ -127,17 +128,28 @@ _BY_FREQUENCY: Final = {
     "natural_frequency": Key(_FREQUENCY, REQUIRED),
     "damping_ratio": Key(_RATIO, 1.0),  # critically damped, as in the letter
 }
-_BOUNDS: Final = list_of(Quantity("N*s"), 2, 2, _TWO.format("quantities in N*s"))
+
+
+def _some_bounds(law: ContinuousLaw) -> str:
+    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {law.number.unit}", "1 {law.number.unit}"]'
+
+
+def _gain(law: ContinuousLaw) -> Section:
+    unit = law.number.unit
+    bounds = list_of(gain_of(law), 2, 2, _TWO.format(f"quantities in {unit}"))
+    return Section(
+        {"bounds": Key(bounds, REQUIRED, _some_bounds(law))},
+        _in_order("bounds", unit=f" {unit}", what="the lower bound first"),
+    )
+
+
 _LIMITS: Final = {name: Key(Quantity(QUANTITY_UNITS[q], sign="positive")) for name, q in CONSTRAINT_NAMES.items()}
 _MOTION: Final = {
     "method": Key(name_of("auto", "closed-form", "integration", "uniform-motion"), "auto"),
     "horizon": Key(Quantity("s", '"1 h"', "positive"), 600.0),
 }
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
-_PARETO: Final = {
-    "quantities": Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED)),
-    "choice": Key(Quantity("N*s", '"-0.7 N*s"')),
-}
+_QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
 
 _STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s^2"'
 _OBSTACLE_KEYS: Final = {
@@ -167,35 +179,45 @@ _ALWAYS: Final[Mapping[str, Mapping[str, Section]]] = {
     "plant": {"": Section(declared_keys(Plant), make=Plant)},
     "reference": {"": Section(declared_keys(Reference), make=Reference)},
     "objective": OBJECTIVE_VARIANTS,
-    "gain": {
-        "": Section(
-            {"bounds": Key(_BOUNDS, REQUIRED, '["-10 N*s", "-0.01 N*s"]')},
-            _in_order("bounds", unit=" N*s", what="the lower bound first"),
-        )
-    },
-    "constraints": {"": Section(_LIMITS)},
+    "gain": by_law(_gain),
+    "constraints": by_law(
+        lambda law: Section({name: key for name, key in _LIMITS.items() if law == DAMPER or name != "gain"})
+    ),
     "impact": {"stiffness": Section(_SPRING, make=SpringImpact), "radius": Section(_HERTZ, make=HertzImpact)},
     "motion": {"": Section(_MOTION)},
-    "pareto": {"": Section(_PARETO, _each_once)},
+    "pareto": by_law(lambda law: Section({"quantities": _QUANTITIES, "choice": Key(gain_of(law))}, _each_once)),
     "robust": {"": ROBUST},
 }
 LOOP_SECTIONS: Final = ("chain", "controller", "robot", "contact", "loop")
 """The sections of which a file has the first two, or none."""
 
+OF_A_LAW: Final = ("gain", "constraints", "pareto", "controller")
+"""The sections whose keys or units follow the kind of the law."""
+
 SECTIONS: Final = (
     *("sensor", "admittance", "obstacle", "plant", "reference", "objective", "gain", "constraints", "impact", "motion"),
-    *("pareto", "uncertainty", "robust", *LOOP_SECTIONS),
+    *("pareto", "uncertainty", "robust", *LOOP_SECTIONS, "law"),
 )
 """Every section by name."""
 
-NEEDED: Final[Mapping[str, str]] = {
+_NEEDED: Final[Mapping[str, str]] = {
     "sensor": 'calibration = "sensor.csv"',
     "admittance": 'mass = "1 kg", damping = "10 N*s/m", stiffness = "25 N/m"',
     "obstacle": 'position = "42.2 mm", velocity = "-0.3 m/s"',
     "objective": 'kind = "excursion", position_scale = "0.5 m", velocity_scale = "0.3 m/s"',
-    "gain": 'bounds = ["-10 N*s", "-0.01 N*s"]',
 }
-"""The sections that a file must have, each with an example of its keys."""
+
+
+def needed(kind: str, chosen: Iterable[str]) -> dict[str, str]:
+    """Return the sections that a file must have, each with an example of its keys.
+
+    Args:
+        kind: of its law.
+        chosen: the keys of [law].
+    """
+    if set(EFFECTS) & set(chosen):
+        return {name: text for name, text in _NEEDED.items() if name != "objective"}
+    return {**_NEEDED, "gain": f"bounds = {_some_bounds(LAWS[kind])}"}
 
 
 def variants(section: str) -> Mapping[str, Section]:
@@ -204,8 +226,8 @@ def variants(section: str) -> Mapping[str, Section]:
         return sensor_variants()
     if section == "uncertainty":
         return {"": uncertainty_section()}
-    if section in LOOP_SECTIONS:
-        from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop
+    if section in {*LOOP_SECTIONS, "law"}:
+        from .loop_sections import LOOP_VARIANTS  # noqa: PLC0415 - the simulation, only for a file with a loop or law
 
         return LOOP_VARIANTS[section]
     return _ALWAYS[section]

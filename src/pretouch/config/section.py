@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final, TypeAlias
 
+from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
+
 from .quantities import KeyPath, Quantity, UnfitValueError, shown
 
 Reader: TypeAlias = Callable[[Any], Any]
@@ -97,6 +99,8 @@ def _attempt(read: Reader, value: Any, at: str | int, mistakes: list[tuple[KeyPa
 
 
 LENGTH: Final = Quantity("m", '"0 m"')
+EFFECTS: Final = ("ratio", "excursion", "acceleration", "contact_speed", "impact_force")
+"""The keys of [law] by one of which a drag is chosen, without objective and bounds."""
 WEIGHT: Final = Key(Quantity("", "1.0", "nonnegative"), 1.0)
 TAG: Final = Key(lambda _: None, REQUIRED)
 """A key that has chosen the variant of its section, and says nothing more."""
@@ -181,6 +185,17 @@ def nearest(found: str, valid: tuple[str, ...]) -> str | None:
     key = found[:80].strip().lower().replace("_", "-").replace(" ", "-")
     match = get_close_matches(key, list(plain), n=1, cutoff=0.6)
     return plain[match[0]] if match else None
+
+
+def by_law(make: Callable[[ContinuousLaw], Section]) -> dict[str, Section]:
+    """Make the variants of a section that holds gains, whose unit follows the law, by its kind."""
+    return {kind: make(law) for kind, law in LAWS.items()}
+
+
+def gain_of(law: ContinuousLaw) -> Quantity:
+    """Return what reads a gain of a law."""
+    unit = law.number.unit
+    return Quantity(unit, '"-0.7 N*s"' if law == DAMPER else f'"0.0144 {unit}"', of=law.kind)
 
 
 def declared_keys(*classes: Any, optional: bool = False, without: Iterable[str] = ()) -> dict[str, Key]:

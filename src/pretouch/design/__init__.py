@@ -15,6 +15,7 @@ from .constraints import (
     SpringImpact,
     quantity_of,
 )
+from .drag_limits import DragEffect
 from .front.pareto import pareto_front
 from .front.physical_bound import BoundComparison, PhysicalBound, find_physical_bound
 from .front.result import FrontPoint, FrontStatus, ParetoFront
@@ -35,6 +36,7 @@ __all__ = [
     "Constraint",
     "ConstraintOutcome",
     "DesignStatus",
+    "DragEffect",
     "ElasticImpact",
     "Evaluator",
     "FrontPoint",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Final
 
@@ -24,6 +24,21 @@ from .task import Task, placed
 
 _RESIDUAL: Final = 1e-9  # of the impulse balance: what is above it is told
 _KEYS: Final = {"objective_parts": "objective_terms", "result": "contact"}
+
+
+def designed_number(task: Task) -> float | None:
+    """Choose the number of a task's law: by the effect that is asked of a drag, else by the objective.
+
+    Returns:
+        The number, such as D_p [N s] or phi [N s^2]; None where no gain meets the constraints or ends in contact.
+    """
+    if task.effect is None:
+        found: float | None = design_gain(task.replace(evaluate=None)).gain
+        return found
+    scenario, speed = task.scenario, task.effect.largest_speed
+    effect = replace(task.effect, largest_speed=-float(scenario.relative_velocity) if speed is None else speed)
+    drag, _ = effect.drag(task.sensor, float(scenario.distance), float(scenario.admittance.mass), task.impact)
+    return float(drag)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

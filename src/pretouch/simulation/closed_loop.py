@@ -200,7 +200,7 @@ class ClosedLoop:
         if not low < high:
             raise InvalidInputError(
                 f"stability_margin: found {margin:g}, which allows {n.name}s up to {strongest:.4g} {n.unit}, but "
-                f"[{n.name}] has bounds from {bounds[0]:g} to {bounds[1]:g} {n.unit}, expected a smaller margin, "
+                f"[gain] has bounds from {bounds[0]:g} to {bounds[1]:g} {n.unit}, expected a smaller margin, "
                 f"weaker {n.name}s, a faster sensor or a larger virtual mass"
             )
         return low, high

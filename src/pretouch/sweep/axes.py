@@ -25,7 +25,7 @@ ENCOUNTER_INPUTS: Final = {"gain": "N*s", **SCENARIO_INPUTS}
 
 def inputs_of(task: Task) -> dict[str, str]:
     """Return every input of a task that may be an axis, with its SI unit; without an objective, contacts are found."""
-    found = {**ENCOUNTER_INPUTS, **sensor_inputs(task.sensor)}
+    found = {**ENCOUNTER_INPUTS, "gain": task.law.number.unit, **sensor_inputs(task.sensor)}
     if task.impact is not None:
         found |= {f"impact.{f.name}": _IMPACT_UNITS.get(f.name, "") for f in fields(task.impact)}
     if task.objective is not None:

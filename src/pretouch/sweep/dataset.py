@@ -9,6 +9,7 @@ import platform
 import secrets
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -134,9 +135,8 @@ def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
         for name, values in axis.columns.items():
             words = name.replace(".", " ").replace("_", " ")
             coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
-    data = {
-        name: (plan.dims, column, result_attributes(name, designs=plan.designs)) for name, column in columns.items()
-    }
+    told = partial(result_attributes, designs=plan.designs, law=plan.held.law)
+    data = {name: (plan.dims, column, told(name)) for name, column in columns.items()}
     return xarray.Dataset(data, coords=coords, attrs=attributes_of(plan))
 
 

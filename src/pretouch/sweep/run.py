@@ -123,7 +123,7 @@ def _held(task: Task, axes: Axes) -> Task:
     """Return what the sweep holds: without an objective where gains are given, else with bounds that are stable."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
-        gain = None if task.gain is None else _one(task.gain)
+        gain = None if task.gain is None else _one(task.gain, task.law.number.unit)
         return task.replace(gain=gain, objective=None, source=None, evaluate=None)
     bounds = _stable_bounds(task, names)
     return task.replace(bounds=bounds, constraints=task.limits, stability_margin=None, source=None, evaluate=None)
@@ -141,8 +141,8 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
     return task.stable_bounds()
 
 
-def _one(gain: Any) -> float:
-    value = finite(gain, "gain", "N*s")
+def _one(gain: Any, unit: str) -> float:
+    value = finite(gain, "gain", unit)
     if not isinstance(value, float):
         raise InvalidInputError(f"gain: found an array of shape {value.shape}, expected one number; arrays go to axes")
     return value

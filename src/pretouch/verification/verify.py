@@ -10,6 +10,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
 from pretouch.design import GainDesign, Task, design_gain
+from pretouch.design.gain import designed_number
 from pretouch.design.task import placed
 from pretouch.motion import ContactResult
 from pretouch.simulation import ClosedLoop
@@ -40,9 +41,9 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
     Args:
         task: one encounter, the nominal one, with the loop, the objective that the gain was chosen by, the bounds, for
-            the ideal design and for the best gain on the loop, and where given the gain (else that of the ideal
-            design), constraints, impact (else from the contact of the loop), uncertainty of encounter and sensor, runs,
-            confidence, stability margin, calibration, method and horizon.
+            the ideal design and for the best gain on the loop, and where given the gain (else that by the effect of a
+            drag, or of the ideal design), constraints, impact (else from the contact of the loop), uncertainty of
+            encounter and sensor, runs, confidence, stability margin, calibration, method and horizon.
         changes: whether to look for the best gain on the loop and for the change that helps most.
 
     Returns:
@@ -74,7 +75,9 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     """
     task = _checked(task)
     design = design_gain(task.replace(impact=foreseen_impact(task)))
-    chosen = design.gain if task.gain is None else float(finite(task.gain, "gain", task.law.number.unit))
+    chosen = design.gain if task.effect is None else designed_number(task)
+    if task.gain is not None:
+        chosen = float(finite(task.gain, "gain", task.law.number.unit))
     same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
     asked: dict[str, Any] = {name: getattr(task, name) for name in same}
     asked |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
@@ -136,6 +139,11 @@ def _checked(task: Task) -> Task:
     if not 0 < finite(task.confidence, "confidence") < 1:
         raise InvalidInputError(
             f"confidence: found {task.confidence:g}, expected a number between 0 and 1, such as 0.95"
+        )
+    if task.effect is not None and (task.objective is None or task.bounds is None):
+        raise InvalidInputError(
+            "effect: found one without objective or bounds, expected both for a verdict, which holds its drag against "
+            "the best one; in a file [objective] and [gain]"
         )
     return task.replace(bounds=task.stable_bounds(), stability_margin=None, evaluate=None)
 
@@ -249,8 +257,9 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
     The loop is run with the gain and with gain 0, with the same noise; the prediction is made for both.
 
     Args:
-        task: one encounter, the loop, and the gain, or objective and bounds, by which it is then designed; where given
-            impact, from which an elastic impact force is predicted, method and horizon of the prediction.
+        task: one encounter, the loop, and the gain, or objective and bounds or the effect of a drag, by which it is
+            then designed; where given impact, from which an elastic impact force is predicted, method and horizon of
+            the prediction.
 
     Returns:
         The runs, the predictions, which an obstacle with a course has none of, and what they come to side by side.
@@ -298,16 +307,13 @@ def _gain_of(task: Task) -> float:
     """Return the gain that is named, else the designed one."""
     if task.gain is not None:
         return task.gain
-    course = bool(task.scenario.obstacle.course)
-    design = None if course else design_gain(task.replace(evaluate=None))
-    if design is None or design.gain is None:
-        why = (
-            "no ideal design knows an obstacle with a course"
-            if design is None
-            else f"the design is {design.status.value}"
-        )
+    found = designed_number(task) if task.effect or not task.scenario.obstacle.course else None
+    if found is None:
+        course = task.scenario.obstacle.course
+        status = "" if course else design_gain(task.replace(evaluate=None)).status.value
+        why = "no ideal design knows an obstacle with a course" if course else f"the design is {status}"
         raise InvalidInputError(
-            f"gain: {why}, so there is none to simulate; name one, such as "
-            'gain=-0.7, or in a file gain = "-0.7 N*s" in [controller] or --gain'
+            f"gain: {why}, so there is none to simulate; name one, such as gain=-0.7, or in a file "
+            'gain = "-0.7 N*s" in [controller] or --gain'
         )
-    return float(design.gain)
+    return found

@@ -184,7 +184,8 @@ class _Plane:
     def chosen(self, choice: float | Choice) -> FrontPoint | None:
         """Return the user's choice; None where that is a design without a gain or an encounter without contact."""
         if isinstance(choice, (int, float)):
-            return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", "N*s")))
+            unit = self.trials.encounters.task.law.number.unit
+            return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", unit)))
         if choice.gain is None:
             return None
         if np.ndim(choice.gain):

@@ -12,7 +12,6 @@ import numpy as np
 
 import pretouch as pt
 from pretouch import control, uncertainty
-from pretouch.control.laws import observe, start_sensing
 from pretouch.design import find_physical_bound
 from pretouch.design.schedule import schedule_drag
 from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
@@ -64,9 +63,10 @@ def _robust(**options: Any) -> pt.robust.RobustDesign:
 
 def _signals(law: control.Controller) -> tuple[Any, ...]:
     parameters, sample = law.parameters(), control.Sample(reading=0.1)
-    sensing, seen = observe(parameters.sensing, start_sensing(parameters.sensing), sample)
+    sensing, seen = control.observe(parameters.sensing, control.start_sensing(parameters.sensing), sample)
     state, output = law.step(parameters, law.start(), sample)
-    return parameters, sensing, state, sample, seen, output
+    given = control.Parts(sensing, state.drive, (0.1,)), control.Push(-1e-3, 0.0)
+    return parameters, sensing, state, sample, seen, output, *given
 
 
 def _witness() -> WitnessResult:

@@ -1,4 +1,4 @@
-"""A robot, a contact or a law of a user's own is one class in one place: it goes wherever those of pretouch go."""
+"""A robot or a contact of a user's own is one class in one place: it goes wherever those of pretouch go."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ import pytest
 
 import pretouch as pt
 from pretouch._core.blocks import Measured
-from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import check_declared, quantity
-from pretouch.control import CompiledStep, VirtualDamper
-from pretouch.motion import LawNumber
 from pretouch.report import write_report
 from pretouch.simulation import ContactModel, ImpedancePlant, PlantModel, SpringDamper, gain_limit, timing_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, verdict
@@ -58,58 +55,6 @@ class Felt(ContactModel):
 
     def numbers(self) -> tuple[float, float, float, bool, float]:
         return self.modulus * 1e-4 / self.thickness, 60.0, 1.0, False, 1 / self.obstacle_mass
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shared:
-    """The letter's law with a gain that two sensors share, as one compiled step runs it."""
-
-    gain: float
-    share: float = 0.5
-
-    @property
-    def continuous(self) -> SharedDamper:
-        return SharedDamper(self.share)
-
-    @property
-    def value(self) -> float:
-        return self.gain
-
-    @property
-    def step(self) -> CompiledStep:
-        return CompiledStep("step_damper")
-
-    def _letters(self) -> VirtualDamper:
-        return VirtualDamper(gain=self.share * self.gain)
-
-    def numbers(self, controller: Any) -> Any:
-        return self._letters().numbers(controller)
-
-    def start(self) -> Any:
-        return self._letters().start()
-
-    def with_value(self, value: float) -> Shared:
-        return replace(self, gain=value)
-
-
-@dataclass(frozen=True)
-class SharedDamper:
-    """The same in continuous time."""
-
-    share: float
-
-    kind: ClassVar[str] = "shared-damper"
-    number: ClassVar[LawNumber] = LawNumber("gain", "D_s", "N*s", -1)
-    degree: ClassVar[int] = 1
-
-    def contact(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.ContactResult:
-        return pt.motion.DAMPER.contact(scenario, sensor, self.share * value, **how)
-
-    def motion(self, scenario: Any, sensor: Any, value: Any, **how: Any) -> pt.Motion:
-        return pt.motion.DAMPER.motion(scenario, sensor, self.share * value, **how)
-
-    def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        return pt.motion.DAMPER.damping(self.share * value, slope, relative_velocity)
 
 
 OURS = (
@@ -158,18 +103,6 @@ def test_a_gain_is_designed_and_judged_with_them_and_pages_name_them(tmp_path: P
     quiet = replace(LOOP, chain=replace(LOOP.chain, noise=0.0, relative_noise=0.0))
     design = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=BOUNDS, evaluate=quiet))
     assert BOUNDS[0] < design.gain < BOUNDS[1]
-
-
-def test_a_law_of_ones_own_stands_in_the_controller(tmp_path: Path) -> None:
-    own = replace(NOISY, law=replace(NOISY.law, law=Shared(gain=0.0)))
-    theirs, ours = own.run(MANY, SENSOR, -1.2, runs=2), NOISY.run(MANY, SENSOR, -0.6, runs=2)
-    np.testing.assert_array_equal(theirs.relative_velocity, ours.relative_velocity)
-    found = verdict(own, gain=-1.2, runs=8, changes=False)
-    write_report(found, tmp_path / "page.html")
-    assert "Shared" in (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert found.predicted.end.relative_velocity == pt.find_contact(SCENARIO, SENSOR, -0.6).end.relative_velocity
-    with pytest.raises(InvalidInputError, match=r"found a virtual-damper beside a loop whose controller is a shared-"):
-        verdict(own, gain=-1.2, law="virtual-damper")
 
 
 class Short(Geared):

@@ -12,11 +12,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from control_samples import ADMITTANCE, controller, rows_of, run_rows
-from pretouch._core.errors import InvalidInputError
-from pretouch.control import Conditioning, Controller, Output, Sample, Status, VirtualAdmittance
-from pretouch.control.controller import Parts
-from pretouch.control.laws import Push, drive, observe
+from control_samples import controller, rows_of, run_rows
+from pretouch.control import (
+    Conditioning,
+    Controller,
+    Output,
+    Parts,
+    Push,
+    Sample,
+    Status,
+    VirtualAdmittance,
+    drive,
+    observe,
+)
 from properties import examples
 
 FORCE, LEVEL, STATUS = 3, 4, 5
@@ -175,15 +183,6 @@ class _Cushion:
 
     def start(self) -> tuple[float, ...]:
         return (0.0,)
-
-
-def test_a_law_that_asks_for_the_period_alone_is_refused() -> None:
-    class Old(_Cushion):
-        def numbers(self, period: float) -> tuple[float, ...]:
-            return (period,)
-
-    with pytest.raises(InvalidInputError, match=r"Old.numbers\(period\), which is numbers\(controller\) now"):
-        Controller(period=1e-3, conditioning=Conditioning(floor=0.1), law=Old(hardness=2.0), admittance=ADMITTANCE)
 
 
 def _cushion(hardness: float, level: float, velocity: float) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from struct import Struct
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
@@ -25,7 +25,7 @@ from .components import (
     output_in_words,
     stopping_distance,
 )
-from .laws import PROTOTYPE, CompiledStep, Law, as_step, start_drive, start_sensing
+from .laws import PROTOTYPE, CompiledStep, Law, Parts, as_step, start_drive, start_sensing
 from .structures import (
     ControllerNumbers,
     ControllerState,
@@ -42,14 +42,6 @@ Row = tuple[str, Cell]
 _pack_sample: Final = Struct("6di").pack_into
 _unpack_output: Final = Struct("5di").unpack_from
 _new: Final[Any] = tuple.__new__
-
-
-class Parts(NamedTuple):
-    """Parameters or state of a controller whose law is a function of Python: those of sensing, drive and law."""
-
-    sensing: Any
-    drive: Any
-    law: Any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,11 +85,6 @@ class Controller:
         if self.contact_gain > 1:
             raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a share from 0 to 1")
         self.conditioning.numbers(self.period)  # its checks against the period
-        if _takes_a_period(type(self.law)):
-            raise InvalidInputError(
-                f"law: found {type(self.law).__name__}.numbers(period), which is numbers(controller) now; "
-                "controller.period is what it was told before"
-            )
 
     @property
     def step(self) -> Callable[..., Any]:
@@ -214,12 +201,6 @@ def _joined(known: type[Structure], sensing: Structure, drive: Structure, law: A
 def _with_law(known: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
     fields = [(name, law if name == "law" else kind) for name, kind in known._fields_]
     return type(known.__name__, (Structure,), {"_fields_": fields})
-
-
-@cache
-def _takes_a_period(law: type) -> bool:
-    code = getattr(getattr(law, "numbers", None), "__code__", None)
-    return code is not None and code.co_varnames[: code.co_argcount][1:2] == ("period",)
 
 
 def _limit(value: float | None) -> float:

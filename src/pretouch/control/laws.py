@@ -1,4 +1,4 @@
-"""Laws: what one is, the letter's, and the blocks of C that one of a user's own in Python is put between."""
+"""Laws: what one is, the letter's, and the blocks of C that one of a user's own in Python is made of."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 from collections.abc import Callable, Iterator
 from ctypes import byref
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
@@ -17,6 +17,8 @@ from .components import Conditioning, VirtualAdmittance
 from .structures import (
     DamperNumbers,
     DamperState,
+    DragNumbers,
+    DragState,
     DriveNumbers,
     DriveState,
     Observation,
@@ -35,7 +37,23 @@ PROTOTYPE: Final = ctypes.PYFUNCTYPE(None)
 _start_sensing: Final = kernel("start_sensing", POINTER, POINTER)
 _start_drive: Final = kernel("start_drive", DOUBLE, DOUBLE, POINTER)
 _observe: Final = kernel("observe", POINTER, POINTER, POINTER, POINTER)
+_drag: Final = kernel("drag", POINTER, POINTER, POINTER, POINTER, POINTER)
 _drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POINTER)
+
+
+class Parts(NamedTuple):
+    """Parameters or state of a controller whose law is a function of Python: those of sensing, drive and law.
+
+    Args:
+        sensing: what `observe` takes.
+        drive: what `drive` takes; of a state, `drive.motion.position` [m] and `.velocity` [m/s] are the virtual
+            object's, relative to its reference.
+        law: what `Law.numbers` or `Law.start` returned, or the law's own next state.
+    """
+
+    sensing: Any
+    drive: Any
+    law: Any
 
 
 class Setting(Protocol):
@@ -57,8 +75,9 @@ class Setting(Protocol):
 class Law(Protocol):
     """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
 
-    A new law is a dataclass with these six, and one function, made of `observe`, of what the law itself does, and of
-    `drive`: in Python `state, output = step(parameters, state, sample)`, or compiled, see `SampledLaw`.
+    A new law is a dataclass with these six, and one function: in Python `state, output = step(parameters, state,
+    sample)`, of `observe`, what the law itself does, and `drive`, between `Parts`; or compiled, see `CompiledStep`.
+    docs/own-law.md makes one, from a force to a verdict.
 
     A law may smooth ln xi on the way to its impulse. Where that amounts, near an operating point, to one low-pass that
     takes in 1 - exp(-T/tau) of every reading, the sensor's period being T, the law tells tau [s] as an attribute
@@ -71,20 +90,27 @@ class Law(Protocol):
 
     @property
     def value(self) -> float:
-        """The one number that a design chooses, such as its gain [N s]."""
+        """The one number that a design chooses, in the unit that `continuous` tells: of the damper a gain [N s]."""
 
     @property
     def step(self) -> Any:
-        """The whole step of the controller with this law, of Python or compiled."""
+        """The whole step of the controller with this law, of Python or compiled; run once per period."""
 
     def numbers(self, controller: Setting) -> Any:
-        """Return the law's parameters in a controller; a ctypes structure where the step is compiled."""
+        """Return the law's parameters in a controller; a ctypes structure where the step is compiled.
+
+        Called whenever `Controller.parameters` is, before a run; a step finds them in `parameters.law`.
+        """
 
     def start(self) -> Any:
-        """Return the law's state before the first reading; a ctypes structure where the step is compiled."""
+        """Return the law's state before the first reading; a ctypes structure where the step is compiled.
+
+        Called whenever `Controller.start` is; a step finds it in `state.law`. States are never changed in place: a
+        step of Python returns the next one.
+        """
 
     def with_value(self, value: float) -> Law:
-        """Return the same law with another value of that number."""
+        """Return the same law with another value of that number: called for each that a design tries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,30 +144,81 @@ def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
 
 
 def start_sensing(numbers: SensingNumbers) -> SensingState:
-    """Return the state before the first reading: nothing is detected."""
+    """Return the state of `observe` before the first reading, where nothing is detected; `Controller.start` calls it.
+
+    Args:
+        numbers: `parameters.sensing` of a controller, or `Conditioning.numbers` for a law without one.
+    """
     state = SensingState()
     _start_sensing(byref(numbers), byref(state))
     return state
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state at the start: no force, the plant where it is relative to its reference [m, m/s]."""
+    """Return the state of `drive` at the start: no force, the plant where it is; `Controller.start` calls it.
+
+    Args:
+        position: of the plant, relative to its reference [m].
+        velocity: of the plant, relative to its reference [m/s].
+    """
     state = DriveState()
     _start_drive(position, velocity, byref(state))
     return state
 
 
 def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
-    """Take in a sample, with `parameters.sensing` of the controller: return the next state and what the law is told."""
+    """Take in a sample, the first block of a step: check, filter and difference what was read.
+
+    Args:
+        numbers: `parameters.sensing` of the controller.
+        state: `state.sensing`; it stays as it is.
+        sample: what the step was given, once per period, with a new reading or without.
+
+    Returns:
+        The next state, and what the law is told of ln xi.
+    """
     after, seen = copy_of(state), Observation()
     _observe(byref(numbers), byref(after), byref(raw_sample(sample)), byref(seen))
     return after, seen
 
 
+def push_by_drag(
+    numbers: DragNumbers, state: DragState, seen: Observation, driven: DriveState
+) -> tuple[DragState, Push]:
+    """Do what a virtual drag does between `observe` and `drive`: rate, dead zone and hold-off, for laws that are one.
+
+    The impulse without `own_advance` is in proportion to phi, so a law that chooses phi at each reading takes a drag of
+    1 N s^2 and multiplies.
+
+    Args:
+        numbers: what `VirtualDrag.numbers` returned.
+        state: what `VirtualDrag.start` returned, or the last call; it stays as it is.
+        seen: what `observe` returned.
+        driven: `state.drive`, as it was before this step.
+
+    Returns:
+        The next state, whose `rate` is s' [1/s] as it is smoothed, and what the drag gives.
+    """
+    after, push = copy_of(state), Push()
+    _drag(byref(numbers), byref(after), byref(seen), byref(driven), byref(push))
+    return after, push
+
+
 def drive(
     numbers: DriveNumbers, state: DriveState, seen: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Move the virtual object over one period by what the law gives, with `parameters.drive` of the controller."""
+    """Move the virtual object over one period, the last block of a step: deliver, limit, integrate L(1).
+
+    Args:
+        numbers: `parameters.drive` of the controller.
+        state: `state.drive`; it stays as it is.
+        seen: what `observe` returned in this step.
+        push: what the law gives.
+        sample: what the step was given.
+
+    Returns:
+        The next state and the output.
+    """
     after, out = copy_of(state), RawOutput()
     _drive(byref(numbers), byref(after), byref(seen), byref(push), byref(raw_sample(sample)), byref(out))
     return after, output_of(out)

@@ -188,7 +188,12 @@ class DragState(Structure):
 
 
 class Push(Structure):
-    """What a law gives: an impulse for a new reading [N s], delivered over one sensor period, and a force now [N]."""
+    """What a law gives in a step, negative where it pushes back.
+
+    Args:
+        impulse: for a new reading [N s], delivered as a constant force over one sensor period; 0 without one.
+        force: over this period of the loop [N].
+    """
 
     _fields_ = numbers("impulse", "force")
 

@@ -20,7 +20,7 @@ from pretouch._core.files import as_json
 from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel, Objective
 from pretouch.design.objectives import OwnObjective
-from pretouch.motion import ContactState
+from pretouch.motion import DAMPER, ContactState
 from pretouch.sensors import SensorModel
 
 from .axes import inputs_of
@@ -133,9 +133,11 @@ def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
             coords[axis.name] = (axis.name, np.arange(len(axis)), {"long_name": f"{axis.name} number"})
         for name, values in axis.columns.items():
             words = name.replace(".", " ").replace("_", " ")
+            words = plan.held.law.number.label if name == "gain" and plan.held.law != DAMPER else words
             coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
     data = {
-        name: (plan.dims, column, result_attributes(name, designs=plan.designs)) for name, column in columns.items()
+        name: (plan.dims, column, result_attributes(name, designs=plan.designs, law=plan.held.law))
+        for name, column in columns.items()
     }
     return xarray.Dataset(data, coords=coords, attrs=attributes_of(plan))
 

@@ -121,7 +121,7 @@ def make_plan(
     clash = next((axis.name for axis in found if axis.name in (*names, "status", "finished", "block")), None)
     if clash is not None:
         raise InvalidInputError(f"axes: found {clash!r}, which is the name of a result; choose another name")
-    finite(0.0 if held.gain is None else held.gain, "gain", "N*s")
+    finite(0.0 if held.gain is None else held.gain, "gain", held.law.number.unit)
     positive(held.horizon, "horizon", "s")
     most = chunk_size or _chunk_size(held, names)
     shape = tuple(map(len, found))

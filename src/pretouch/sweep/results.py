@@ -13,7 +13,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import QUANTITIES, unit_of, words_for
 from pretouch.design import DesignStatus, ImpactModel, quantity_of
-from pretouch.motion import ContactResult, ContactState, ContactStatus
+from pretouch.motion import DAMPER, ContactResult, ContactState, ContactStatus, ContinuousLaw
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,7 +66,7 @@ def read(name: str, result: ContactResult, impact: Any) -> Any:
     return quantity_of(name, result.end, impact)
 
 
-def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
+def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) -> dict[str, Any]:
     """Return the attributes of a variable: unit and name in words, or what each status means.
 
     Returns:
@@ -80,6 +80,8 @@ def result_attributes(name: str, *, designs: bool) -> dict[str, Any]:
         ways = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
         meanings = " ".join(ways)
         return {"long_name": "how it ended", "flag_values": list(range(len(ways))), "flag_meanings": meanings}
+    if name == "gain" and law != DAMPER:
+        return {"long_name": f"optimal {law.number.label}", "units": law.number.unit}
     words = f"optimal {name}" if name in OF_DESIGNS else f"{words_for(name)}{', optimal gain' if designs else ''}"
     return {"long_name": words, "units": unit_of(name) or "1"}
 

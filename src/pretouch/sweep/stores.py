@@ -153,7 +153,7 @@ class ZarrStore(Store):
                     fill_value=-1 if status else np.nan,
                     compressors="auto" if status else None,  # numbers that differ in every bit are not worth it
                     dimension_names=plan.dims,
-                    attributes=result_attributes(name, designs=plan.designs),
+                    attributes=result_attributes(name, designs=plan.designs, law=plan.held.law),
                 )
             group.create_array(
                 LEDGER,

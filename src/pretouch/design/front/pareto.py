@@ -94,7 +94,8 @@ def pareto_front(task: Task) -> ParetoFront:
         True
     """
     names = _quantities(task.quantities)
-    freedom = make_freedom(task.scenario, task.stable_bounds(), task.natural_frequency, task.damping_ratio)
+    free = task.natural_frequency, task.damping_ratio
+    freedom = make_freedom(task.scenario, task.stable_bounds(), *free, law=task.law)
     problem, choice = GainProblem(task=task, axis=freedom.axis), task.choice
     if choice is None and task.objective is not None:
         choice = GainDesign.of(problem)
@@ -184,7 +185,8 @@ class _Plane:
     def chosen(self, choice: float | Choice) -> FrontPoint | None:
         """Return the user's choice; None where that is a design without a gain or an encounter without contact."""
         if isinstance(choice, (int, float)):
-            return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", "N*s")))
+            unit = self.trials.encounters.task.law.number.unit
+            return self.point("choice", self.trials.freedom.scenario, float(finite(choice, "choice", unit)))
         if choice.gain is None:
             return None
         if np.ndim(choice.gain):

@@ -75,7 +75,8 @@ def design_admittance(task: Task) -> AdmittanceDesign:
             "natural_frequency: found neither it nor damping_ratio free, expected bounds of at least one; "
             "use design_gain for the gain alone"
         )
-    freedom = make_freedom(task.scenario, task.stable_bounds(), task.natural_frequency, task.damping_ratio)
+    free = task.natural_frequency, task.damping_ratio
+    freedom = make_freedom(task.scenario, task.stable_bounds(), *free, law=task.law)
     problem = GainProblem(task=task, axis=freedom.axis)
     trials = Trials(freedom=freedom, encounters=problem, measures=(problem.merit,))
 

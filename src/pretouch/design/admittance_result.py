@@ -178,7 +178,7 @@ class AdmittanceDesign(Answer):
         text = (
             f"Optimal admittance: natural frequency {format_quantity(self.natural_frequency or 0.0, 'rad/s')}, damping "
             f"ratio {self.damping_ratio:.4g} (damping {format_quantity(a.damping, 'N*s/m')}, stiffness "
-            f"{format_quantity(a.stiffness, 'N/m')}) with D_p = {format_quantity(self.gain or 0.0, 'N*s')}: "
+            f"{format_quantity(a.stiffness, 'N/m')}) with {self.number.equals(self.gain or 0.0)}: "
             f"objective {self.objective:.4g}"
         )
         if self.as_it_is.objective is not None:
@@ -195,7 +195,7 @@ def admittance_page(design: AdmittanceDesign) -> Page:
     """Describe a design of any status: the page of its gain, at the chosen admittance or as it is, after its own."""
     chosen = design.gain_design is not None
     page = gain_page(design.gain_design or design.as_it_is)
-    head = ("", "natural frequency", "damping ratio", "gain D_p", "objective")
+    head = ("", "natural frequency", "damping ratio", design.number.label, "objective")
     evidence = tuple(_evidence(design))
     follows = Paragraph(
         text=f"{'At this admittance' if chosen else 'With the admittance as it is'}: {page.headline}", brief=True
@@ -221,12 +221,12 @@ def admittance_page(design: AdmittanceDesign) -> Page:
 
 def _rows(design: AdmittanceDesign) -> Iterator[Row]:
     for i, m in enumerate(() if design.certificate is None else design.certificate.local_minima):
-        cells = (Measured(m.damping_ratio), Measured(m.gain, "N*s"), Measured(m.objective))
+        cells = (Measured(m.damping_ratio), Measured(m.gain, design.number.unit), Measured(m.objective))
         yield "local minimum" if i else "chosen", Measured(m.natural_frequency, "rad/s"), *cells
     before = design.as_it_is
     own = before.scenario.admittance
     ratio = Measured(float(own.damping_ratio) if own.stiffness > 0 else None)
-    cells = (ratio, Measured(before.gain, "N*s"), Measured(before.objective))
+    cells = (ratio, Measured(before.gain, design.number.unit), Measured(before.objective))
     yield "as it is", Measured(float(own.natural_frequency), "rad/s"), *cells
 
 

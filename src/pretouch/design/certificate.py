@@ -83,7 +83,7 @@ class TradeOff(Value):
         return {"gain": self.gain, "feasible": self.feasible, **found}
 
     def __repr__(self) -> str:
-        return f"<TradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s>"
+        return f"<TradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g}>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

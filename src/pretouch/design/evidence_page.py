@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, Rows
-from pretouch._core.units import format_quantity, format_range
+from pretouch._core.units import format_range, pretty_unit
+from pretouch.motion import LawNumber
 from pretouch.motion.describing import solved_on
 
 from .certificate import IdealDesign
@@ -35,15 +36,15 @@ def evidence_section(design: GainDesign) -> Chapter:
     found = Rows(rows=tuple(_certificate_rows(design)), wraps=True, brief=known is not None, note=note)
     minima = () if known is None or len(known.local_minima) < 2 else known.local_minima
     others = Rows(
-        head=("local minimum at D_p", "objective"),
-        rows=tuple((Measured(gain, "N*s"), Measured(value, "", 5)) for gain, value in minima),
+        head=(f"local minimum at {design.number.symbol}", "objective"),
+        rows=tuple((Measured(gain, design.number.unit), Measured(value, "", 5)) for gain, value in minima),
     )
     return Chapter(title="How this is known", titled=True, blocks=(found, others if minima else None))
 
 
 def _certificate_rows(design: GainDesign) -> Iterator[Row]:
     known = design.certificate
-    yield "searched", f"every gain from {format_range(design.bounds, 'N*s')}"
+    yield "searched", f"every gain from {format_range(design.bounds, design.number.unit)}"
     if known is None:
         yield "scan", f"{len(design.trade_off.gain)} gains"
     else:
@@ -51,12 +52,12 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
         yield "scan", text
         yield "local minima found and refined", str(len(known.local_minima))
         yield "the optimum lies", _AT.get(known.at, f"on the limit of the constraint {known.at.replace('_', ' ')}")
-        low, high = (format_quantity(b, "N*s", 8) for b in sorted(known.bracket))
+        low, high = (design.number.text(b, 8) for b in sorted(known.bracket))
         yield "enclosed between", f"{low} and {high}"
         if known.stationarity is not None:
-            yield "first-order residual |df / d ln|D_p|| / f", f"{known.stationarity:.1e}"
+            yield f"first-order residual |df / d ln|{design.number.symbol}|| / f", f"{known.stationarity:.1e}"
     if design.ideal is not None:
-        yield "ideal design, in continuous time", ideal_in_words(design.ideal)
+        yield "ideal design, in continuous time", ideal_in_words(design.ideal, design.number)
     run = design.result or design.nearest
     if solved_on(design) == "loop":
         yield "motion", "sampled loop, run with every gain"
@@ -67,9 +68,9 @@ def _certificate_rows(design: GainDesign) -> Iterator[Row]:
         yield f"impulse balance of the motion ({run.method})", text
 
 
-def ideal_in_words(ideal: IdealDesign) -> str:
+def ideal_in_words(ideal: IdealDesign, number: LawNumber) -> str:
     """Say what the ideal gain comes to where another was designed, as in `-0.7463 N s, which here is 24 % worse`."""
-    text = f"{format_quantity(ideal.gain, 'N*s')}, which here "
+    text = f"{number.text(ideal.gain)}, which here "
     if not math.isfinite(ideal.objective):
         return text + "ends without contact"
     share = abs(100 * ideal.loss)
@@ -82,18 +83,20 @@ def sensitivity_section(design: GainDesign) -> Chapter:
     """Return the inputs by their influence."""
     ranked = sorted(design.sensitivities, key=lambda s: abs(s.gain_change_per_percent), reverse=True)
     largest = max(abs(s.gain_change_per_percent) for s in ranked)
-    rows = []
+    rows, n = [], design.number
+    unit = pretty_unit(n.unit)
     for s in ranked:
         if abs(s.gain_change_per_percent) > 1e-6 * largest or (s.value == 0 and abs(s.gain_derivative) > 1e-9):
-            per_unit = f"N s per {s.unit}" if s.unit else "N s"
-            change = f"{s.gain_change_per_percent:+.2e} N s" if s.value else "-"
+            per_unit = f"{unit} per {s.unit}" if s.unit else unit
+            change = f"{s.gain_change_per_percent:+.2e} {unit}" if s.value else "-"
             derivative = f"{s.gain_derivative:.4g} {per_unit}".replace("*", " ").replace("^2", "\u00b2")
             rows.append((f"`{s.name}`", Measured(s.value, s.unit), change, derivative))
     if not rows:
         return Chapter(title="What moves the optimum", titled=True, blocks=(Paragraph(text=_HELD, brief=True),))
     note = "Inputs without influence are left out; the scale of the sensor is one: it cancels in \u03be\u2032/\u03be."
-    caption = "How far the optimal gain moves when the magnitude of an input grows by 1 %; striped: less negative."
-    picture = Picture(figure="sensitivity", of=design, name="What moves the optimal gain", caption=caption)
-    head = ("input", "value", "gain change per +1 %", "dD_p / d input")
+    caption = f"How far the optimal {n.name} moves when the magnitude of an input grows by 1 %; striped: "
+    caption += "less negative." if n.sign < 0 else "more positive."
+    picture = Picture(figure="sensitivity", of=design, name=f"What moves the optimal {n.name}", caption=caption)
+    head = ("input", "value", f"{n.name} change per +1 %", f"d{n.symbol} / d input")
     table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
     return Chapter(title="What moves the optimum", titled=True, blocks=(picture, table))

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from pretouch._core.files import plain
+from pretouch._core.numbers import float_or_array
 from pretouch._core.units import format_quantity
 from pretouch.motion import ContactResult, ContactStatus
 from pretouch.motion.evaluator import NoisyEvaluator
@@ -81,10 +82,16 @@ class GainDesign(GainEvidence):
 
     @property
     def damping_at_contact(self) -> Any:
-        """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact; an array for an array."""
+        """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact; an array for an array.
+
+        Of another law its damping -dF/dl' there; NaN where that is not known.
+        """
         if self.gain is None:
             return None
-        return self.gain * self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0))
+        law, slope = self.problem.task.law, self.sensor.log_slope(max(self.sensor.valid_range[0], 0.0))
+        if law.degree == 1:
+            return self.gain * slope
+        return float_or_array(law.damping(self.gain, slope, self.problem.run(self.gain).end.relative_velocity))
 
     def gradient(self, by: str) -> Any:
         """Return how the optimal gain follows one input, exact where objective and limits are those of the contact.
@@ -112,7 +119,8 @@ class GainDesign(GainEvidence):
         """The answer in one or two sentences."""
         if self.result is not None and self.gain is not None:
             left = abs(self.result.end.relative_velocity)
-            text = f"Optimal gain D_p = {format_quantity(self.gain, 'N*s')}: contact at {format_quantity(left, 'm/s')}"
+            n = self.number
+            text = f"Optimal {n.name} {n.equals(self.gain)}: contact at {format_quantity(left, 'm/s')}"
             before = self.no_mitigation
             if before.reached.all():
                 speed = abs(before.end.relative_velocity)
@@ -154,7 +162,7 @@ def _conflict(design: GainDesign) -> str:
     if impossible:
         return "; ".join(
             f"{o.name} cannot be held at {format_quantity(o.limit, o.unit)}: the nearest achievable value is "
-            f"{format_quantity(o.best_value or 0.0, o.unit)}, at D_p = {format_quantity(o.best_gain or 0.0, 'N*s')}"
+            f"{format_quantity(o.best_value or 0.0, o.unit)}, at {design.number.equals(o.best_gain or 0.0)}"
             for o in impossible
         )
     names = " and ".join(o.name for o in design.constraints)
@@ -162,8 +170,8 @@ def _conflict(design: GainDesign) -> str:
         f"{o.name} {format_quantity(o.value or 0.0, o.unit)} (limit {format_quantity(o.limit, o.unit)})"
         for o in design.constraints
     )
-    gain = format_quantity(design.nearest.gain if design.nearest else 0.0, "N*s")
-    return f"{names} cannot be held together; nearest, at D_p = {gain}: {nearest}"
+    gain = design.number.equals(float(design.nearest.gain) if design.nearest else 0.0)
+    return f"{names} cannot be held together; nearest, at {gain}: {nearest}"
 
 
 def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
@@ -171,7 +179,7 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
     yield from _about_contact(design, scanned)
     if design.certificate is not None and design.certificate.at == "bound":
         yield (
-            f"the optimum lies on the bound {format_quantity(design.gain or 0.0, 'N*s')}: a wider range of gains may "
+            f"the optimum lies on the bound {design.number.text(design.gain or 0.0)}: a wider range of gains may "
             "hold a better one"
         )
     if design.certificate is not None and design.certificate.at == "edge of contact":
@@ -186,8 +194,10 @@ def _warnings(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
             "the gain is optimal for one run and its noise: another run has another optimum; design_robust_gain with "
             "the same evaluate averages over runs"
         )
-    if design.gain is not None and design.gain > 0:
-        yield "the optimal gain is positive: it drives the plant toward the object"
+    n = design.number
+    if design.gain is not None and n.sign * design.gain < 0:
+        sign = "positive" if design.gain > 0 else "negative"
+        yield f"the optimal {n.name} is {sign}: it drives the plant toward the object"
     if design.result is not None:
         residual = float(np.asarray(design.result.impulse_residual))
         if residual > _RESIDUAL:
@@ -257,4 +267,4 @@ def design_gain(task: Task) -> GainDesign:
         >>> round(design.gain, 4), round(design.objective, 5)
         (-0.7463, 0.10698)
     """
-    return GainDesign.of(GainProblem(task=task, axis=GainAxis.between(task.stable_bounds())))
+    return GainDesign.of(GainProblem(task=task, axis=GainAxis.between(task.stable_bounds(), task.law.number.unit)))

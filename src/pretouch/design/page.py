@@ -11,7 +11,7 @@ from pretouch._core.blocks import Cell, Chapter, Measured, Named, Page, Paragrap
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
-from pretouch.motion import ContactResult, ContactStatus
+from pretouch.motion import ContactResult, ContactStatus, LawNumber
 from pretouch.motion.contact import ContactState
 from pretouch.motion.describing import inputs_section, method_section, solved_on
 
@@ -84,7 +84,8 @@ def _key_figures(design: GainDesign) -> Iterator[tuple[str, Cell]]:
     if run is None:
         yield "nearest approach without mitigation", Measured(float(before.closest_distance), "m")
         return
-    yield "gain D_p" if design.result else "nearest gain D_p", Measured(float(run.gain), "N*s")
+    n = design.number
+    yield n.label if design.result else f"nearest {n.label}", Measured(float(run.gain), n.unit)
     speed = abs(float(run.end.relative_velocity))
     yield words_for("relative_velocity"), Measured(speed, "m/s", 3)
     if before.reached.all():
@@ -99,8 +100,8 @@ def _contact(design: GainDesign) -> Chapter:
     runs = [r for r in (design.no_mitigation, run) if r is not None]
     head: Row = ("", "without mitigation")
     if run is not None:
-        gain = format_quantity(float(run.gain), "N*s")
-        head = (*head, f"{'optimal' if design.result else 'nearest'}, D_p = {gain}", "change")
+        gain = design.number.equals(float(run.gain))
+        head = (*head, f"{'optimal' if design.result else 'nearest'}, {gain}", "change")
     note = (
         "Predicted, not measured; x points away from the sensor, so an approach has a negative relative velocity "
         'l\u2032, and mitigation withdraws the plant toward negative x. "Largest" means over the whole motion until '
@@ -139,15 +140,15 @@ def _change(before: float, value: float) -> str:
 
 def _constraints(design: GainDesign) -> Chapter:
     head = ("constraint", "value", "limit", "margin", "state", "least that any gain reaches")
-    rows = tuple(map(_constraint_row, design.constraints))
+    rows = tuple(_constraint_row(o, design.number) for o in design.constraints)
     return Chapter(title="Constraints", blocks=(Rows(head=head, rows=rows, brief=True),))
 
 
-def _constraint_row(o: ConstraintOutcome) -> Row:
+def _constraint_row(o: ConstraintOutcome, number: LawNumber) -> Row:
     if o.best_value is None or o.best_gain is None:
         state, least = "no contact", "-"
     else:
-        least = f"{format_quantity(o.best_value, o.unit)} at {format_quantity(o.best_gain, 'N*s')}"
+        least = f"{format_quantity(o.best_value, o.unit)} at {number.text(o.best_gain)}"
         exceeded = o.margin is not None and o.margin < 0 and not o.active
         state = "exceeded" if exceeded else "active" if o.active else "met"
         state = state if o.achievable else "cannot be met"
@@ -226,25 +227,41 @@ def _motion(design: GainDesign) -> Chapter:
     return Chapter(title="The motion", blocks=(Picture(figure="motion", of=design, name=name, caption=caption),))
 
 
+_FELT: Final = {
+    1: (
+        "The virtual force is F_p = D_p g(l) l\u2032: a damper between plant and obstacle whose coefficient is D_p g.",
+        "damping D_p g",
+        "twice",
+    ),
+    2: (
+        "The virtual force is F_p = \u2212\u03c6 (g(l) l\u2032)\u00b2 while the object approaches: a drag between "
+        "plant and obstacle whose coefficient is \u03c6 g\u00b2.",
+        "coefficient \u03c6 g\u00b2",
+        "four times",
+    ),
+}
+"""By the power of s' in the force: what the motion feels, its name, and what half the slope asks for."""
+
+
 def _together(design: GainDesign) -> Chapter | None:
     """Say what the motion feels of gain and sensor together."""
-    run = _shown(design)
-    if run is None:
+    run, n, power = _shown(design), design.number, design.problem.task.law.degree
+    if run is None or power not in _FELT:
         return None
+    (felt, coefficient, times), unit = _FELT[power], f"{n.unit}/m" if power == 1 else f"{n.unit}/m^{power}"
     gain, (low, high) = float(run.gain), design.sensor.valid_range
     rows = []
     for name, distance in (("at contact", 0.0), ("at the start", float(design.scenario.distance))):
         if low <= distance <= high:
             slope = float(design.sensor.log_slope(distance))
             place = f"{name}, l = {format_quantity(distance, 'm')}"
-            rows.append((place, Measured(gain, "N*s"), Measured(slope, "1/m"), Measured(gain * slope, "N*s/m")))
+            rows.append((place, Measured(gain, n.unit), Measured(slope, "1/m"), Measured(gain * slope**power, unit)))
     note = (
-        "The virtual force is F_p = D_p g(l) l\u2032: a damper between plant and obstacle whose coefficient is D_p g. "
-        "This is what the motion feels. A gain alone says nothing across sensors: on a sensor with half the slope, "
-        "the same motion needs about twice the gain. A no-object offset left in the output lowers g and so weakens "
-        "the force."
+        f"{felt} This is what the motion feels. A {n.name} alone says nothing across sensors: on a sensor with half "
+        f"the slope, the same motion needs about {times} the {n.name}. A no-object offset left in the output lowers g "
+        "and so weakens the force."
     )
-    head = ("distance", "gain D_p", "sensor slope g", "damping D_p g")
+    head = ("distance", n.label, "sensor slope g", coefficient)
     table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
     return Chapter(title="Gain and sensor together", blocks=(table,)) if rows else None
 
@@ -257,5 +274,5 @@ def impact_rows(impact: ImpactModel | None) -> Iterator[Row]:
 
 
 def _searched(design: GainDesign) -> Iterator[Row]:
-    yield "gain: bounds", format_range(design.bounds, "N*s")
+    yield f"{design.number.name}: bounds", format_range(design.bounds, design.number.unit)
     yield from impact_rows(design.impact)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.units import format_quantity
+from pretouch._core.units import format_quantity, pretty_unit
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion, traced
@@ -42,7 +42,20 @@ class LawNumber(NamedTuple):
 
     def equals(self, value: float) -> str:
         """Return a value in words, such as "D_p = -0.7 N s"."""
-        return f"{self.symbol} = {format_quantity(value, self.unit)}"
+        return f"{self.symbol} = {self.text(value)}"
+
+    def text(self, value: float, digits: int = 4) -> str:
+        """Return a value with its unit, such as "-0.7 N s"."""
+        return format_quantity(value, self.unit, digits)
+
+    @property
+    def glyph(self) -> str:
+        """The symbol in a picture, such as "D\u209a"."""
+        return self.symbol.replace("_p", "\u209a")
+
+    def drawn(self, value: float, digits: str = ".4g") -> str:
+        """Return a value with its unit in a picture, such as "-0.7 N s"."""
+        return f"{value:{digits}} {pretty_unit(self.unit)}"
 
 
 @runtime_checkable

@@ -15,6 +15,7 @@ from pretouch.design.certificate import ConstraintOutcome, Sensitivity
 from pretouch.design.constraints import quantity_of
 from pretouch.design.gain import GainDesign
 from pretouch.design.page import shows_equals, traded_quantity
+from pretouch.motion import LawNumber
 
 from .new_figure import new_figure
 from .panel_figure import panel_figure
@@ -80,7 +81,8 @@ def _objective(design: GainDesign) -> Panel:
             curves.append(Curve(x=gain, y=np.where(known, values, np.nan), label=name, style=style))
     marks = []
     if design.gain is not None and design.objective is not None:
-        text = f"optimum D\u209a = {minus(f'{design.gain:#.4g}')} N s\nf = {design.objective:#.4g}"
+        n = design.number
+        text = f"optimum {n.glyph} = {minus(n.drawn(design.gain, '#.4g'))}\nf = {design.objective:#.4g}"
         marks = [Mark(x=float(_shown_gain(design, design.gain)), y=design.objective, label=text, style=0)]
     return Panel(
         **_gain_axis(design),
@@ -125,11 +127,11 @@ def _plane(design: GainDesign) -> Panel:
 
 
 def _shown_gain(design: GainDesign, gain: Any) -> Any:
-    return gain_axis(design.bounds)[0] * gain
+    return gain_axis(design.bounds, design.number)[0] * gain
 
 
 def _gain_axis(design: GainDesign) -> dict[str, Any]:
-    _, label, logarithmic = gain_axis(design.bounds)
+    _, label, logarithmic = gain_axis(design.bounds, design.number)
     ends = sorted(_shown_gain(design, np.array(design.bounds)))
     return {"x_label": label, "x_log": logarithmic, "x_limits": tuple(ends)}
 
@@ -150,7 +152,7 @@ def _blocked(design: GainDesign, gain: FloatArray) -> Iterator[Span]:
             reasons[i] = f"{reasons[i]}, {name}" if reasons[i] else f"broken: {name}"
     reasons[~trade.reached] = "no contact"
     order = np.argsort(gain)
-    edges = _edges(gain[order], logarithmic=gain_axis(design.bounds)[2])
+    edges = _edges(gain[order], logarithmic=gain_axis(design.bounds, design.number)[2])
     ordered = reasons[order]
     changes = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1), len(gain)]
     for first, last in pairwise(changes):
@@ -227,7 +229,8 @@ def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[M
         here = np.array([np.interp(wanted, design.trade_off.gain[order], values[order]) for values in (x, y)])
         apart = [np.abs((here - [mark.x, mark.y]) / size).max() for mark in (*marks, *found)]
         if np.isfinite(here).all() and min(apart, default=1.0) > _CLOSE:
-            found.append(Mark(x=float(here[0]), y=float(here[1]), label=minus(f"{wanted:g} N s"), shape="ring"))
+            label = minus(design.number.drawn(wanted, "g"))
+            found.append(Mark(x=float(here[0]), y=float(here[1]), label=label, shape="ring"))
     return found
 
 
@@ -253,17 +256,18 @@ def sensitivity(design: GainDesign) -> Figure:
         axes.yaxis.set_label_coords(-0.02, 1.0)
         axes.locator_params(axis="x", nbins=7)
         if ranked:
-            _draw_bars(axes, ranked, scale_for("N*s", largest))
+            _draw_bars(axes, ranked, scale_for(design.number.unit, largest), design.number)
         else:
-            axes.set_xlabel("change of the optimal gain D\u209a [N s]")
+            n = design.number
+            axes.set_xlabel(f"change of the optimal {n.name} {n.glyph} [{pretty_unit(n.unit)}]")
             axes.set(xlim=(-1, 1), ylim=(-1, 1), xticks=[], yticks=[])
             text = "no gain was chosen" if design.gain is None else "no input moves the optimal gain"
             axes.text(0, 0, text, ha="center", va="center", color=QUIET)
     return figure
 
 
-def _draw_bars(axes: Axes, ranked: list[Sensitivity], scale: Scale) -> None:
-    axes.set_xlabel(f"change of the optimal gain D\u209a [{scale.unit}]")
+def _draw_bars(axes: Axes, ranked: list[Sensitivity], scale: Scale, number: LawNumber) -> None:
+    axes.set_xlabel(f"change of the optimal {number.name} {number.glyph} [{scale.unit}]")
     changes = [s.gain_change_per_percent / scale.factor for s in ranked]
     reach = 1.4 * max(abs(c) for c in changes)
     rows = range(len(ranked))

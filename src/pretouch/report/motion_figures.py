@@ -119,19 +119,19 @@ def runs_of(design: GainDesign) -> list[DrawnMotion]:
         The motions. Those of a design on the sampled loop are run on that loop; those of a design on a function of the
         user's, which gives no motion, are L(1) in continuous time.
     """
-    low, high = design.bounds
+    (low, high), number = design.bounds, design.number
     if design.gain is not None:
-        gain, label = design.gain, "D\u209a = {:#.4g} N s"
+        gain, label = design.gain, ""
     elif design.nearest is not None:
-        gain, label = float(design.nearest.gain), "nearest: D\u209a = {:#.4g} N s"
+        gain, label = float(design.nearest.gain), "nearest: "
     else:
-        gain, label = (high if abs(high) < abs(low) else low), "weakest: D\u209a = {:#.4g} N s"
+        gain, label = (high if abs(high) < abs(low) else low), "weakest: "
     horizon = _horizon(design)
     chosen = _solve(design, gain, design.method, horizon)
     still = _solve(design, 0.0, design.no_mitigation.method, horizon)
     return [
         DrawnMotion("no mitigation", still, 1),
-        DrawnMotion(minus(label.format(gain)), chosen, 0),
+        DrawnMotion(minus(f"{label}{number.glyph} = {number.drawn(gain, '#.4g')}"), chosen, 0),
     ]
 
 

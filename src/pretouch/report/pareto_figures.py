@@ -10,6 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
+from pretouch._core.units import pretty_unit
 from pretouch._core.vocabulary import unit_of, words_for
 from pretouch.design.admittance_result import AdmittanceDesign
 from pretouch.design.front.fronts import shortfall
@@ -177,7 +178,9 @@ def _parameters(front: ParetoFront) -> Iterator[Panel]:
     x = front.of(name) / scale.factor
     order = np.argsort(x, kind="stable")
     sign, minus = (-1.0, "\u2212") if front.bounds[1] <= 0 else (1.0, "")
-    rows = [("gain", f"gain {minus}D\u209a", "N s", sign), *((n, *_CHOSEN[n], 1.0) for n in front.free[1:])]
+    n = front.number
+    rows = [("gain", f"{n.name} {minus}{n.glyph}", pretty_unit(n.unit), sign)]
+    rows += [(free, *_CHOSEN[free], 1.0) for free in front.free[1:]]
     for chosen, label, unit, factor in rows:
         values = factor * getattr(front, chosen)
         points = [(p, factor * getattr(p, chosen)) for p in front.marked if p.feasible]

@@ -88,7 +88,7 @@ def _runs(design: RobustDesign) -> list[tuple[str, int, RobustOutcomes]]:
 
 def _measure_panel(design: RobustDesign) -> Panel:
     """Draw the measure over the gain; where it is far above its minimum it is left out."""
-    sign, label, logarithmic = gain_axis(design.bounds)
+    sign, label, logarithmic = gain_axis(design.bounds, design.number)
     curve = design.trade_off
     nominal = _nominal_objective(design, curve.gain)
     seen = np.concatenate([curve.value, nominal])
@@ -128,11 +128,12 @@ def _nominal_objective(design: RobustDesign, gains: FloatArray) -> FloatArray:
 
 def _gain_marks(design: RobustDesign, sign: float, gains: FloatArray, nominal: FloatArray) -> Iterator[Mark]:
     if design.gain is not None and design.value is not None:
-        yield Mark(x=sign * design.gain, y=design.value, label=f"robust {design.gain:.4g} N s", style=_ROBUST)
+        text = f"robust {design.number.drawn(design.gain)}"
+        yield Mark(x=sign * design.gain, y=design.value, label=text, style=_ROBUST)
     if design.nominal_gain is not None:
         at = float(np.interp(design.nominal_gain, gains, nominal))
         if np.isfinite(at):
-            text = f"{_kind(design)} {design.nominal_gain:.4g} N s"
+            text = f"{_kind(design)} {design.number.drawn(design.nominal_gain)}"
             yield Mark(x=sign * design.nominal_gain, y=at, label=text, style=_NOMINAL, shape="square")
 
 
@@ -166,7 +167,7 @@ def _price_panels(design: RobustDesign, price: Price) -> Iterator[Panel]:
     scale = scale_for(price.unit, float(np.abs(price.value).max()))
     x = price.value / scale.factor
     across = f"{price.name} [{scale.unit or '1'}]"
-    sign, label, _ = gain_axis(design.bounds)
+    sign, label, _ = gain_axis(design.bounds, design.number)
     robust = 0.0 if design.gain is None else sign * design.gain
     yield Panel(
         x_label=across,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import pretty_unit
+from pretouch.motion import LawNumber
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,8 +100,9 @@ _SMALLER: Final = {
     "m/s": (("mm/s", 1e-3), ("µm/s", 1e-6)),
     "N": (("mN", 1e-3), ("µN", 1e-6)),
     "N*s": (("mN s", 1e-3), ("µN s", 1e-6)),
+    "N*s^2": (("mN s²", 1e-3), ("µN s²", 1e-6)),
 }
-_LONGEST_IN_UNIT: Final = {"m": 1.0, "s": 1.0, "m/s": 0.1, "N": 0.1, "N*s": 1.0}
+_LONGEST_IN_UNIT: Final = {"m": 1.0, "s": 1.0, "m/s": 0.1, "N": 0.1, "N*s": 1.0, "N*s^2": 1.0}
 
 
 def scale_for(unit: str, largest: float) -> Scale:
@@ -126,11 +128,13 @@ def scale_for(unit: str, largest: float) -> Scale:
     return chosen
 
 
-def gain_axis(bounds: tuple[float, float]) -> tuple[float, str, bool]:
+def gain_axis(bounds: tuple[float, float], number: LawNumber, *, magnitude: bool = False) -> tuple[float, str, bool]:
     """Return the sign of the gains as they are shown, the label, and whether the axis is logarithmic."""
     low, high = bounds
+    named = "virtual force gain" if number.name == "gain" else f"virtual {number.name}"
     sign = "\u2212" if high <= 0 else ""
-    return -1.0 if sign else 1.0, f"virtual force gain {sign}D\u209a [N s]", high < 0 or low > 0
+    shown = f"|{number.glyph}|" if magnitude else f"{sign}{number.glyph}"
+    return -1.0 if sign else 1.0, f"{named} {shown} [{pretty_unit(number.unit)}]", high < 0 or low > 0
 
 
 def minus(text: str) -> str:

@@ -67,7 +67,9 @@ def _axis(flat: xr.Dataset | xr.DataArray, dim: str) -> tuple[FloatArray, Scale,
     values = np.asarray(flat[dim].values, dtype=np.float64)
     scale = _scale(flat[dim], values)
     name = words_for(dim.replace(".", " ")) if "units" in flat[dim].attrs else f"{dim} number"
-    return values / scale.factor, scale, f"{'gain D_p' if dim == 'gain' else name} [{scale.unit or '1'}]"
+    if dim == "gain":  # the letter's, or that of another law, which says so
+        name = str(flat[dim].attrs.get("long_name", name)).replace("gain", "gain D_p")
+    return values / scale.factor, scale, f"{name} [{scale.unit or '1'}]"
 
 
 def _scale(variable: Any, values: FloatArray) -> Scale:
@@ -76,8 +78,11 @@ def _scale(variable: Any, values: FloatArray) -> Scale:
     return scale_for("" if unit == "1" else unit, float(np.max(np.abs(known), initial=0.0)))
 
 
-def _label(name: str, scale: Scale, *, short: bool = False) -> str:
+def _label(variable: Any, scale: Scale, *, short: bool = False) -> str:
+    name, told = str(variable.name), str(variable.attrs.get("long_name", "gain"))
     q = QUANTITIES[name]
+    if name == "gain" and q.words not in told:  # the number of another law
+        return f"{told} [{scale.unit or '1'}]"
     words = f"optimal {q.words}" if name == "gain" else q.words
     return f"{words} {'' if short else q.symbol} [{scale.unit or '1'}]".replace("  ", " ")
 
@@ -101,7 +106,7 @@ def _panel(flat: xr.Dataset, name: str, across: str, family: str | None) -> Pane
         rows = [(variable.isel({family: i}), label, i) for i, label in enumerate(names)]
     found = [(np.asarray(row.values)[::step] / scale.factor, label, style) for row, label, style in rows]
     curves = [_curve(x[::step], y, label, ordered, style) for y, label, style in found if np.isfinite(y).any()]
-    return Panel(x_label=x_label, y_label=_label(name, scale), curves=curves, x_log=_equal_ratios(x))
+    return Panel(x_label=x_label, y_label=_label(flat[name], scale), curves=curves, x_log=_equal_ratios(x))
 
 
 def _curve(x: FloatArray, y: FloatArray, label: str, ordered: bool, style: int | None = None) -> Curve:
@@ -121,7 +126,7 @@ def _map(flat: xr.Dataset, name: str, across: str, up: str) -> Panel:
     return Panel(
         x_label=x_label,
         y_label=y_label,
-        title=_label(name, scale, short=True) + holes,
+        title=_label(flat[name], scale, short=True) + holes,
         map=Map(x=x, y=y, values=values / scale.factor),
         x_log=_equal_ratios(x),
         y_log=_equal_ratios(y),

@@ -56,7 +56,7 @@ def verdict_stability(verdict: Verdict) -> Figure:
         curves.append(Curve(x=distance, y=np.full(len(distance), own), label="verified gain", style=_LOOP))
     panel = Panel(
         x_label=f"distance l [{scale.unit}]",
-        y_label="virtual force gain |D\u209a| [N s]",
+        y_label=gain_axis(verdict.design.bounds, verdict.law.number, magnitude=True)[1],
         curves=curves,
         marks=[_weakest_place(check, scale)],
         y_log=True,
@@ -66,7 +66,7 @@ def verdict_stability(verdict: Verdict) -> Figure:
 
 
 def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
-    text = f"{abs(check.strongest):.4g} N s"
+    text = check.limit.law.number.drawn(abs(check.strongest))
     return Mark(x=check.critical_distance / scale.factor, y=abs(check.strongest), label=text, style=_STRONGEST)
 
 
@@ -84,7 +84,7 @@ def verdict_gain(verdict: Verdict) -> Figure:
     Raises:
         ResultUnavailableError: no gain within the bounds ends in contact.
     """
-    sign, label, logarithmic = gain_axis(verdict.design.bounds)
+    sign, label, logarithmic = gain_axis(verdict.design.bounds, verdict.law.number)
     parts = [part for part in _objectives(verdict) if np.isfinite(part.objective).any()]
     if not parts:
         raise ResultUnavailableError("objective: no gain within the bounds ends in contact")
@@ -143,18 +143,18 @@ def _objectives(verdict: Verdict) -> Iterator[_Part]:
 
 def _gain_marks(verdict: Verdict, sign: float) -> Iterator[Mark]:
     """Yield the gains that matter: the ideal optimum, the verified gain and the best one on the loop."""
-    design, loss = verdict.design, verdict.loss
+    design, loss, number = verdict.design, verdict.loss, verdict.law.number
     if design.gain is not None and design.objective is not None:
-        text = f"ideal {design.gain:.4g} N s"
+        text = f"ideal {number.drawn(design.gain)}"
         yield Mark(x=sign * design.gain, y=float(design.objective), label=text, style=_IDEAL, shape="ring")
     if loss is None or verdict.gain is None:
         return
     if loss.loop_gain is not None and loss.loop_objective is not None:
-        text = f"best on the loop {loss.loop_gain:.4g} N s"
+        text = f"best on the loop {number.drawn(loss.loop_gain)}"
         yield Mark(x=sign * loss.loop_gain, y=loss.loop_objective, label=text, style=_LOOP, shape="ring")
-    logarithmic = gain_axis(design.bounds)[2]
+    logarithmic = gain_axis(design.bounds, number)[2]
     if loss.objective is not None and (not logarithmic or sign * verdict.gain > 0):
-        text = f"verified {verdict.gain:.4g} N s"
+        text = f"verified {number.drawn(verdict.gain)}"
         yield Mark(x=sign * verdict.gain, y=loss.objective, label=text, style=_LOOP)
 
 
@@ -165,4 +165,4 @@ def _stable_until(verdict: Verdict, sign: float) -> dict[str, float]:
     if check is None or loss is None:
         return {}
     places = {"unstable from here": check.strongest, "margin of 2 up to here": check.strongest / 2}
-    return {text: sign * gain for text, gain in places.items() if low < gain < min(high, 0.0)}
+    return {text: sign * gain for text, gain in places.items() if low < gain < high and gain}

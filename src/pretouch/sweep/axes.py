@@ -19,13 +19,13 @@ from pretouch._core.values import Value
 from pretouch.design import QUANTITY_UNITS, Constraint, Task
 from pretouch.motion.scenario import SCENARIO_INPUTS, sensor_inputs, sensor_with
 
-ENCOUNTER_INPUTS: Final = {"gain": "N*s", **SCENARIO_INPUTS}
-"""The inputs that differ from encounter to encounter within one call of the solver, with their SI units."""
+ENCOUNTER_INPUTS: Final = {"gain", *SCENARIO_INPUTS}
+"""The inputs that differ from encounter to encounter within one call of the solver."""
 
 
 def inputs_of(task: Task) -> dict[str, str]:
     """Return every input of a task that may be an axis, with its SI unit; without an objective, contacts are found."""
-    found = {**ENCOUNTER_INPUTS, "gain": task.law.number.unit, **sensor_inputs(task.sensor)}
+    found = {"gain": task.law.number.unit, **SCENARIO_INPUTS, **sensor_inputs(task.sensor)}
     if task.impact is not None:
         found |= {f"impact.{f.name}": _IMPACT_UNITS.get(f.name, "") for f in fields(task.impact)}
     if task.objective is not None:

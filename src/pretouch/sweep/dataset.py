@@ -21,7 +21,7 @@ from pretouch._core.files import as_json
 from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel, Objective
 from pretouch.design.objectives import OwnObjective
-from pretouch.motion import ContactState
+from pretouch.motion import DAMPER, ContactState
 from pretouch.sensors import SensorModel
 
 from .axes import inputs_of
@@ -134,6 +134,7 @@ def make_dataset(plan: Plan, columns: Mapping[str, Any]) -> xr.Dataset:
             coords[axis.name] = (axis.name, np.arange(len(axis)), {"long_name": f"{axis.name} number"})
         for name, values in axis.columns.items():
             words = name.replace(".", " ").replace("_", " ")
+            words = plan.held.law.number.label if name == "gain" and plan.held.law != DAMPER else words
             coords[name] = (axis.name, values, {"long_name": words, "units": units[name] or "1"})
     told = partial(result_attributes, designs=plan.designs, law=plan.held.law)
     data = {name: (plan.dims, column, told(name)) for name, column in columns.items()}

@@ -80,6 +80,8 @@ def result_attributes(name: str, *, designs: bool, law: ContinuousLaw = DAMPER) 
         ways = list(DESIGN_CODES) if designs else [status.label for status in ContactStatus]
         meanings = " ".join(ways)
         return {"long_name": "how it ended", "flag_values": list(range(len(ways))), "flag_meanings": meanings}
+    if name == "gain" and law != DAMPER:
+        return {"long_name": f"optimal {law.number.label}", "units": law.number.unit}
     words = f"optimal {name}" if name in OF_DESIGNS else f"{words_for(name)}{', optimal gain' if designs else ''}"
     unit = law.number.unit if name == "gain" else unit_of(name)
     return {"long_name": words, "units": unit or "1"}

@@ -243,6 +243,7 @@ class LoopProblem:
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
         """Return what runs of the first encounters come to, on the loop and with the gain [N s] that they ran with."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
+        mitigates = self.draws.task.law.number.sign * gain > 0
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         met = (
             Requirement(limit.constraint.name, ratio <= 1 + _ROUNDING, limit.probability)
@@ -253,7 +254,7 @@ class LoopProblem:
             objective=self._objective(result, loop, gain),
             ratios=ratios,
             requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *met),
-            effect=effect_of(result, self.unmitigated) if gain < 0 else None,
+            effect=effect_of(result, self.unmitigated) if mitigates else None,
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:

@@ -39,11 +39,10 @@ from .encounter_parts import (
 
 _SAMPLES: Final = 400
 _PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
-_HEAD: Final = ("", "on the loop", "predicted", "difference", "loop, D_p = 0", "predicted, D_p = 0")
 _COMPARED: Final = (
     "Predicted: the continuous solution, with a perfect sensor and a plant that follows exactly. On the loop: one run "
-    "with the sensor chain, the controller, the robot and the contact that are stated below. With D_p = 0, without "
-    "mitigation, the same loop meets the same noise. An approach has a negative relative velocity l\u2032; "
+    "with the sensor chain, the controller, the robot and the contact that are stated below. With {symbol} = 0, "
+    "without mitigation, the same loop meets the same noise. An approach has a negative relative velocity l\u2032; "
     '"largest" means until the first contact, or until the end where there is none. Shares compare magnitudes. '
     "Simulated and predicted, not measured."
 )
@@ -252,7 +251,7 @@ def encounter_page(encounter: SimulatedEncounter) -> Page:
             _course(e),
             _contacts(e),
             _detection(e),
-            loop_section(e.loop, ("gain D_p", Measured(e.gain, "N*s"))),
+            loop_section(e.loop, (e.law.number.label, Measured(e.gain, e.law.number.unit))),
             inputs_section(e.scenario, e.sensor, *impact),
             _method(e),
         ),
@@ -261,7 +260,7 @@ def encounter_page(encounter: SimulatedEncounter) -> Page:
 
 def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
     run, predicted, free = e.run, e.prediction, e.unmitigated
-    yield "gain D_p", Measured(e.gain, "N*s")
+    yield e.law.number.label, Measured(e.gain, e.law.number.unit)
     if run.touched:
         yield f"{words_for('relative_velocity')}, on the loop", Measured(abs(run.relative_velocity), "m/s", 3)
     else:
@@ -277,7 +276,10 @@ def _key_figures(e: SimulatedEncounter) -> Iterator[tuple[str, Cell]]:
 
 
 def _comparison(e: SimulatedEncounter) -> Chapter:
-    table = Rows(head=_HEAD, rows=tuple(_comparison_rows(e)), note=_COMPARED, brief=True)
+    symbol = e.law.number.symbol
+    head = ("", "on the loop", "predicted", "difference", *(f"{run}, {symbol} = 0" for run in ("loop", "predicted")))
+    note = _COMPARED.format(symbol=symbol)
+    table = Rows(head=head, rows=tuple(_comparison_rows(e)), note=note, brief=True)
     loop, contact = e.loop, e.loop.contact
     model = "no contact model" if contact is None else type(contact).__name__
     made = (

@@ -12,11 +12,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from pretouch._core.numbers import FloatArray, finite_or_none
-from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.design import GainDesign, Task
 from pretouch.design.search import RUNS, GainAxis, Landscape, refine, scan
-from pretouch.motion import ContactResult
+from pretouch.motion import ContactResult, LawNumber
 from pretouch.simulation import GainLimit
 
 from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, foreseen_impact, mean_and_error, part_of
@@ -55,7 +54,7 @@ class LoopCurve(Value):
     def __repr__(self) -> str:
         if not len(self.gain):
             return "<LoopCurve: no gain>"
-        return f"<LoopCurve: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s, {self.runs} runs>"
+        return f"<LoopCurve: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g}, {self.runs} runs>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +140,7 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
         outcomes = known.outcomes if same else problem.appraise(problem.compared(loop), better)
         best = None if optimum is None else outcomes.objective
         if not same:
-            candidate = Candidate("gain", _redesign(gain, better, margin), loop)
+            candidate = Candidate("gain", _redesign(problem.draws.task.law.number, gain, better, margin), loop)
             found.append(_compared(candidate, better, known.outcomes, replace(outcomes, margin=margin)))
     first = part_of(known.outcomes.result, slice(runs))
     part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
@@ -268,10 +267,10 @@ def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
     return search
 
 
-def _redesign(gain: float, loop_gain: float, margin: float | None) -> str:
+def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | None) -> str:
     """Say which gain to take, and how far the loop is from instability with it."""
     beside = "" if margin is None or margin > _BEYOND else f"; the loop is unstable at {margin:.3g} times that"
-    return f"Take D_p = {format_quantity(loop_gain, 'N*s')} instead of {format_quantity(gain, 'N*s')}{beside}."
+    return f"Take {number.equals(loop_gain)} instead of {number.text(gain)}{beside}."
 
 
 def _compared(candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:

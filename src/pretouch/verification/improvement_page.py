@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, Rows
-from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.design.page import objective_rows
 
@@ -50,7 +49,7 @@ def _rate_in_words(v: Verdict) -> str:
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= _MARGIN)
     if check is None or check.margin >= _MARGIN or enough:
         return ""
-    gain = f"With D_p = {format_quantity(v.gain or 0.0, 'N*s')}"
+    gain = f"With {v.law.number.equals(v.gain or 0.0)}"
     if math.isfinite(check.lowest_rate_with_margin):
         return (
             f"{gain} the sensor would have to be read {check.lowest_rate_with_margin:.3g} times a second for a margin "
@@ -64,7 +63,8 @@ def _rate_in_words(v: Verdict) -> str:
 
 def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
     if change.gain != v.gain:
-        yield "gain D_p", Measured(v.gain, "N*s"), Measured(change.gain, "N*s")
+        n = v.law.number
+        yield n.label, Measured(v.gain, n.unit), Measured(change.gain, n.unit)
     if change.held is not None:
         name, held = _missed_most(v)
         yield name, Measured(None) if held is None else _percent(held), _percent(change.held)
@@ -157,14 +157,15 @@ def _gain_blocks(v: Verdict) -> Iterator[Paragraph | Rows]:
         yield Paragraph(text=_loss_in_words(v, v.loss), brief=True)
     rows = tuple(_loss_rows(v))
     if rows:
-        yield Rows(head=("", "gain D_p", f"objective ({v.definition.name})"), rows=rows, brief=v.loss is not None)
+        head = ("", v.law.number.label, f"objective ({v.definition.name})")
+        yield Rows(head=head, rows=rows, brief=v.loss is not None)
 
 
 def _loss_in_words(v: Verdict, loss: Loss) -> str:
     best = _best_gain_in_words(loss)
     if loss.loop_gain is None:
         return f"{best[0].upper()}{best[1:]}, keeping every limit: none."
-    best = f"the {best}, {format_quantity(loss.loop_gain, 'N*s')}"
+    best = f"the {best}, {v.law.number.text(loss.loop_gain)}"
     if loss.loss is None or loss.loop_objective is None:
         return f"A run ends without contact, so that nothing is said of the cost beside {best}."
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
@@ -199,16 +200,16 @@ def _lacks_in_words(v: Verdict) -> str:
 
 
 def _loss_rows(v: Verdict) -> Iterator[Row]:
-    design, loss = v.design, v.loss
+    design, loss, unit = v.design, v.loss, v.law.number.unit
     if design.gain is not None:
-        yield "ideal optimum, predicted", Measured(design.gain, "N*s"), Measured(design.objective, "", 5)
+        yield "ideal optimum, predicted", Measured(design.gain, unit), Measured(design.objective, "", 5)
     if loss is None or v.gain is None:
         return
-    own = Measured(v.gain, "N*s")
+    own = Measured(v.gain, unit)
     if v.gain != design.gain:
         yield "verified gain, predicted", own, Measured(loss.predicted, "", 5)
     error = f" \u00b1 {loss.standard_error:.1g}" if loss.standard_error else ""
     yield "verified gain, mean of the runs", own, Measured(loss.objective, "", 5, error)
     if loss.loop_gain is not None:
         name = f"{_best_gain_in_words(loss)}, mean of the runs"
-        yield name, Measured(loss.loop_gain, "N*s"), Measured(loss.loop_objective, "", 5)
+        yield name, Measured(loss.loop_gain, unit), Measured(loss.loop_objective, "", 5)

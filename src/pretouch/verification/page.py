@@ -10,6 +10,7 @@ from typing import Final
 from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
+from pretouch.motion import LawNumber
 from pretouch.motion.describing import inputs_section, method_section
 from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
@@ -27,7 +28,7 @@ _WHY: Final = {
 }
 _COMPARED: Final = (
     "Predicted: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly. "
-    "Simulated: {runs} of the loop that is stated below, those that came to a contact. With D_p = 0, without "
+    "Simulated: {runs} of the loop that is stated below, those that came to a contact. With {symbol} = 0, without "
     "mitigation, the same loop meets the same noise. Largest: until the first contact, but for the contact force. "
     "Simulated and predicted, not measured."
 )
@@ -97,9 +98,9 @@ def verdict_page(verdict: Verdict) -> Page:
 def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
     if v.gain is None:
         return
-    ideal = v.design.gain
-    beside = "the ideal optimum" if ideal == v.gain else "no ideal one" if ideal is None else f"ideal {_newton(ideal)}"
-    yield f"verified gain D_p; {beside}", Measured(v.gain, "N*s")
+    ideal, n = v.design.gain, v.law.number
+    beside = "the ideal optimum" if ideal == v.gain else "no ideal one" if ideal is None else f"ideal {n.text(ideal)}"
+    yield f"verified {n.label}; {beside}", Measured(v.gain, n.unit)
     for name in ("relative_velocity", "impact_force", "peak_force"):
         c = v.comparison(name)
         if c is not None:
@@ -111,14 +112,14 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
         yield "margin to instability", "not known"
         return
     margin = "none unstable" if math.isinf(check.margin) else f"\u00d7 {check.margin:.3g}"
-    yield f"margin to instability; unstable from {_newton(check.strongest)}", margin
+    yield f"margin to instability; unstable from {_strongest(check, n)}", margin
     least = "none is enough" if math.isinf(check.lowest_rate_with_margin) else f"{check.lowest_rate_with_margin:.3g} Hz"
     name = f"lowest rate for this gain; {least} for a margin of 2; the sensor has {check.rate:.3g} Hz"
     yield name, _rate(check.lowest_rate)
 
 
-def _newton(gain: float) -> str:
-    return format_quantity(gain, "N*s") if math.isfinite(gain) else "-\u221e"
+def _strongest(check: StabilityCheck, number: LawNumber) -> str:
+    return number.text(check.strongest) if math.isfinite(check.strongest) else "-\u221e"[number.sign > 0 :]
 
 
 def _rate(rate: float) -> Cell:
@@ -136,9 +137,10 @@ def _reasons(v: Verdict) -> Chapter | None:
         "Nothing was run. What can be tried: a relaxed limit, a wider range of gains, an earlier detection, another "
         "admittance."
     )
-    head = ("limit", "at most", "nearest that a gain gets", "at D_p")
+    unit = v.law.number.unit
+    head = ("limit", "at most", "nearest that a gain gets", f"at {v.law.number.symbol}")
     asked: tuple[Row, ...] = tuple(
-        (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, "N*s"))
+        (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, unit))
         for c in v.design.constraints
     )
     limits = Rows(head=head, rows=asked) if asked else None
@@ -149,8 +151,10 @@ def _reasons(v: Verdict) -> Chapter | None:
 def _comparison(v: Verdict) -> Chapter | None:
     if v.reached is None or v.mitigated is None or v.unmitigated is None:
         return None
-    head = ("", "predicted", "mean of the runs", "5 % to 95 %", "worst", "predicted, D_p = 0", "mean, D_p = 0")
-    note = _COMPARED.format(runs=_runs(v))
+    symbol = v.law.number.symbol
+    free = (f"predicted, {symbol} = 0", f"mean, {symbol} = 0")
+    head = ("", "predicted", "mean of the runs", "5 % to 95 %", "worst", *free)
+    note = _COMPARED.format(runs=_runs(v), symbol=symbol)
     table = Rows(head=head, rows=tuple(map(_comparison_row, v.comparisons)), note=note, brief=True)
     shares = Picture(
         figure="verdict", of=v, name="Share of runs in which each quantity stays below a value", caption=_SHARES
@@ -242,7 +246,7 @@ def _stability(v: Verdict) -> Chapter | None:
 
 def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
     yield "margin: how many times the gain may grow", Measured(check.margin)
-    yield "strongest stable gain", Measured(check.strongest, "N*s")
+    yield "strongest stable gain", Measured(check.strongest, check.limit.law.number.unit)
     if math.isfinite(check.strongest):
         yield "at the critical distance", Measured(check.critical_distance, "m")
     if math.isfinite(check.frequency):

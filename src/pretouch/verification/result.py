@@ -258,7 +258,7 @@ class Verdict(Described, Value):
         """The verdict in one sentence."""
         if self.gain is None:
             return f"There is no gain to verify: {self.design.headline.removesuffix('.')}."
-        text = f"D_p = {format_quantity(self.gain, 'N*s')} {_HOLDS[self.status]}"
+        text = f"{self.law.number.equals(self.gain)} {_HOLDS[self.status]}"
         if self.reasons:
             text += f": {self.reasons[0]}"
             others = len(self.reasons) - 1
@@ -298,7 +298,7 @@ class Verdict(Described, Value):
         if self.gain is None or self.stability is None or not math.isfinite(self.stability.margin):
             return f"<Verdict: {self.status.value}>"
         margin = f"margin {self.stability.margin:.3g} to instability"
-        return f"<Verdict: {self.status.value}, D_p = {self.gain:.4g} N s, {self.runs} runs, {margin}>"
+        return f"<Verdict: {self.status.value}, {self.law.number.equals(self.gain)}, {self.runs} runs, {margin}>"
 
 
 def _speed(compared: Comparison | None) -> Iterator[str]:

@@ -76,8 +76,9 @@ class StabilityCheck(Value):
     def text(self) -> str:
         """Whether the sensor is fast enough, in one or two sentences."""
         if math.isinf(self.margin) and math.isfinite(self.strongest):
-            strongest = format_quantity(self.strongest, "N*s")
-            return f"Without a gain nothing can oscillate; {strongest} would be the strongest stable one."
+            n = self.limit.law.number
+            strongest = n.text(self.strongest)
+            return f"Without a {n.name} nothing can oscillate; {strongest} would be the strongest stable one."
         if math.isinf(self.margin):
             return "No gain makes this loop unstable: the sensor is fast enough."
         if self.strongest == 0:
@@ -91,7 +92,7 @@ class StabilityCheck(Value):
         text = f"The sensor is {enough}: it reads {self.rate:.6g} times a second, and {self._rates}."
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return text + (
-            f" The loop begins to oscillate{frequency} from D_p = {format_quantity(self.strongest, 'N*s')} on, "
+            f" The loop begins to oscillate{frequency} from {self.limit.law.number.equals(self.strongest)} on, "
             f"{self.margin:.3g} times the gain, first at a distance of {format_quantity(self.critical_distance, 'm')}."
         )
 

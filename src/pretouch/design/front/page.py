@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows, named
+from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Named, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.describing import inputs_section, method_section
 
 from ..page import impact_rows
-from .result import FREE_UNITS, FrontPoint, FrontStatus, ParetoFront
+from .result import FrontPoint, FrontStatus, ParetoFront
 
 Row = tuple[Cell, ...]
 
@@ -59,7 +59,7 @@ def front_page(front: ParetoFront) -> Page:
 
 def _key_figures(front: ParetoFront) -> Iterator[tuple[str, Cell]]:
     for point in front.marked[:1]:
-        yield f"gain D_p at the {point.name}", Measured(point.gain, "N*s")
+        yield f"{front.number.label} at the {point.name}", Measured(point.gain, front.number.unit)
         for name, value in point.values.items():
             yield words_for(name), Measured(value, unit_of(name), 3)
         if point.bound is not None and math.isfinite(point.bound.ratio):
@@ -97,9 +97,10 @@ def _title(point: FrontPoint) -> str:
 
 def _column(front: ParetoFront, point: FrontPoint) -> Iterator[tuple[Cell, Measured]]:
     """Yield what is chosen at a point, what comes of it, and what any robot could do, each with what it is."""
-    yield named("gain"), Measured(point.gain, "N*s")
+    n = front.number
+    yield Named(n.name, n.symbol), Measured(point.gain, n.unit)
     for name in front.free[1:]:
-        yield words_for(name), Measured(getattr(point, name), FREE_UNITS[name])
+        yield words_for(name), Measured(getattr(point, name), front.free_units[name])
     for name, value in point.values.items():
         yield named(name, magnitude=True), Measured(value, unit_of(name))
     if front.comparison is None:
@@ -166,10 +167,11 @@ def _count(number: int, noun: str) -> str:
 
 def _sought(front: ParetoFront) -> Iterator[Row]:
     """Yield what may be chosen, and what must hold."""
+    own = front.number.name
     sought = {"gain": front.bounds, "natural_frequency": front.natural_frequency_bounds}
     for name, bounds in {**sought, "damping_ratio": front.damping_ratio_bounds}.items():
         if bounds is not None:
-            yield f"{words_for(name)}: bounds", format_range(bounds, FREE_UNITS[name])
+            yield f"{own if name == 'gain' else words_for(name)}: bounds", format_range(bounds, front.free_units[name])
     for constraint in front.constraints:
         yield f"limit of {words_for(constraint.quantity)}", Measured(constraint.limit, constraint.unit)
     yield from impact_rows(front.impact)

@@ -94,7 +94,8 @@ def pareto_front(task: Task) -> ParetoFront:
         True
     """
     names = _quantities(task.quantities)
-    freedom = make_freedom(task.scenario, task.stable_bounds(), task.natural_frequency, task.damping_ratio)
+    free = task.natural_frequency, task.damping_ratio
+    freedom = make_freedom(task.scenario, task.stable_bounds(), *free, law=task.law)
     problem, choice = GainProblem(task=task, axis=freedom.axis), task.choice
     if choice is None and task.objective is not None:
         choice = GainDesign.of(problem)

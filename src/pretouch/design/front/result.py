@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from pretouch.motion.contact import ContactResult
 from ..constraints import Constraint
 from ..problem import Answer
 from .physical_bound import BoundComparison, PhysicalBound
-
-FREE_UNITS: Final = {"gain": "N*s", "natural_frequency": "rad/s", "damping_ratio": ""}
-"""What can be chosen along a front, with its SI unit."""
 
 
 class FrontStatus(StrEnum):
@@ -69,7 +66,7 @@ class FrontPoint(Value):
         return {**known, **self.values, **({} if self.bound is None else self.bound.to_dict())}
 
     def __repr__(self) -> str:
-        return f"<FrontPoint {self.name}: D_p = {self.gain:.4g} N s>"
+        return f"<FrontPoint {self.name}: gain {self.gain:.4g}>"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -171,10 +168,16 @@ class ParetoFront(Answer):
         values = ", ".join(f"{name} {format_quantity(value, unit)}" for name, value, unit in found)
         return f"The knee of {traded} lies at {self._chosen(self.knee)}: {values}."
 
+    @property
+    def free_units(self) -> dict[str, str]:
+        """What can be chosen along the front, with its SI unit."""
+        return {"gain": self.number.unit, "natural_frequency": "rad/s", "damping_ratio": ""}
+
     def _chosen(self, point: FrontPoint) -> str:
-        chosen = {"gain": "D_p = ", "natural_frequency": "natural frequency ", "damping_ratio": "damping ratio "}
+        own = f"{self.number.symbol} = "
+        chosen = {"gain": own, "natural_frequency": "natural frequency ", "damping_ratio": "damping ratio "}
         return ", ".join(
-            words + format_quantity(getattr(point, name), FREE_UNITS[name])
+            words + format_quantity(getattr(point, name), self.free_units[name])
             for name, words in chosen.items()
             if name in ("gain", *self.free)
         )

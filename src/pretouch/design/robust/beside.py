@@ -54,7 +54,7 @@ class RobustOutcomes(Value):
         return float(np.sort(self.magnitude(quantity))[math.ceil(share * len(self.objective)) - 1])
 
     def __repr__(self) -> str:
-        return f"<RobustOutcomes: {len(self.objective)} encounters with D_p = {self.gain:.4g} N s>"
+        return f"<RobustOutcomes: {len(self.objective)} encounters with gain {self.gain:.4g}>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -72,7 +72,7 @@ class RobustTradeOff(Value):
     feasible: BoolArray
 
     def __repr__(self) -> str:
-        return f"<RobustTradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g} N s>"
+        return f"<RobustTradeOff: {len(self.gain)} gains from {self.gain[0]:g} to {self.gain[-1]:g}>"
 
 
 _PARTS: Final = 16  # of the samples, from which the spread of the estimates is found

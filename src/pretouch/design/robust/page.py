@@ -59,15 +59,15 @@ def price_section(design: RobustDesign) -> Chapter | None:
     )
     name = "Price of robustness over each uncertain input"
     head = ("input", "range", "best gains", "largest loss", "median loss")
-    table = Rows(head=head, rows=tuple(map(_price_row, design.prices)), note=note)
+    table = Rows(head=head, rows=tuple(_price_row(p, design.number.unit) for p in design.prices), note=note)
     picture = Picture(figure="price", of=design, name=name, caption=caption)
     return Chapter(title="What knowing one input would gain", blocks=(picture, table))
 
 
-def _price_row(price: Price) -> tuple[Cell, ...]:
+def _price_row(price: Price, unit: str) -> tuple[Cell, ...]:
     at = int(np.nanargmax(price.loss))
     best = price.best_gain[np.isfinite(price.best_gain)]
-    gains = format_range((float(best.min()), float(best.max())), "N*s")
+    gains = format_range((float(best.min()), float(best.max())), unit)
     most = f"{100 * float(price.loss[at]):.3g} % at {format_quantity(float(price.value[at]), price.unit)}"
     usual = f"{100 * float(np.nanmedian(price.loss)):.2g} %"
     return price.name, format_range((price.low, price.high), price.unit), gains, most, usual
@@ -122,7 +122,7 @@ def robust_page(design: RobustDesign) -> Page:
             inputs_section(
                 design.scenario,
                 design.sensor,
-                ("gain: bounds", format_range(design.bounds, "N*s")),
+                (f"{design.number.name}: bounds", format_range(design.bounds, design.number.unit)),
                 *impact_rows(design.impact),
             ),
             method_section(design.method, solved_on=solved_on(design), others=(premise,)),
@@ -136,10 +136,10 @@ def _section(title: str, head: Row, rows: Iterable[Row], note: str, *, wraps: bo
 
 
 def _key_figures(design: RobustDesign, v: Validation) -> Iterator[tuple[str, Cell]]:
-    label, name = design.measure.label, design.nominal_name
-    yield "robust gain D_p", Measured(design.gain, "N*s")
+    label, name, n = design.measure.label, design.nominal_name, design.number
+    yield f"robust {n.label}", Measured(design.gain, n.unit)
     yield f"{label} of the objective, fresh samples", Measured(v.value)
-    yield f"{name} D_p", Measured(design.nominal_gain, "N*s")
+    yield f"{name} {n.symbol}", Measured(design.nominal_gain, n.unit)
     if v.nominal is not None:
         yield f"{label} with the {name}", Measured(v.nominal)
     if v.loss is not None:
@@ -270,9 +270,9 @@ def _evidence(design: RobustDesign) -> Chapter:
 
 
 def _evidence_rows(design: RobustDesign) -> Iterator[Row]:
-    yield "searched", f"every gain from {format_range(design.bounds, 'N*s')}"
-    if design.strongest > design.bounds[0]:
-        known = f"gains stronger than {format_quantity(design.strongest, 'N*s')}: none can be better"
+    yield "searched", f"every gain from {format_range(design.bounds, design.number.unit)}"
+    if design.strongest not in design.bounds:
+        known = f"gains stronger than {design.number.text(design.strongest)}: none can be better"
         yield "left out by a proof", known
     yield "scan", f"{design.scanned} gains, each over the same {design.samples} encounters"
     if design.on_evaluator:

@@ -97,7 +97,7 @@ class RobustDesign(Answer):
     @property
     def strongest(self) -> float:
         """The gain beyond which none is needed: none stronger can be the optimum [N s]."""
-        return float(self.problem.axis.gain(self.scan.coordinate[0]))
+        return float(self.problem.axis.gain(self.scan.coordinate[0 if self.number.sign < 0 else -1]))
 
     @property
     def loss_of_nominal(self) -> LossOfNominal | None:
@@ -159,7 +159,7 @@ class RobustDesign(Answer):
         Raises:
             ResultUnavailableError: no gain is given, and there is no robust one.
         """
-        chosen = self.gain if gain is None else float(finite(gain, "gain", "N*s"))
+        chosen = self.gain if gain is None else float(finite(gain, "gain", self.number.unit))
         if chosen is None:
             raise ResultUnavailableError("outcomes: there is no robust gain; see the status, or give a gain")
         result, speed = self.fresh.ensemble.contacts(chosen), self.fresh.ensemble.speed
@@ -239,12 +239,12 @@ class RobustDesign(Answer):
                 f"No gain within the bounds ends in contact as often as the measure asks for ({self.measure.label})."
             )
             return often if self.status is DesignStatus.NO_CONTACT else f"Infeasible: {_conflict(self)}."
-        text = f"Robust gain D_p = {format_quantity(self.gain, 'N*s')}: {self.measure.label} of the objective "
+        text = f"Robust {self.number.name} {self.number.equals(self.gain)}: {self.measure.label} of the objective "
         text += f"{self.value:.4g}"
         if v is None or self.nominal_gain is None or v.nominal is None or not math.isfinite(v.value):
             return text + "."
         which = "that of the ideal design" if self.on_evaluator else "optimal where nothing is uncertain"
-        beside = f"the gain {format_quantity(self.nominal_gain, 'N*s')}, {which}"
+        beside = f"the {self.number.name} {self.number.text(self.nominal_gain)}, {which}"
         if not math.isfinite(v.nominal):
             return f"{text}; with {beside}, too many encounters end without contact."
         change = 100 * (v.nominal / v.value - 1)
@@ -273,7 +273,7 @@ class RobustDesign(Answer):
     def __repr__(self) -> str:
         if self.gain is None:
             return f"<RobustDesign: {self.status.value}>"
-        return f"<RobustDesign: D_p = {self.gain:.4g} N s, {self.measure.label} {self.value:.4g}>"
+        return f"<RobustDesign: {self.number.equals(self.gain)}, {self.measure.label} {self.value:.4g}>"
 
 
 def _conflict(design: RobustDesign) -> str:
@@ -285,7 +285,7 @@ def _conflict(design: RobustDesign) -> str:
             said.append(
                 f"{c.name} cannot be held at {format_quantity(c.limit, c.unit)} "
                 f"{'in every sample' if p == 1 else f'in {100 * p:g} %'}: the least that is, is "
-                f"{format_quantity(magnitude, c.unit)}, at D_p = {format_quantity(gain, 'N*s')}"
+                f"{format_quantity(magnitude, c.unit)}, at {design.number.equals(gain)}"
             )
     return "; ".join(said) or "each constraint can be held as often as it must, but no gain holds all of them"
 
@@ -309,6 +309,6 @@ def _warnings(design: RobustDesign) -> Iterator[str]:
             )
     if design.gain in design.bounds:
         yield (
-            f"the optimum lies on the bound {format_quantity(design.gain, 'N*s')}: a wider range of gains may hold a "
+            f"the optimum lies on the bound {design.number.text(design.gain)}: a wider range of gains may hold a "
             "better one"
         )

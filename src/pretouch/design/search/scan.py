@@ -31,12 +31,12 @@ class GainAxis:
     high: float
 
     @classmethod
-    def between(cls, bounds: Sequence[float]) -> GainAxis:
-        """Make the axis between two bounds [N s], and refuse what is no interval."""
+    def between(cls, bounds: Sequence[float], unit: str = "N*s") -> GainAxis:
+        """Make the axis between two bounds in the unit of a law's number, and refuse what is no interval."""
         low, high = bounds
-        low, high = finite(low, "bounds", "N*s"), finite(high, "bounds", "N*s")
+        low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
         if not low < high:
-            raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] N*s, expected the smaller gain first")
+            raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] {unit}, expected the smaller gain first")
         return cls(low=low, high=high)
 
     @property

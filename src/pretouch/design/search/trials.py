@@ -10,7 +10,7 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, nonnegative
-from pretouch.motion import Admittance, ContactResult, Scenario
+from pretouch.motion import DAMPER, DRAG, Admittance, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.scenario import map_fields
 
 from ..constraints import Constraint
@@ -111,10 +111,19 @@ class Freedom:
 
 
 def make_freedom(
-    scenario: Scenario, bounds: Range, natural_frequency: Sequence[float] | None, damping_ratio: Sequence[float] | None
+    scenario: Scenario,
+    bounds: Range,
+    natural_frequency: Sequence[float] | None,
+    damping_ratio: Sequence[float] | None,
+    law: ContinuousLaw = DAMPER,
 ) -> Freedom:
-    """Check what is free: bounds of the gain [N s], and where given of natural frequency [rad/s] and damping ratio."""
-    axis = GainAxis.between(bounds)
+    """Check what is free: bounds of the gain, and where given of natural frequency [rad/s] and damping ratio."""
+    axis = GainAxis.between(bounds, law.number.unit)
+    if law == DRAG and not (natural_frequency is None and damping_ratio is None):
+        raise InvalidInputError(
+            f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: found it free with a virtual "
+            "drag, which holds the admittance off: neither stiffness nor damping changes the encounter; leave it out"
+        )
     if scenario.shape:
         raise InvalidInputError(
             f"scenario: found an array of encounters of shape {scenario.shape}, expected one; call for each"

@@ -22,6 +22,7 @@ from .objectives import AnyObjective, Objective, as_objective
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
+    from .drag.limits import DragEffect
     from .robust.measures import Measure, Required
 
 
@@ -101,6 +102,7 @@ class Task(Value):
         law: whose number is chosen: a law in continuous time or its name, "virtual-damper" of the letter's L(2), the
             default, or "virtual-drag"; where a loop is given, that of its controller. A gain is the number of this law,
             wherever one is spoken of, in its unit: D_p [N s], phi [N s^2].
+        effect: what `design_drag` chooses a drag by, such as `DragEffect(ratio=0.15)`.
         evaluate: solves encounters in the place of `find_contact`, from scenario, sensor and an array of gains: a
             `ClosedLoop`, for the gain that is optimal on the sampled loop, or a function.
         natural_frequency: bounds of sqrt(K_a / M_a) [rad/s] where it is free; None keeps that of the scenario.
@@ -156,6 +158,7 @@ class Task(Value):
     method: str = "auto"
     horizon: float = 600.0
     law: ContinuousLaw = DAMPER
+    effect: DragEffect | None = None
     evaluate: Evaluator | None = None
     natural_frequency: tuple[float, float] | None = None
     damping_ratio: tuple[float, float] | None = None

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, positive
+from pretouch._core.values import Value
 from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import SensorModel
 
-from .constraints import ImpactModel
+from ..constraints import ImpactModel
 
 _STRONGEST: Final = 1e-9  # the smallest ratio that a limit may ask for: what comes of it is as good as stopped
 _PARTS: Final = 33
@@ -22,6 +25,80 @@ _CLOSE: Final = 1e-13
 _MET: Final = 1e-12
 _PASSES: Final = 200
 _FOREVER: Final = 1e300
+_UNITS: Final = {"ratio": "", "excursion": "m", "acceleration": "m/s^2", "contact_speed": "m/s", "impact_force": "N"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DragEffect(Value):
+    """What a drag is chosen by: exactly one of its effects on an object in uniform motion.
+
+    By a limit on excursion or acceleration it is the strongest drag that keeps it; by one on contact speed or impact
+    force the weakest. All but ratio and excursion are limits up to a largest approach speed.
+
+    Args:
+        ratio: rho, contact speed over approach speed, in (0, 1]; or an array.
+        excursion: the largest excursion at contact [m].
+        acceleration: the largest acceleration [m/s^2].
+        contact_speed: the largest contact speed [m/s].
+        impact_force: the largest peak force of the impact [N].
+        largest_speed: the largest approach speed [m/s]; that of the task where None.
+
+    Raises:
+        InvalidInputError: not exactly one effect is given, or a number without a meaning.
+    """
+
+    ratio: ArrayLike | None = None
+    excursion: float | None = None
+    acceleration: float | None = None
+    contact_speed: float | None = None
+    impact_force: float | None = None
+    largest_speed: float | None = None
+
+    def __post_init__(self) -> None:
+        given = [name for name in _UNITS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InvalidInputError(f"drag: found {', '.join(given) or 'nothing'}, expected one of {', '.join(_UNITS)}")
+        (name,) = given
+        found = positive(getattr(self, name), name, _UNITS[name])
+        if name == "ratio" and np.max(found) > 1:
+            raise InvalidInputError(f"ratio: found {np.max(found):g}, which must lie in (0, 1]: a drag only slows down")
+        if self.largest_speed is not None:
+            positive(self.largest_speed, "largest_speed", "m/s")
+
+    @property
+    def chosen(self) -> tuple[str, Any, str]:
+        """Name, value and SI unit of the effect."""
+        return next((f.name, v, _UNITS[f.name]) for f in fields(self) if (v := getattr(self, f.name)) is not None)
+
+    def drag(
+        self, sensor: SensorModel, distance: float, mass: float, impact: ImpactModel | None = None
+    ) -> tuple[Any, float]:
+        """Find the drag of this effect.
+
+        Args:
+            sensor: the sensor curve, which holds down to contact.
+            distance: l_d [m], from which on the object is seen.
+            mass: M of the virtual object [kg].
+            impact: what the force follows the contact speed by; for `impact_force`.
+
+        Returns:
+            phi [N s^2], and up to which speed [m/s] the limit is kept.
+
+        Raises:
+            InvalidInputError: the largest speed or the impact is missing, or even a ratio of 1e-9 keeps the limit.
+        """
+        if self.excursion is not None:
+            return strongest_by_excursion(sensor, distance, mass, self.excursion), math.inf
+        if self.ratio is not None:
+            rho, speed = np.asarray(self.ratio), math.inf
+        elif self.largest_speed is None:
+            raise InvalidInputError(f"largest_speed: found none, which a design by {self.chosen[0]} needs: [m/s]")
+        else:
+            speed = self.largest_speed
+            if self.acceleration is not None:
+                return strongest_by_peak(sensor, distance, mass, self.acceleration / speed**2), speed
+            rho = np.asarray(min(1.0, allowed_speed(self.contact_speed, self.impact_force, impact, speed) / speed))
+        return positive(mass, "mass", "kg") * np.log(1 / rho) / slope_integral(sensor, distance), speed
 
 
 def encounter(  # noqa: PLR0917
@@ -85,14 +162,20 @@ def _last(keeps: Callable[[FloatArray], Any], high: float) -> float:
     return low
 
 
-def strongest_by_excursion(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:
-    """Find the strongest drag by its excursion, which grows with phi: by sections.
+def strongest_by_excursion(  # noqa: PLR0917
+    sensor: SensorModel, distance: float, mass: float, limit: float, speed: float = 1.0, push: float = 0.0
+) -> float:
+    """Find the strongest drag by its excursion E, which grows with phi, and convexly: by secants that enclose it.
+
+    ln(1 + E/l_d) is nearly linear in phi. By the convexity, E falls by no less a share than phi does.
 
     Args:
         sensor: the sensor curve.
         distance: l_d [m].
         mass: M [kg].
         limit: the largest excursion [m].
+        speed: of the approach [m/s], of no consequence without a push.
+        push: the acceleration of the object toward the plant >= 0 [m/s^2].
 
     Returns:
         phi [N s^2].
@@ -102,15 +185,28 @@ def strongest_by_excursion(sensor: SensorModel, distance: float, mass: float, li
     """
     strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
 
-    def keeps(drag: FloatArray) -> Any:
-        return -encounter(sensor, mass, distance, drag, 1.0, 0.0).end.displacement <= limit
+    def excursion(drag: float) -> float:
+        return -float(encounter(sensor, mass, distance, drag, speed, push).end.displacement)
 
-    found = _last(keeps, strongest)
-    if found == strongest:
+    low, high, last = 0.0, strongest, 0.0
+    under, over = (math.log((distance + found) / (distance + limit)) for found in (0.0, excursion(strongest)))
+    if over <= 0:
         raise InvalidInputError(
             f"excursion: found a limit of {limit:g} m that even a ratio of {_STRONGEST:g} keeps; choose the drag by it"
         )
-    return found
+    while high - low > _CLOSE * high:
+        drag = min(max(high - over * (high - low) / (over - under), low), high)
+        found = excursion(drag)
+        if abs(found / limit - 1) <= _CLOSE:
+            return drag * (1 - max(found / limit - 1, 0.0))
+        beyond = math.log((distance + found) / (distance + limit))
+        again = last * beyond > 0  # the same end moves a second time: the other one counts half (Illinois)
+        last = beyond
+        if beyond > 0:
+            high, over, under = drag, beyond, under / 2 if again else under
+        else:
+            low, under, over = drag, beyond, over / 2 if again else over
+    return low
 
 
 def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:

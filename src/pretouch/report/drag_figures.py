@@ -45,6 +45,7 @@ def drag(design: DragDesign) -> Figure:
         known = (np.abs(v) for v in (end.relative_velocity, end.displacement, end.largest_acceleration))
         laws.append((f"letter's gain for {own:g} m/s", *known))
     length = scale_for("m", max(float(np.nanmax(law[2])) for law in laws))
+    moved = all(float(np.min(law[3])) > 0 for law in laws)
     told: list[tuple[str, list[Any], str, bool]] = [
         ("Speed that is left", [100 * law[1] / speed for law in laws], _SHARE, False),
         (
@@ -53,7 +54,7 @@ def drag(design: DragDesign) -> Figure:
             f"excursion at contact [{length.unit}]",
             False,
         ),
-        ("Acceleration that it takes", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", True),
+        ("Acceleration that it takes", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", moved),
     ]
     panels = [
         Panel(

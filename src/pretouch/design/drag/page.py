@@ -146,7 +146,7 @@ def _push(scenario: Scenario) -> float:
 
 def _key_figures(design: DragDesign, run: ContactResult) -> Iterator[tuple[str, Cell]]:
     yield DRAG.number.label, Measured(design.drag, DRAG.number.unit)
-    yield "of any approach speed is left at contact", f"{100 * design.ratio:.3g} %"
+    yield "share of any approach speed", f"{100 * design.ratio:.3g} %"
     for words, unit, (value,) in _quantities(design.asked.impact, run):
         yield words, Measured(value, unit, 3)
 
@@ -218,13 +218,20 @@ def _speeds(design: DragDesign) -> Chapter:
     ]
     letter = letters_optimum(design)
     if letter is not None:
-        end = DAMPER.contact(at_speeds(design.scenario, speeds), design.sensor, letter.gain).end
-        head += [f"letter: {name}" for name in head[1:4]]
-        names = ("relative_velocity", "displacement", "largest_acceleration")
-        columns += [(np.abs(getattr(end, name)), unit_of(name)) for name in names]
+        head, columns = _with_letter(design, letter, head, columns, at_speeds(design.scenario, speeds))
     rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
     table = Rows(head=tuple(head), rows=tuple(rows), note=_UNIFORM, brief=True)
     return Chapter(title="Every speed", titled=True, blocks=(table,))
+
+
+def _with_letter(
+    design: DragDesign, letter: GainDesign, head: list[str], columns: list[tuple[Any, str]], starts: Scenario
+) -> tuple[list[str], list[tuple[Any, str]]]:
+    """Put what the letter's gain does in the same encounters beside columns of contact speed, excursion and so on."""
+    end = DAMPER.contact(starts, design.sensor, letter.gain).end
+    names = ("relative_velocity", "displacement", "largest_acceleration")
+    more = [(np.abs(getattr(end, name)), unit_of(name)) for name in names]
+    return [*head, *(f"letter: {words}" for words in head[1:4])], [*columns, *more]
 
 
 def _figure(design: DragDesign) -> Chapter:
@@ -256,16 +263,20 @@ def _detection(design: DragDesign) -> Chapter:
     speed, last = -float(design.scenario.relative_velocity), float(design.sensor.valid_range[1])
     distances = np.array([d for share in _DISTANCES if (d := share * float(design.detection_distance)) <= last])
     seen = design.seen_from(distances)
-    columns = (
+    columns: list[tuple[Any, str]] = [
         (distances, "m"),
         (seen.contact_speed(speed), "m/s"),
         (seen.excursion, "m"),
         (seen.acceleration(speed), "m/s^2"),
-    )
-    cells = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
-    rows = tuple((d, w, f"{100 * ratio:.3g} %", *rest) for (d, w, *rest), ratio in zip(cells, seen.ratio, strict=True))
-    head = ("detected from", "contact speed", "share", "excursion", "largest acceleration")
-    return Chapter(title="Seen nearer or farther", blocks=(Rows(head=head, rows=rows, note=_DETECTED),))
+    ]
+    head = ["detected from", "contact speed", "excursion", "largest acceleration"]
+    letter = letters_optimum(design)
+    if letter is not None:
+        start = at_speeds(design.scenario, np.full(len(distances), speed))
+        start = replace(start, obstacle=replace(start.obstacle, position=start.plant.position + distances))
+        head, columns = _with_letter(design, letter, head, columns, start)
+    rows = zip(*([Measured(float(v), unit) for v in values] for values, unit in columns), strict=True)
+    return Chapter(title="Seen nearer or farther", blocks=(Rows(head=tuple(head), rows=tuple(rows), note=_DETECTED),))
 
 
 def _chosen_by(design: DragDesign) -> Row:

@@ -99,7 +99,9 @@ class DragDesign(Described, Value):
 
     @property
     def headline(self) -> str:
-        """The answer in a sentence or two."""
+        """The answer in a sentence or two; of arrays how many there are."""
+        if np.shape(self.drag):
+            return f"{np.size(self.drag)} drags"
         text = (
             f"Drag {pretty_unit(DRAG.number.equals(self.drag))}: contact at {100 * self.ratio:.3g} % of any approach "
             f"speed, after an excursion of {format_quantity(self.excursion, 'm')} at every speed."
@@ -118,8 +120,7 @@ class DragDesign(Described, Value):
         return None if self.task is None else Described._repr_html_(self)
 
     def __repr__(self) -> str:
-        said = f"array of shape {np.shape(self.drag)}" if np.shape(self.drag) else self.headline
-        return f"<DragDesign: {said}>"
+        return f"<DragDesign: {self.headline}>"
 
     @property
     def premises(self) -> tuple[str, ...]:

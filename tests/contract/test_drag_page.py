@@ -209,6 +209,29 @@ def test_what_does_not_hold_is_said() -> None:
 
 
 @pytest.mark.parametrize(
+    ("effect", "name", "limit"),
+    [
+        ("excursion", "excursion", 0.05),
+        ("contact_speed", "relative_velocity", 0.07),
+        ("acceleration", "acceleration", 1.9),
+        ("impact_force", "impact_force", 7.0),
+    ],
+)
+def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limit: float) -> None:
+    task = TASK.replace(
+        effect=pt.DragEffect(**{effect: limit}),
+        constraints=[pt.Constraint(name=name, limit=limit), pt.Constraint(name="gain", limit=0.1)],
+        impact=pt.SpringImpact(robot_mass=2.0, stiffness=1e4),
+    )
+    found = pt.design_drag(task)
+    assert found.holds
+    cells = row(report_html(found), name, "Constraints")
+    assert shown(cells[:2]) == near(limit, limit)
+    assert cells[2] == "met"
+    assert row(report_html(found), "gain", "Constraints") == ["", "0.1 N s", "of D_p, no drag"]
+
+
+@pytest.mark.parametrize(
     ("task", "message"),
     [
         (TASK.replace(effect=None), "effect: found none"),

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragraph, Picture, Rows
+from pretouch._core.blocks import Cell, Chapter, Later, Listing, Measured, Page, Paragraph, Picture, Rows
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
@@ -22,7 +22,7 @@ from ..front.physical_bound import find_physical_bound, why_no_bound
 from ..gain import GainDesign, design_gain
 from .design import why_no_drag
 from .limits import DragEffect, strongest_by_excursion
-from .result import DragDesign
+from .result import ROUNDING, DragDesign
 
 Row = tuple[Cell, ...]
 
@@ -198,7 +198,7 @@ def _limits(design: DragDesign, run: ContactResult) -> Chapter:
         if limit.quantity == "gain":
             return limit.name, "", Measured(limit.limit, limit.unit), "of D_p, no drag"
         value = float(limit.magnitude(run.end, design.asked.impact))
-        state = "met" if value <= limit.limit else "exceeded"
+        state = "met" if design.keeps(limit) else "exceeded"
         return limit.name, Measured(value, limit.unit), Measured(limit.limit, limit.unit), state
 
     table = Rows(head=("constraint", "value", "limit", "state"), rows=tuple(map(row, design.asked.limits)), brief=True)
@@ -312,7 +312,7 @@ def drag_beside(design: GainDesign) -> Chapter | None:
         return None
     limits = [c for c in task.limits if c.quantity != "gain"]
     after = abs(float(beside.end.relative_velocity))
-    kept = all(c.magnitude(beside.end, task.impact) <= c.limit * (1 + 1e-9) for c in limits)
+    kept = all(c.magnitude(beside.end, task.impact) <= c.limit * (1 + ROUNDING) for c in limits)
     if not (beside.reached and after < _BETTER * before and kept):
         return None
     accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in (beside, run)]
@@ -321,17 +321,24 @@ def drag_beside(design: GainDesign) -> Chapter | None:
         f"{format_quantity(before, 'm/s')} after the same excursion, with a largest acceleration of {accelerations[0]} "
         f"instead of {accelerations[1]}"
     )
-    columns = {"the optimal gain": run, f"same excursion, {_drag(drag)}": beside}
     if not push:
         text += f", and leave {100 * after / speed:.3g} % of any other approach speed as well"
-        weak = float(DragEffect(ratio=before / speed).drag(sensor, distance, mass)[0])
-        same = DRAG.contact(scenario, sensor, weak, horizon=task.horizon)
-        columns[f"same contact speed, {_drag(weak)}"] = same
+    table = Later(make=lambda: _drags_beside(design, run, drag, beside))
+    return Chapter(title="The virtual drag beside it", blocks=(Paragraph(text=f"{text}.", brief=True), table))
+
+
+def _drags_beside(design: GainDesign, run: ContactResult, drag: float, beside: ContactResult) -> Rows:
+    """Return the optimal gain, the drag of the same excursion, and that of the same contact speed."""
+    scenario, sensor = design.scenario, design.sensor
+    columns = {"the optimal gain": run, f"same excursion, {_drag(drag)}": beside}
+    if not _push(scenario):
+        ratio = float(run.end.relative_velocity) / float(scenario.relative_velocity)
+        weak, _ = DragEffect(ratio=ratio).drag(sensor, float(scenario.distance), float(scenario.admittance.mass))
+        columns[f"same contact speed, {_drag(weak)}"] = DRAG.contact(scenario, sensor, weak)
     note = (
         "The virtual drag is another law, F = \u2212\u03c6 s\u2032\u00b2 while s = ln \u03be grows, else 0 "
         "(docs/drag.md), predicted under the same assumptions and with the admittance's pull held off while the object "
         "approaches. Its excursion is the same at every speed, also at low ones, where this gain may give way less."
     )
-    rows = tuple(_compared(scenario, task.impact, *columns.values()))
-    table = Rows(head=("", *columns), rows=rows, note=note)
-    return Chapter(title="The virtual drag beside it", blocks=(Paragraph(text=f"{text}.", brief=True), table))
+    rows = tuple(_compared(scenario, design.impact, *columns.values()))
+    return Rows(head=("", *columns), rows=rows, note=note)

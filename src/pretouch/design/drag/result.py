@@ -19,8 +19,12 @@ from pretouch.motion import DRAG, ContactResult, Scenario
 from pretouch.motion.drag import slope_integral
 from pretouch.sensors import SensorModel
 
+from ..constraints import Constraint
 from ..task import Task
 from .limits import encounter
+
+ROUNDING: Final = 1e-9
+"""Of a limit, by which an encounter may exceed it."""
 
 PREMISES: Final = (
     "The plant follows the virtual object of mass M exactly; sensor and controller have no delay and no noise.",
@@ -93,9 +97,13 @@ class DragDesign(Described, Value):
     @property
     def holds(self) -> bool:
         """Whether that encounter ends in contact and keeps every limit of the task; one of D_p is none of a drag."""
-        found, task = self.result, self.asked
-        limits = [c for c in task.limits if c.quantity != "gain"]
-        return bool(found.reached) and all(c.magnitude(found.end, task.impact) <= c.limit for c in limits)
+        return bool(self.result.reached) and all(map(self.keeps, self.asked.limits))
+
+    def keeps(self, limit: Constraint) -> bool:
+        """Tell whether that encounter keeps a limit, to rounding: a drag is made to meet one exactly."""
+        if limit.quantity == "gain":
+            return True
+        return bool(limit.magnitude(self.result.end, self.asked.impact) <= limit.limit * (1 + ROUNDING))
 
     @property
     def headline(self) -> str:

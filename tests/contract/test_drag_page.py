@@ -236,6 +236,12 @@ def test_a_drag_keeps_the_limit_that_it_is_made_for(effect: str, name: str, limi
     [
         (TASK.replace(effect=None), "effect: found none"),
         (TASK.replace(scenario=replace(SCENARIO, plant=pt.Plant(velocity=-0.1))), "rest at its reference"),
+        (
+            TASK.replace(
+                scenario=replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, course=(pt.motion.Stretch(until=0.1),)))
+            ),
+            "a course",
+        ),
         (TASK.replace(scenario=replace(SCENARIO, obstacle=pt.Obstacle(position=L_D, velocity=0.1))), "not approach"),
         (
             TASK.replace(

@@ -335,5 +335,7 @@ def test_the_command_shows_the_drag_of_a_file_with_an_effect(
         with pytest.raises(SystemExit) as ended:
             main()
         assert ended.value.code == code
-        assert capsys.readouterr().out.startswith("Drag ")
+        told = capsys.readouterr().out
+        assert told.startswith("Drag ")
+        assert "Optimal gain" not in told
         assert Path("drag-design.html").exists()

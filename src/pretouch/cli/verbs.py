@@ -53,7 +53,8 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
     Prints the optimal gain, the contact it leads to, every constraint with its margin, what no mitigation would have
     given, and what the gain is most sensitive to; writes a report with figures, STEM-design.html in this folder.
 
-    Exit status: 0 optimal, 1 no gain meets the constraints or ends in contact, 2 a mistake in the request.
+    Exit status: 0 optimal, or a drag that keeps every limit, 1 no gain meets the constraints or ends in contact, or the
+    drag does not, 2 a mistake in the request.
     """
     from pretouch.design import design_admittance, design_drag, design_gain  # noqa: PLC0415 - `--help` stays quick
 
@@ -61,6 +62,7 @@ def design(shown: Presentation, *, file: ScenarioFile) -> None:
     if task.effect is not None:
         drag = design_drag(task)
         shown.show(drag, f"{file.stem}-design.html", task, good=drag.holds)
+        return
     found = design_admittance(task) if task.is_admittance_free else design_gain(task)
     shown.show(found, f"{file.stem}-design.html", task, good=found.status == "optimal")
 

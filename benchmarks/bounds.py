@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pretouch as pt
-from pretouch.design.drag import DragRails, design_drag
+from pretouch.design.drag import DragRails, drag_by
 
 SEED = 20261122
 CHUNK = 1000  # encounters between one pair of rails
@@ -108,7 +108,7 @@ def drawn_rails(rng: np.random.Generator) -> DragRails:
     sensor = flat if rng.random() < 0.3 else power
     distance = offset * 10 ** rng.uniform(-0.7, 0.5)
     ratio = rng.uniform(0.1, 0.9)
-    weak, strong = (design_drag(sensor, distance, MASS, ratio=r) for r in (ratio, ratio ** rng.uniform(1.0, 2.5)))
+    weak, strong = (drag_by(sensor, distance, MASS, ratio=r) for r in (ratio, ratio ** rng.uniform(1.0, 2.5)))
     return DragRails(weak=weak, strong=strong)
 
 

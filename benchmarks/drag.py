@@ -15,7 +15,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper, VirtualDrag
-from pretouch.design.drag import design_drag
+from pretouch.design.drag import drag_by
 from pretouch.simulation.mujoco import witness_encounter
 
 from . import bounds
@@ -133,7 +133,7 @@ class Setting:
     def drag(self) -> VirtualDrag:
         """Return the drag of the setting: rho for the letter's curve as it is assumed, from l_d on."""
         assumed = pt.InversePower(scale=self.part.scale, distance_offset=OFFSET, exponent=EXPONENT)
-        return self.part.drag(design_drag(assumed, START, ADMITTANCE["mass"], ratio=self.ratio).drag, self.known)
+        return self.part.drag(drag_by(assumed, START, ADMITTANCE["mass"], ratio=self.ratio).drag, self.known)
 
 
 class Size(NamedTuple):

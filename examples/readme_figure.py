@@ -1,4 +1,4 @@
-"""The figure of the README: the motion with the optimal gain and without mitigation, for examples/approach.toml."""
+"""The figures of the README, for examples/approach.toml: python examples/readme_figure.py docs/images."""
 
 import sys
 from pathlib import Path
@@ -6,11 +6,14 @@ from pathlib import Path
 import pretouch as pt
 
 
-def main(target: str) -> None:
-    """Draw the figure to a PNG file."""
-    design = pt.design_gain(pt.load_scenario(Path(__file__).parent / "approach.toml"))
-    pt.plots.motion(design).savefig(target, dpi=110, metadata={"Software": None})
+def main(folder: Path) -> None:
+    """Draw the motion with the optimal gain and without mitigation, and the virtual drag beside that gain."""
+    task = pt.load_scenario(Path(__file__).parent / "approach.toml")
+    drag = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15)))
+    drawn = {"approach": pt.plots.motion(pt.design_gain(task)), "virtual-drag": pt.plots.drag(drag)}
+    for name, figure in drawn.items():
+        figure.savefig(folder / f"{name}.png", dpi=110, metadata={"Software": None})
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(Path(sys.argv[1]))

@@ -13,6 +13,7 @@ import numpy as np
 import pretouch as pt
 from pretouch import control, uncertainty
 from pretouch.design import find_physical_bound
+from pretouch.design.drag import DragRails, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
 from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
 from pretouch.sweep import Axis, Progress
@@ -138,6 +139,13 @@ RESULTS: dict[str, Callable[[], Any]] = {
     ),
     "front with admittance": lambda: pt.pareto_front(pt.Task(SCENARIO, CONSTANT, bounds=BOUNDS, **FREE)),
     "schedule of a drag": lambda: schedule_drag(SENSOR, 0.0422, 1.0, ratio=0.26, reflectance=(0.9, 1.1), steps=12),
+    "drag": lambda: pt.design_drag(
+        pt.Task(SCENARIO, SENSOR, OBJECTIVE, constraints=LIMITS, effect=pt.DragEffect(ratio=0.15))
+    ),
+    "drags": lambda: drag_trade_off(SENSOR, 0.0422, 1.0, np.array([0.5, 0.1])),
+    "rails": lambda: DragRails(
+        weak=drag_by(SENSOR, 0.0422, 1.0, ratio=0.3), strong=drag_by(SENSOR, 0.0422, 1.0, ratio=0.1)
+    ),
     "bound": lambda: find_physical_bound(SCENARIO, acceleration_limit=2.0),
     "robust": lambda: _robust(constraints=[velocity_limit(0.12, 0.9)], measure=pt.robust.Quantile(probability=0.9)),
     "robust, worst case": lambda: _robust(measure=pt.robust.WorstCase()),
@@ -177,6 +185,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
     "encounters": lambda: SEVERAL,
     "laws": lambda: (pt.motion.DRAG, OWN_LAW),
     "encounters with a course": lambda: replace(SEVERAL, obstacle=replace(SEVERAL.obstacle, course=STOPS)),
+    "effect": lambda: pt.DragEffect(acceleration=2.0, largest_speed=0.5),
     "objective": lambda: pt.time_objective(time_scale=1.0, velocity_scale="obstacle speed"),
     "ensemble": lambda: uncertainty.make_ensemble(SCENARIO, SENSOR, {"sensor.exponent": [3.0, 3.5]}),
     "axis": lambda: Axis(name="gain", columns={"gain": np.linspace(-1.0, -0.5, 3)}),

@@ -17,6 +17,7 @@ from .config import load_scenario as load_scenario
 from .design import AdmittanceDesign as AdmittanceDesign
 from .design import Constraint as Constraint
 from .design import DesignStatus as DesignStatus
+from .design import DragEffect as DragEffect
 from .design import GainDesign as GainDesign
 from .design import HertzImpact as HertzImpact
 from .design import Objective as Objective
@@ -25,6 +26,7 @@ from .design import SpringImpact as SpringImpact
 from .design import Task as Task
 from .design import Term as Term
 from .design import design_admittance as design_admittance
+from .design import design_drag as design_drag
 from .design import design_gain as design_gain
 from .design import excursion_objective as excursion_objective
 from .design import pareto_front as pareto_front

@@ -46,8 +46,8 @@ def test_there_are_sessions_to_check() -> None:
 def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, page: str) -> None:
     monkeypatch.chdir(ROOT)
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
-    (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    runner.run(parser.get_doctest(block, {}, "page", "page", 0))
+    blocks = "\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
+    runner.run(parser.get_doctest(blocks, {}, "page", "page", 0))
     assert runner.summarize().failed == 0
 
 
@@ -66,7 +66,7 @@ def test_the_examples_of_a_page_run(page: str) -> None:
     assert runner.summarize().failed == 0
 
 
-@pytest.mark.parametrize("page", ["simulation.md", "control.md", "own-law.md"])
+@pytest.mark.parametrize("page", ["simulation.md", "control.md", "drag.md", "own-law.md"])
 def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All blocks of a page, one after the other, as a reader would try them: later ones use names of earlier ones."""
     monkeypatch.chdir(tmp_path)  # some of them write figures and pages
@@ -91,6 +91,26 @@ def test_the_numbers_under_the_figure_are_those_of_the_example() -> None:
     assert (round(before.time, 3), round(after.time, 3)) == (0.141, 0.464)
     assert (round(before.relative_velocity, 3), round(after.relative_velocity, 3)) == (-0.3, -0.079)
     assert round(after.largest_excursion, 3) == 0.097
+
+
+def test_the_numbers_about_the_drag_are_those_of_the_example() -> None:
+    """15 % after 60 mm, 26 % after 97 mm; at 0.05 m/s half the speed after 50 mm; from 21 mm 0.085 and 0.065 m/s."""
+    import pretouch as pt
+
+    task = pt.load_scenario(ROOT / "examples" / "approach.toml")
+    drag, gain = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15))), pt.design_gain(task)
+    own, admittance = gain.result.contact, task.scenario.admittance
+    assert (round(drag.ratio, 2), round(drag.excursion, 3)) == (0.15, 0.060)
+    assert (round(own.relative_velocity / -0.3, 2), round(own.displacement, 3)) == (0.26, -0.097)
+    slow = pt.Scenario(admittance=admittance, obstacle=pt.Obstacle(position=0.0422, velocity=-0.05))
+    there = pt.find_contact(slow, task.sensor, gain.gain).contact
+    assert (round(there.relative_velocity / -0.05, 1), round(there.displacement, 2)) == (0.5, -0.05)
+    near = pt.Scenario(admittance=admittance, obstacle=pt.Obstacle(position=0.021, velocity=-0.3))
+    speeds = [
+        pt.find_contact(near, task.sensor, v, law=w).contact.relative_velocity
+        for v, w in ((drag.drag, "virtual-drag"), (gain.gain, "virtual-damper"))
+    ]
+    assert [round(v, 3) for v in speeds] == [-0.085, -0.065]
 
 
 def test_every_make_target_of_the_readme_exists() -> None:

@@ -24,8 +24,8 @@ from result_samples import BOUNDS, OBJECTIVE, REQUESTS, RESULTS, SCENARIO, SENSO
 
 ROOMS = (
     *("pretouch", "pretouch.sensors", "pretouch.calibration", "pretouch.motion", "pretouch.control"),
-    *("pretouch.uncertainty", "pretouch.sweep", "pretouch.design", "pretouch.design.robust", "pretouch.simulation"),
-    "pretouch.simulation.mujoco",
+    *("pretouch.uncertainty", "pretouch.sweep", "pretouch.design", "pretouch.design.robust", "pretouch.design.drag"),
+    *("pretouch.simulation", "pretouch.simulation.mujoco"),
     *("pretouch.verification", "pretouch.config", "pretouch.report", "pretouch.letter"),
 )
 BEHIND = {"columns", "solution", "trace_of", "figure"}

@@ -14,7 +14,7 @@ from scipy.special import lambertw
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import HertzImpact, SpringImpact
-from pretouch.design.drag import DragRails, design_drag, drag_trade_off, predict_drag
+from pretouch.design.drag import DragRails, drag_by, drag_trade_off, predict_drag
 from pretouch.motion import Admittance, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import InversePower, SensorModel, Table
@@ -71,7 +71,7 @@ def test_the_exponent_cancels_at_a_given_ratio(
     """And a drag made for n does rho to the power of (n'/n)^2 on a sensor of the exponent n'."""
     one, other = (InversePower(scale=1.0, distance_offset=offset, exponent=n) for n in exponents)
     distance = share * offset
-    first, second = (design_drag(s, distance, 1.0, ratio=ratio) for s in (one, other))
+    first, second = (drag_by(s, distance, 1.0, ratio=ratio) for s in (one, other))
     assert first.excursion == pytest.approx(second.excursion, rel=1e-10, abs=CLAIM * distance / ratio)
     assert first.peak == pytest.approx(second.peak, rel=1e-10)
     power = (exponents[1] / exponents[0]) ** 2
@@ -145,7 +145,7 @@ def test_an_uncertain_detection_distance_has_its_worst_cases_at_its_ends(
 ) -> None:
     far = 0.055 * share
     near = nearer * far
-    design = design_drag(sensor, far, 1.0, ratio=ratio).seen_from(np.linspace(near, far, 7))
+    design = drag_by(sensor, far, 1.0, ratio=ratio).seen_from(np.linspace(near, far, 7))
     assert (np.diff(design.ratio) < 0).all()
     assert (np.diff(design.excursion) > 0).all()
 
@@ -159,13 +159,13 @@ def test_the_designs_by_limits_are_the_strongest_that_keep_them(
     is found keeps it, is no weaker than this, and none of the stronger ones keeps it."""
     distance = 0.055 * share
     assume(abs(sensor.log_slope(distance)) > 1.0)
-    drag = design_drag(sensor, distance, 1.3, ratio=ratio)
-    by_excursion = design_drag(sensor, distance, 1.3, excursion=drag.excursion)
+    drag = drag_by(sensor, distance, 1.3, ratio=ratio)
+    by_excursion = drag_by(sensor, distance, 1.3, excursion=drag.excursion)
     assert by_excursion.excursion <= drag.excursion * (1 + 1e-11)
     assert by_excursion.drag == pytest.approx(drag.drag, rel=1e-8)
     speed = 0.7
     limit = drag.peak * speed**2
-    found = design_drag(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
+    found = drag_by(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
     assert found.acceleration(speed) <= limit * (1 + 1e-9)
     assert found.drag >= drag.drag * (1 - 1e-9)
     most = max(20 / math.log(1 / found.ratio), 1.1)
@@ -189,23 +189,21 @@ def test_the_limit_on_acceleration_has_three_branches(limit: float) -> None:
     sensor = InversePower(scale=1.0, distance_offset=l_0, exponent=n)
     if l_d / (l_0 * beta) * max(roots) > math.log(1e9):
         with pytest.raises(InvalidInputError, match="even a ratio of 1e-09"):
-            design_drag(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
+            drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
         return
-    found = design_drag(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
+    found = drag_by(sensor, l_d, 1.0, acceleration=limit, largest_speed=1.0)
     assert found.drag * n**2 == pytest.approx(max(roots), rel=1e-9)
 
 
 def test_the_designs_by_contact_speed_and_force_are_the_weakest_that_keep_them() -> None:
     sensor, speed = POWER, 0.5
     spring = SpringImpact(robot_mass=2.0, stiffness=4e3)
-    by_speed = design_drag(sensor, 0.0422, 1.0, contact_speed=0.05, largest_speed=speed)
+    by_speed = drag_by(sensor, 0.0422, 1.0, contact_speed=0.05, largest_speed=speed)
     assert by_speed.contact_speed(speed) == pytest.approx(0.05, rel=1e-12)
-    by_force = design_drag(
-        sensor, 0.0422, 1.0, impact_force=spring.peak_force(0.05), impact=spring, largest_speed=speed
-    )
+    by_force = drag_by(sensor, 0.0422, 1.0, impact_force=spring.peak_force(0.05), impact=spring, largest_speed=speed)
     assert by_force.ratio == pytest.approx(0.1, rel=1e-11)
     hertz = HertzImpact(robot_mass=1.0, effective_modulus=1e7, radius=0.01)
-    none = design_drag(sensor, 0.0422, 1.0, impact_force=1e5, impact=hertz, largest_speed=speed)
+    none = drag_by(sensor, 0.0422, 1.0, impact_force=1e5, impact=hertz, largest_speed=speed)
     assert (none.drag, none.ratio, none.excursion) == (0.0, pytest.approx(1.0), pytest.approx(0.0, abs=1e-15))
 
 
@@ -222,13 +220,13 @@ def test_the_designs_by_contact_speed_and_force_are_the_weakest_that_keep_them()
 )
 def test_a_design_without_a_meaning_is_refused(given: dict[str, float], message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        design_drag(POWER, 0.0422, 1.0, **given)  # type: ignore[arg-type]
+        drag_by(POWER, 0.0422, 1.0, **given)
 
 
 def test_a_curve_that_does_not_reach_contact_has_no_design() -> None:
     table = Table(distances=(0.01, 0.02, 0.04), outputs=(4.0, 2.0, 1.0))
     with pytest.raises(InvalidInputError, match="hold down to 0 m"):
-        design_drag(table, 0.035, 1.0, ratio=0.2)
+        drag_by(table, 0.035, 1.0, ratio=0.2)
 
 
 def test_a_design_tells_of_itself() -> None:
@@ -236,8 +234,8 @@ def test_a_design_tells_of_itself() -> None:
     assert curve.ratio.shape == curve.excursion.shape == (99,)
     assert (np.diff(curve.ratio) < 0).all()
     assert (np.diff(curve.excursion) > 0).all()
-    one = design_drag(POWER, 0.0422, 1.0, ratio=0.15)
-    assert one == design_drag(POWER, 0.0422, 1.0, ratio=0.15)
+    one = drag_by(POWER, 0.0422, 1.0, ratio=0.15)
+    assert one == drag_by(POWER, 0.0422, 1.0, ratio=0.15)
     told = one.to_dict()
     assert told["ratio"] == one.ratio
     assert told["largest_speed"] is None
@@ -380,14 +378,14 @@ def test_the_bound_of_a_design_is_the_formula(
 ) -> None:
     """l'_c^2 = rho^2 v^2 + 2 A I, with I as the square of the contact speed of what starts at rest at 1/2 m/s^2."""
     distance = 0.055 * share
-    drag = design_drag(sensor, distance, 1.0, ratio=ratio)
+    drag = drag_by(sensor, distance, 1.0, ratio=ratio)
     bound = drag.contact_speed_bound(speed, push)
     lag = drag.contact_speed_bound(0.0, 0.5) ** 2
     assert bound**2 == pytest.approx((ratio * speed) ** 2 + 2 * push * lag, rel=1e-9)
 
 
 def test_rails_speak_of_two_designs_of_one_encounter() -> None:
-    weak, strong = (design_drag(POWER, 0.0422, 1.0, ratio=r) for r in (0.3, 0.1))
+    weak, strong = (drag_by(POWER, 0.0422, 1.0, ratio=r) for r in (0.3, 0.1))
     rails = DragRails(weak=weak, strong=strong)
     assert rails.ratio == pytest.approx((0.1, 0.3))
     assert rails.excursion == (weak.excursion, strong.excursion)

@@ -163,13 +163,13 @@ class Chapter(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Later(Value):
-    """A section that takes its time to work out: made by who shows it, and never part of the short text.
+    """A section, or a table, that takes its time to work out: made by who shows it, never part of the short text.
 
     Args:
         make: returns it; None where there is nothing to show.
     """
 
-    make: Callable[[], Chapter | None]
+    make: Callable[[], Chapter | Rows | None]
     brief: ClassVar[bool] = False
 
 

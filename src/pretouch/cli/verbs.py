@@ -48,14 +48,21 @@ def _load_loop(file: Path, doing: str, gain: str | None, seed: int | None) -> Ta
 def design(shown: Presentation, *, file: ScenarioFile) -> None:
     """Choose the gain for a scenario file (TOML), and the admittance where the file leaves it open.
 
+    Where its law is a virtual drag with an effect, chooses the drag by that effect.
+
     Prints the optimal gain, the contact it leads to, every constraint with its margin, what no mitigation would have
     given, and what the gain is most sensitive to; writes a report with figures, STEM-design.html in this folder.
 
-    Exit status: 0 optimal, 1 no gain meets the constraints or ends in contact, 2 a mistake in the request.
+    Exit status: 0 optimal, or a drag that keeps every limit, 1 no gain meets the constraints or ends in contact, or the
+    drag does not, 2 a mistake in the request.
     """
-    from pretouch.design import design_admittance, design_gain  # noqa: PLC0415 - `pretouch --help` stays quick
+    from pretouch.design import design_admittance, design_drag, design_gain  # noqa: PLC0415 - `--help` stays quick
 
     task = _load(file, "searching gains")
+    if task.effect is not None:
+        drag = design_drag(task)
+        shown.show(drag, f"{file.stem}-design.html", task, good=drag.holds)
+        return
     found = design_admittance(task) if task.is_admittance_free else design_gain(task)
     shown.show(found, f"{file.stem}-design.html", task, good=found.status == "optimal")
 

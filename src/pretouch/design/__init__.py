@@ -15,7 +15,7 @@ from .constraints import (
     SpringImpact,
     quantity_of,
 )
-from .drag_limits import DragEffect
+from .drag import DragDesign, DragEffect, design_drag
 from .front.pareto import pareto_front
 from .front.physical_bound import BoundComparison, PhysicalBound, find_physical_bound
 from .front.result import FrontPoint, FrontStatus, ParetoFront
@@ -36,6 +36,7 @@ __all__ = [
     "Constraint",
     "ConstraintOutcome",
     "DesignStatus",
+    "DragDesign",
     "DragEffect",
     "ElasticImpact",
     "Evaluator",
@@ -54,6 +55,7 @@ __all__ = [
     "Term",
     "TradeOff",
     "design_admittance",
+    "design_drag",
     "design_gain",
     "excursion_objective",
     "find_physical_bound",

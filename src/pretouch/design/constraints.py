@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite, float_or_array, positive
 from pretouch._core.vocabulary import unit_of
@@ -146,6 +147,13 @@ class HertzImpact(ElasticImpact):
         modulus = positive(self.effective_modulus, "effective_modulus", "Pa")
         object.__setattr__(self, "stiffness", 4 / 3 * modulus * math.sqrt(positive(self.radius, "radius", "m")))
         ElasticImpact.__post_init__(self)
+
+
+def impact_rows(impact: ImpactModel | None) -> Iterator[tuple[Cell, ...]]:
+    """Yield the physical properties of an impact, where they are given."""
+    if impact is not None:
+        yield "physical mass of the robot", Measured(impact.robot_mass, "kg")
+        yield "mass of the obstacle", Measured(impact.obstacle_mass, "kg")
 
 
 _STATE_FIELDS: Final = tuple(name for name in ContactState.names() if name != "distance")  # which is 0 at contact

@@ -16,7 +16,8 @@ from pretouch.motion.contact import ContactState
 from pretouch.motion.describing import inputs_section, method_section, solved_on
 
 from .certificate import ConstraintOutcome, DesignStatus
-from .constraints import ImpactModel, quantity_of
+from .constraints import ImpactModel, impact_rows, quantity_of
+from .drag.page import drag_beside
 from .evidence_page import evidence_section, sensitivity_section
 from .gain import GainDesign
 from .objectives import Objective, OwnObjective
@@ -64,6 +65,7 @@ def gain_page(design: GainDesign) -> Page:
             _contact(design),
             _constraints(design) if design.constraints else None,
             None if way_out is None else Paragraph(text=way_out),
+            drag_beside(design),
             _trade_off(design),
             _motion(design),
             _together(design),
@@ -264,13 +266,6 @@ def _together(design: GainDesign) -> Chapter | None:
     head = ("distance", n.label, "sensor slope g", coefficient)
     table = Rows(head=head, rows=tuple(rows), note=note, brief=True)
     return Chapter(title="Gain and sensor together", blocks=(table,)) if rows else None
-
-
-def impact_rows(impact: ImpactModel | None) -> Iterator[Row]:
-    """Yield the physical properties of an impact, where they are given."""
-    if impact is not None:
-        yield "physical mass of the robot", Measured(impact.robot_mass, "kg")
-        yield "mass of the obstacle", Measured(impact.obstacle_mass, "kg")
 
 
 def _searched(design: GainDesign) -> Iterator[Row]:

@@ -26,7 +26,7 @@ from pretouch._core.values import Value
 from pretouch.motion.drag_path import NODES, WEIGHTS, so_far
 from pretouch.sensors import SensorModel
 
-from .drag import DragDesign, DragRails, design_drag, predict_drag
+from .drag import DragDesign, DragRails, drag_by, predict_drag
 
 _PIECES: Final = 48  # of the range of s at least, for the quadrature
 _BETWEEN: Final = 4  # reflectances between two at which a border of a step comes into sight or reaches contact
@@ -152,7 +152,7 @@ def schedule_drag(
         raise InvalidInputError(f"ratio: found {ratio}, expected one number below 1: at 1 there is no drag to schedule")
     if type(steps) is not int or steps < 1:
         raise InvalidInputError(f"steps: found {steps!r}, expected a whole number from 1 on")
-    constant = design_drag(sensor, distance, mass, ratio=ratio)
+    constant = drag_by(sensor, distance, mass, ratio=ratio)
     between = _rails(constant, rails)
     ends = np.asarray(sensor.log_output(np.array([distance, 0.0])))
     borders = np.linspace(ends[0] + low, ends[1] + high, steps + 1)

@@ -22,7 +22,7 @@ from .objectives import AnyObjective, Objective, as_objective
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
 
-    from .drag_limits import DragEffect
+    from .drag.limits import DragEffect
     from .robust.measures import Measure, Required
 
 

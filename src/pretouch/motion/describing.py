@@ -17,6 +17,10 @@ Row = tuple[Cell, ...]
 METHODS: Final = {
     "closed-form": "Closed form L(10)-(13), exact for a curve of constant slope g.",
     "integration": "Integration of L(1) with L(2) for the sensor curve as it is, with the contact located as a root.",
+    "quadrature": (
+        "Quadrature over the distance: while the object approaches, the square of l\u2032 follows a linear equation, "
+        "whatever the curve; a residual of impulse and moment certifies it."
+    ),
     "uniform-motion": (
         "Uniform-motion solution L(16)-(19): one particular motion of the second-order exponential curve, which does "
         "not start from the given state. It shifts the optimal gain by about 10 %."

@@ -1,6 +1,7 @@
 from .calibration_figures import calibration as calibration
 from .design_figures import sensitivity as sensitivity
 from .design_figures import trade_off as trade_off
+from .drag_figures import drag as drag
 from .motion_figures import motion as motion
 from .pareto_figures import admittance as admittance
 from .pareto_figures import pareto as pareto

@@ -11,7 +11,7 @@ from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
 from pretouch.motion.describing import inputs_section, method_section
 
-from ..page import impact_rows
+from ..constraints import impact_rows
 from .result import FrontPoint, FrontStatus, ParetoFront
 
 Row = tuple[Cell, ...]

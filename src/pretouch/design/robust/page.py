@@ -17,7 +17,8 @@ from pretouch.motion.scenario import input_units
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
 from ..certificate import DesignStatus
-from ..page import impact_rows, objective_rows
+from ..constraints import impact_rows
+from ..page import objective_rows
 from .beside import InputImportance, Price
 from .problem import LimitOutcome, Validation
 from .result import RobustDesign

@@ -1,26 +1,30 @@
-"""The design of the virtual drag: one number, by the ratio of the speeds or by a limit on what it comes to.
-
-Nothing is searched for an optimum: ratio and excursion trade off along one curve, and each limit picks one point of it.
-"""
+"""A virtual drag and what it does, at every speed."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.errors import InvalidInputError
+from pretouch._core.described import Described
+from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.files import plain
-from pretouch._core.numbers import FloatArray, finite, nonnegative, positive
+from pretouch._core.numbers import finite, nonnegative, positive
+from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.values import Value
+from pretouch.motion import DRAG, ContactResult, Scenario
 from pretouch.motion.drag import slope_integral
 from pretouch.sensors import SensorModel
 
-from .constraints import ImpactModel
-from .drag_limits import allowed_speed, encounter, strongest_by_excursion, strongest_by_peak
+from ..constraints import Constraint
+from ..task import Task
+from .limits import encounter
+
+ROUNDING: Final = 1e-9
+"""Of a limit, by which an encounter may exceed it."""
 
 PREMISES: Final = (
     "The plant follows the virtual object of mass M exactly; sensor and controller have no delay and no noise.",
@@ -34,9 +38,11 @@ PREMISES: Final = (
 """What a design of a drag assumes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DragDesign(Value):
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DragDesign(Described, Value):
     """A virtual drag and what it does, at every speed: numbers, or arrays of one shape.
+
+    That of a task has a page of its own; without one there is no encounter to speak of.
 
     Args:
         sensor: the sensor curve.
@@ -50,7 +56,10 @@ class DragDesign(Value):
         peak_distance: where it is [m].
         largest_speed: the approach speed [m/s] up to which the limit is kept that the design was made for; infinite
             where it is kept at every speed.
+        task: what it answers, where it was designed for one.
     """
+
+    page: ClassVar[str] = "pretouch.design.drag.page:drag_page"
 
     sensor: SensorModel
     mass: float
@@ -62,6 +71,64 @@ class DragDesign(Value):
     peak: Any
     peak_distance: Any
     largest_speed: float = math.inf
+    task: Task | None = None
+
+    @property
+    def asked(self) -> Task:
+        """The task, of a design that answers one.
+
+        Raises:
+            ResultUnavailableError: it answers none.
+        """
+        if self.task is None:
+            raise ResultUnavailableError("drag: found one without an encounter, expected that of design_drag(task)")
+        return self.task
+
+    @property
+    def scenario(self) -> Scenario:
+        """The encounter of its task."""
+        return self.asked.scenario
+
+    @property
+    def result(self) -> ContactResult:
+        """The contact of that encounter."""
+        return DRAG.contact(self.scenario, self.sensor, self.drag, horizon=self.asked.horizon)
+
+    @property
+    def holds(self) -> bool:
+        """Whether that encounter ends in contact and keeps every limit of the task; one of D_p is none of a drag."""
+        return bool(self.result.reached) and all(map(self.keeps, self.asked.limits))
+
+    def keeps(self, limit: Constraint) -> bool:
+        """Tell whether that encounter keeps a limit, to rounding: a drag is made to meet one exactly."""
+        if limit.quantity == "gain":
+            return True
+        return bool(limit.magnitude(self.result.end, self.asked.impact) <= limit.limit * (1 + ROUNDING))
+
+    @property
+    def headline(self) -> str:
+        """The answer in a sentence or two; of arrays how many there are."""
+        if np.shape(self.drag):
+            return f"{np.size(self.drag)} drags"
+        text = (
+            f"Drag {pretty_unit(DRAG.number.equals(self.drag))}: contact at {100 * self.ratio:.3g} % of any approach "
+            f"speed, after an excursion of {format_quantity(self.excursion, 'm')} at every speed."
+        )
+        if self.task is None:
+            return text
+        found, speed = self.result, abs(float(self.scenario.relative_velocity))
+        left = format_quantity(abs(float(found.end.relative_velocity)), "m/s")
+        how = f"contact at {left}" if found.reached else "no contact"
+        return f"{text} At {format_quantity(speed, 'm/s')}: {how}."
+
+    def __str__(self) -> str:
+        return repr(self) if self.task is None else Described.__str__(self)
+
+    def _repr_html_(self) -> str | None:
+        return None if self.task is None else Described._repr_html_(self)
+
+    def __repr__(self) -> str:
+        return f"<DragDesign: {self.headline}>"
 
     @property
     def premises(self) -> tuple[str, ...]:
@@ -113,8 +180,11 @@ class DragDesign(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design as one JSON object, in SI."""
-        numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sensor"}
-        found: dict[str, Any] = plain({"sensor": self.sensor.to_dict(), **numbers, "premises": self.premises})
+        numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in {"sensor", "task"}}
+        contact = {} if self.task is None else {"contact": self.result, "holds": self.holds}
+        found: dict[str, Any] = plain(
+            {"sensor": self.sensor.to_dict(), **numbers, "premises": self.premises, **contact}
+        )
         return found
 
 
@@ -164,7 +234,13 @@ class DragRails(Value):
 
 
 def predict_drag(
-    sensor: SensorModel, distance: ArrayLike, mass: float, drag: ArrayLike, *, largest_speed: float = math.inf
+    sensor: SensorModel,
+    distance: ArrayLike,
+    mass: float,
+    drag: ArrayLike,
+    *,
+    largest_speed: float = math.inf,
+    task: Task | None = None,
 ) -> DragDesign:
     """Tell what a virtual drag does.
 
@@ -174,6 +250,7 @@ def predict_drag(
         mass: M of the virtual object [kg].
         drag: phi >= 0 [N s^2], broadcast with the distance.
         largest_speed: up to which speed a limit is kept [m/s], for the record.
+        task: what it answers, likewise.
 
     Returns:
         The design.
@@ -211,102 +288,5 @@ def predict_drag(
         peak=end.largest_acceleration,
         peak_distance=found.columns.column("distance_of_largest_force"),
         largest_speed=largest_speed,
+        task=task,
     )
-
-
-def design_drag(
-    sensor: SensorModel,
-    distance: float,
-    mass: float,
-    *,
-    ratio: ArrayLike | None = None,
-    excursion: float | None = None,
-    acceleration: float | None = None,
-    contact_speed: float | None = None,
-    impact_force: float | None = None,
-    impact: ImpactModel | None = None,
-    largest_speed: float | None = None,
-) -> DragDesign:
-    """Choose the virtual drag by exactly one of its effects.
-
-    By a limit on excursion or acceleration it is the strongest drag that keeps it; by one on contact speed or impact
-    force the weakest. All but ratio and excursion need the largest approach speed.
-
-    Args:
-        sensor: the sensor curve, which holds down to contact.
-        distance: l_d [m], from which on the object is seen.
-        mass: M of the virtual object [kg].
-        ratio: rho, contact speed over approach speed, in (0, 1]; or an array.
-        excursion: the largest excursion at contact [m].
-        acceleration: the largest acceleration [m/s^2].
-        contact_speed: the largest contact speed [m/s].
-        impact_force: the largest peak force of the impact [N].
-        impact: what the force follows the contact speed by; with `impact_force`.
-        largest_speed: the largest approach speed [m/s].
-
-    Returns:
-        The design.
-
-    Raises:
-        InvalidInputError: not exactly one effect is given, or a number without a meaning, or a limit that even a ratio
-            of 1e-9 keeps.
-
-    Examples:
-        >>> from pretouch.sensors import InversePower
-        >>> sensor = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
-        >>> drag = design_drag(sensor, 0.0422, 1.0, ratio=0.15)
-        >>> round(drag.drag, 6), round(drag.excursion, 6)
-        (0.014372, 0.059619)
-        >>> round(design_drag(sensor, 0.0422, 1.0, acceleration=2.0, largest_speed=0.3).ratio, 4)
-        0.1522
-    """
-    given = {
-        "ratio": ratio,
-        "excursion": excursion,
-        "acceleration": acceleration,
-        "contact_speed": contact_speed,
-        "impact_force": impact_force,
-    }
-    chosen = [name for name, value in given.items() if value is not None]
-    if len(chosen) != 1:
-        raise InvalidInputError(f"drag: found {', '.join(chosen) or 'nothing'}, expected one of {', '.join(given)}")
-    (name,) = chosen
-    if ratio is not None:
-        rho, speed = np.asarray(positive(ratio, "ratio")), math.inf
-    elif excursion is not None:
-        limit, speed = positive(excursion, "excursion", "m"), math.inf
-        return predict_drag(sensor, distance, mass, strongest_by_excursion(sensor, distance, mass, limit))
-    elif largest_speed is None:
-        raise InvalidInputError(f"largest_speed: found none, which a design by {name} needs: [m/s]")
-    else:
-        speed = positive(largest_speed, "largest_speed", "m/s")
-        if acceleration is not None:
-            limit = positive(acceleration, "acceleration", "m/s^2") / speed**2
-            found = strongest_by_peak(sensor, distance, mass, limit)
-            return predict_drag(sensor, distance, mass, found, largest_speed=speed)
-        rho = np.asarray(min(1.0, allowed_speed(contact_speed, impact_force, impact, speed) / speed))
-    if (rho > 1).any():
-        raise InvalidInputError(f"ratio: found {float(rho.max()):g}, which must lie in (0, 1]: a drag only slows down")
-    drag = positive(mass, "mass", "kg") * np.log(1 / rho) / slope_integral(sensor, distance)
-    return predict_drag(sensor, distance, mass, drag, largest_speed=speed)
-
-
-def drag_trade_off(sensor: SensorModel, distance: float, mass: float, ratios: FloatArray | None = None) -> DragDesign:
-    """Return the curve along which ratio and excursion trade off, one design with arrays.
-
-    Args:
-        sensor: the sensor curve, which holds down to contact.
-        distance: l_d [m].
-        mass: M of the virtual object [kg].
-        ratios: rho of its points; 99 from 0.99 to 0.01 by default.
-
-    Returns:
-        The curve.
-
-    Examples:
-        >>> from pretouch.sensors import ExponentialFirstOrder
-        >>> curve = drag_trade_off(ExponentialFirstOrder(scale=1.0, rate=-60.0), 0.04, 1.0, np.array([0.5, 0.1]))
-        >>> np.round(curve.excursion, 4)
-        array([0.0177, 0.1163])
-    """
-    return design_drag(sensor, distance, mass, ratio=np.linspace(0.99, 0.01, 99) if ratios is None else ratios)

@@ -17,7 +17,7 @@ from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import SensorModel
 
-from .constraints import ImpactModel
+from ..constraints import ImpactModel
 
 _STRONGEST: Final = 1e-9  # the smallest ratio that a limit may ask for: what comes of it is as good as stopped
 _PARTS: Final = 33
@@ -183,30 +183,37 @@ def strongest_by_excursion(  # noqa: PLR0917
     Raises:
         InvalidInputError: even the strongest drag that is looked at keeps the limit.
     """
-    strongest = float(positive(mass, "mass", "kg") * math.log(1 / _STRONGEST) / slope_integral(sensor, distance))
+    one = float(positive(mass, "mass", "kg") / slope_integral(sensor, distance))  # whose ratio is 1/e
+    strongest = one * math.log(1 / _STRONGEST)
 
     def excursion(drag: float) -> float:
         return -float(encounter(sensor, mass, distance, drag, speed, push).end.displacement)
 
-    low, high, last = 0.0, strongest, 0.0
-    under, over = (math.log((distance + found) / (distance + limit)) for found in (0.0, excursion(strongest)))
-    if over <= 0:
-        raise InvalidInputError(
-            f"excursion: found a limit of {limit:g} m that even a ratio of {_STRONGEST:g} keeps; choose the drag by it"
-        )
-    while high - low > _CLOSE * high:
+    def beyond(found: float) -> float:
+        return math.log((distance + found) / (distance + limit))
+
+    low, under, last = 0.0, beyond(0.0), 0.0
+    high = min(one * math.log1p(2 * limit / distance), strongest)
+    while (over := beyond(excursion(high))) <= 0:
+        if high == strongest:
+            raise InvalidInputError(
+                f"excursion: found a limit of {limit:g} m that even a ratio of {_STRONGEST:g} keeps; choose the drag "
+                "by its ratio"
+            )
+        low, under, high = high, over, min(2 * high, strongest)
+    for _ in range(_PASSES):
         drag = min(max(high - over * (high - low) / (over - under), low), high)
         found = excursion(drag)
-        if abs(found / limit - 1) <= _CLOSE:
-            return drag * (1 - max(found / limit - 1, 0.0))
-        beyond = math.log((distance + found) / (distance + limit))
-        again = last * beyond > 0  # the same end moves a second time: the other one counts half (Illinois)
-        last = beyond
-        if beyond > 0:
-            high, over, under = drag, beyond, under / 2 if again else under
+        if abs(found / limit - 1) <= _CLOSE or high - low <= _CLOSE * high:
+            break
+        more = beyond(found)
+        again = last * more > 0  # the same end moves a second time: the other one counts half (Illinois)
+        last = more
+        if more > 0:
+            high, over, under = drag, more, under / 2 if again else under
         else:
-            low, under, over = drag, beyond, over / 2 if again else over
-    return low
+            low, under, over = drag, more, over / 2 if again else over
+    return drag * (1 - max(found / limit - 1, 0.0))
 
 
 def strongest_by_peak(sensor: SensorModel, distance: float, mass: float, limit: float) -> float:

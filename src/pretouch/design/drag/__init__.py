@@ -1,0 +1,7 @@
+"""The virtual drag: what it does, and how its one number is chosen."""
+
+from .design import design_drag, drag_by, drag_trade_off
+from .limits import DragEffect
+from .result import DragDesign, DragRails, predict_drag
+
+__all__ = ["DragDesign", "DragEffect", "DragRails", "design_drag", "drag_by", "drag_trade_off", "predict_drag"]

@@ -1,0 +1,106 @@
+"""The picture of a drag: what it trades, and what it does at every speed, beside the letter's optimum."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from pretouch.design.drag import DragDesign, drag_trade_off
+from pretouch.design.drag.page import at_speeds, letters_optimum, speeds_of
+from pretouch.design.gain import GainDesign
+from pretouch.motion import DAMPER
+
+from .panel_figure import panel_figure
+from .panels import Curve, Mark, Panel
+from .style import scale_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SHARE: Final = "contact speed over approach speed [%]"
+_SPEED: Final = "approach speed [m/s]"
+_POINTS: Final = 60
+_RATIOS: Final = np.exp(-np.linspace(1e-3, 6.0, 121))
+
+
+def drag(design: DragDesign) -> Figure:
+    """Draw what a drag trades, and what it does at every approach speed.
+
+    Args:
+        design: the drag of a task; with an objective, the letter's optimum for it stands beside it.
+
+    Returns:
+        Four panels: the share of the speed at contact against the excursion, with the gains of the letter's law at
+        the speed of the encounter; share, excursion and largest acceleration over the approach speed.
+    """
+    letter = letters_optimum(design)
+    low, high, own = speeds_of(design)
+    speed = np.geomspace(low, high, _POINTS)
+    laws: list[tuple[str, Any, Any, Any]] = [
+        ("virtual drag", design.contact_speed(speed), np.full(_POINTS, design.excursion), design.acceleration(speed))
+    ]
+    if letter is not None:
+        end = DAMPER.contact(at_speeds(design.scenario, speed), design.sensor, letter.gain).end
+        known = (np.abs(v) for v in (end.relative_velocity, end.displacement, end.largest_acceleration))
+        laws.append((f"letter's gain for {own:g} m/s", *known))
+    length = scale_for("m", max(float(np.nanmax(law[2])) for law in laws))
+    moved = all(float(np.min(law[3])) > 0 for law in laws)
+    told: list[tuple[str, list[Any], str, bool]] = [
+        ("Speed that is left", [100 * law[1] / speed for law in laws], _SHARE, False),
+        (
+            "Room that it takes",
+            [law[2] / length.factor for law in laws],
+            f"excursion at contact [{length.unit}]",
+            False,
+        ),
+        ("Acceleration that it takes", [law[3] for law in laws], "largest acceleration [m/s\u00b2]", moved),
+    ]
+    panels = [
+        Panel(
+            x_label=_SPEED,
+            y_label=label,
+            title=title,
+            curves=[
+                Curve(x=speed, y=y, label=law[0], style=i) for i, (law, y) in enumerate(zip(laws, values, strict=True))
+            ],
+            x_log=True,
+            y_log=log,
+            y_limits=None if log else (0.0, 1.25 * max(float(np.nanmax(y)) for y in values)),
+        )
+        for title, values, label, log in told
+    ]
+    return panel_figure(_trade_off(design, letter, own), *panels)
+
+
+def _trade_off(design: DragDesign, letter: GainDesign | None, speed: float) -> Panel:
+    """Return the share of the speed at contact against the excursion, over all drags and all gains."""
+    curve = drag_trade_off(design.sensor, design.detection_distance, design.mass, _RATIOS)
+    points = [(design.excursion, design.ratio, "chosen: every speed", 0)]
+    shown = [(curve.excursion, curve.ratio, "virtual drag", 0)]
+    if letter is not None and letter.result is not None:
+        trade, end = letter.trade_off, letter.result.end
+        order = np.argsort(trade.gain)
+        gone = np.where(trade.reached, np.abs(trade.state.displacement), np.nan)[order]
+        left = np.where(trade.reached, np.abs(trade.state.relative_velocity) / speed, np.nan)[order]
+        shown.append((gone, left, f"letter's law at {speed:g} m/s", 1))
+        points.append((abs(float(end.displacement)), abs(float(end.relative_velocity)) / speed, "letter's optimum", 1))
+    most = 1.8 * max(point[0] for point in points)
+    scale = scale_for("m", most)
+    curves = [
+        Curve(x=x / scale.factor, y=np.where(x <= most, 100 * y, np.nan), label=label, style=i)
+        for x, y, label, i in shown
+    ]
+    marks = [
+        Mark(x=float(x) / scale.factor, y=100 * float(y), label=label, style=i, shape="square" if i else "dot")
+        for x, y, label, i in points
+    ]
+    return Panel(
+        x_label=f"excursion at contact [{scale.unit}]",
+        y_label=_SHARE,
+        title="What can be traded",
+        curves=curves,
+        marks=marks,
+        x_limits=(0.0, most / scale.factor),
+        y_limits=(0.0, 104.0),
+    )

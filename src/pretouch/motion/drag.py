@@ -2,19 +2,181 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.numbers import FloatArray, float_or_array, positive
+from pretouch._core.numbers import FloatArray, IntArray, float_or_array, positive
+from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion, motion_of
-from .drag_columns import DragColumns
+from .drag_demands import (
+    DragGradients,
+    impulse_residual,
+    largest_acceleration,
+    largest_force,
+    largest_speed,
+    largest_travel,
+)
 from .drag_path import DragApproach, at, follow, where_reached
-from .drag_request import make_drag_request
+from .drag_request import DragRequest, make_drag_request
+from .layout import ContactStatus
 from .scenario import Scenario
+
+_RESOLUTION: Final = 1e-12
+"""How close to zero a smallest distance is taken for zero, of the terms that l is the difference of."""
+
+
+class DragColumns(Value):
+    """The columns of a result; it equals that of the same request.
+
+    Args:
+        request: the encounters.
+
+    Attributes:
+        begins: when each approach begins [s]; before, the plant is left alone.
+        lanes: which encounters approach at all, in the order of the path.
+        path: the approaches.
+    """
+
+    __slots__ = ("_found", "_known", "begins", "lanes", "path", "request")
+
+    def __init__(self, request: DragRequest) -> None:
+        self.request = request
+        low, high = max(request.sensor.valid_range[0], 0.0), request.sensor.valid_range[1]
+        self.begins, status = _before(request, high)
+        self.lanes: IntArray = np.flatnonzero(status < 0)
+        on = self.lanes
+        square = np.where(request.returns, 0.0, request.velocity**2)
+        approach = DragApproach(request.strength, request.acceleration, request.farthest, square, self.begins)
+        self.path = follow(request.sensor, DragApproach(*(c[on] for c in approach)), low, request.horizon)
+        time = self.begins.copy()
+        distance = request.distance + (request.velocity + request.acceleration * time / 2) * time
+        speed, force = request.velocity + request.acceleration * time, np.zeros_like(time)
+        status[on], time[on], distance[on] = self.path.status, self.path.time, self.path.distance
+        speed[on] = -np.sqrt(self.path.square)
+        force[on] = -request.bodies["phi"][on] * self.path.slope**2 * self.path.square
+        time[status == ContactStatus.HORIZON] = request.horizon
+        found = {"time": time, "distance": distance, "relative_velocity": speed, "virtual_force": force}
+        self._found: dict[str, Any] = dict(found)
+        self._found["status"] = _judged(request, status, found, low)
+        self._known: dict[str, Any] = {}
+
+    def _compared(self) -> tuple[Any, ...]:
+        r = self.request
+        return (r.scenario, r.sensor, r.drag, r.horizon)
+
+    def column(self, name: str) -> Any:
+        """Return a quantity of every run, a float for a single one.
+
+        Args:
+            name: of a field of ContactState or ContactResult; or `quadrature_error`, the estimated error of the time,
+                relative; or `distance_of_largest_force` [m].
+
+        Returns:
+            The quantity, of the broadcast shape.
+        """
+        if name not in self._known:
+            found = self.raw(name)
+            if self.request.shape == ():
+                self._known[name] = found[0].item()
+            else:
+                self._known[name] = found.reshape(self.request.shape)
+                self._known[name].setflags(write=False)
+        return self._known[name]
+
+    def raw(self, name: str) -> FloatArray:
+        """Return a quantity of every run, shape (n,)."""
+        if name not in self._found:
+            self._found[name] = np.asarray(_DERIVED[name](self))
+        return np.asarray(self._found[name])
+
+    @property
+    def gradients(self) -> DragGradients:
+        """The exact derivatives of the contact."""
+        return DragGradients(self)
+
+
+def _before(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
+    """Return when each approach begins, or when it is known that there is none; and a status, -1 where there is one."""
+    a, v, count = request.acceleration, request.velocity, len(request.velocity)
+    status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
+    begins = np.zeros(count)
+    np.divide(-v, a, out=begins, where=request.returns)
+    lost = np.flatnonzero(request.farthest > high)
+    room = high - request.distance[lost]
+    begins[lost] = 2 * room / (v[lost] + np.sqrt(np.maximum(v[lost] ** 2 + 2 * a[lost] * room, 0.0)))
+    status[lost] = ContactStatus.LEFT_RANGE
+    late = request.returns & (begins >= request.horizon)
+    begins[late], status[late] = request.horizon, ContactStatus.HORIZON
+    return begins, status
+
+
+def _judged(request: DragRequest, status: IntArray, found: dict[str, FloatArray], low: float) -> IntArray:
+    """Tell contact, touch and the end of the curve apart, and put distance and l' of a touch to zero."""
+    b, time, distance, speed = request.bodies, found["time"], found["distance"], found["relative_velocity"]
+    terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
+    turns = (request.velocity < 0) & (request.acceleration > 0)
+    beyond = np.full(len(time), np.inf)  # how far below l = 0 it would have come to rest
+    np.divide(speed**2, 2 * request.acceleration, out=beyond, where=turns)
+    came = (status == ContactStatus.CONTACT) & (beyond <= _RESOLUTION * terms)
+    touches = came | (turns & (status == ContactStatus.NEVER) & (distance <= _RESOLUTION * terms))
+    if low > 0:
+        return np.where(status == ContactStatus.CONTACT, ContactStatus.LEFT_RANGE, status)
+    distance[touches], speed[touches] = 0.0, 0.0
+    return np.where(touches, ContactStatus.CONTACT, status)
+
+
+def _displacement(c: DragColumns) -> FloatArray:
+    b, t = c.request.bodies, c.raw("time")
+    return np.asarray(b["p"] + (b["v"] + b["a"] * t / 2) * t - c.raw("distance"))
+
+
+def _displacement_velocity(c: DragColumns) -> FloatArray:
+    b = c.request.bodies
+    return np.asarray(b["v"] + b["a"] * c.raw("time") - c.raw("relative_velocity"))
+
+
+def _position(c: DragColumns) -> FloatArray:
+    b, t = c.request.bodies, c.raw("time")
+    return np.asarray(c.raw("displacement") + b["r"] + (b["r_v"] + b["r_a"] * t / 2) * t)
+
+
+def _settling(c: DragColumns) -> FloatArray:
+    r = c.request
+    return np.where((r.velocity == 0) & (r.acceleration == 0), r.distance, np.inf)
+
+
+def _error(c: DragColumns) -> FloatArray:
+    error = np.zeros(len(c.begins))
+    error[c.lanes] = c.path.error
+    return error
+
+
+_DERIVED: Final[dict[str, Callable[[DragColumns], Any]]] = {
+    "gain": lambda c: c.request.bodies["phi"],
+    "displacement": _displacement,
+    "displacement_velocity": _displacement_velocity,
+    "position": _position,
+    "velocity": lambda c: (
+        c.raw("displacement_velocity") + c.request.bodies["r_v"] + c.request.bodies["r_a"] * c.raw("time")
+    ),
+    "acceleration": lambda c: c.raw("virtual_force") / c.request.mass + c.request.bodies["r_a"],
+    "largest_excursion": lambda c: np.maximum(np.abs(c.request.bodies["x0"]), np.abs(c.raw("displacement"))),
+    "largest_travel": largest_travel,
+    "largest_speed": largest_speed,
+    "largest_acceleration": largest_acceleration,
+    "largest_virtual_force": lambda c: largest_force(c)[0],
+    "distance_of_largest_force": lambda c: largest_force(c)[1],
+    "closest_distance": lambda c: np.minimum(c.request.distance, c.raw("distance")),
+    "settling_distance": _settling,
+    "impulse_residual": impulse_residual,
+    "quadrature_error": _error,
+}
+
 
 _HORIZON: Final = 600.0
 _PROBES: Final = 257

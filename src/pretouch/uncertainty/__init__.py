@@ -1,9 +1,8 @@
 """Inputs that are not known exactly: distributions as values, seeded samples of them, and the encounters they make."""
 
-from .correlated import CorrelatedNormal, parameter_distribution
+from .correlated import CorrelatedNormal, Empirical, parameter_distribution
 from .distributions import Distribution, Interval, JointDistribution, Normal, TruncatedNormal, Uniform
 from .ensemble import Ensemble, Uncertainty, make_ensemble, sample_inputs
-from .measured import Empirical
 from .reservations import Reservations, reservations_of
 
 __all__ = [

@@ -14,7 +14,7 @@ from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContactResult
 from pretouch.uncertainty import Ensemble, make_ensemble
 
-from ..bound import least_objective, premises_hold, touches_later
+from ..certificate import least_objective, premises_hold, touches_later
 from ..objectives import appraise
 from ..problem import Criterion, GainProblem, along, merit, ratio
 from ..search import GainAxis, Landscape

@@ -33,8 +33,7 @@ from pretouch.motion.scenario import scenario_with
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import kept_by_curve
 
-from ..bound import falls
-from ..certificate import DesignStatus
+from ..certificate import DesignStatus, falls
 from ..constraints import ElasticImpact
 from ..objectives import Objective
 from ..problem import GainProblem

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Final
 
@@ -17,6 +17,7 @@ from pretouch.motion import ContactResult, ContactStatus
 from pretouch.motion.evaluator import NoisyEvaluator
 
 from .certificate import DesignStatus
+from .drag.design import chosen_drag
 from .evidence import GainEvidence, settle
 from .problem import GainProblem
 from .search import GainAxis
@@ -36,10 +37,7 @@ def designed_number(task: Task) -> float | None:
     if task.effect is None:
         found: float | None = design_gain(task.replace(evaluate=None)).gain
         return found
-    scenario, speed = task.scenario, task.effect.largest_speed
-    effect = replace(task.effect, largest_speed=-float(scenario.relative_velocity) if speed is None else speed)
-    drag, _ = effect.drag(task.sensor, float(scenario.distance), float(scenario.admittance.mass), task.impact)
-    return float(drag)
+    return chosen_drag(task, task.effect)[0]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -46,7 +46,7 @@ class LawNumber(NamedTuple):
 
     def text(self, value: float, digits: int = 4) -> str:
         """Return a value with its unit, such as "-0.7 N s"."""
-        return format_quantity(value, self.unit, digits)
+        return pretty_unit(format_quantity(value, self.unit, digits))
 
     @property
     def glyph(self) -> str:

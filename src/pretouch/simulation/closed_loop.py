@@ -215,7 +215,8 @@ class ClosedLoop:
         each: bool = False,
     ) -> Loop:
         """Put encounters together, of one sensor or one for each along the last axis; no gain: that of the law."""
-        gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "N*s"))
+        unit = self.continuous.number.unit if self.continuous else ""
+        gains = np.asarray(0.0 if gain is None else finite(gain, "gain", unit))
         try:
             several = np.broadcast_shapes(scenario.shape, (len(sensors),)) if each else scenario.shape
             shape = np.broadcast_shapes(several, gains.shape)

@@ -84,6 +84,14 @@ def why_no_drag(scenario: Scenario) -> str:
     return ""
 
 
+def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
+    """Return the drag of a task by its effect [N s^2], and up to which speed that is kept [m/s]."""
+    speed = effect.largest_speed or -float(task.scenario.relative_velocity)
+    mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
+    drag, kept = replace(effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)
+    return float(drag), kept
+
+
 @placed
 def design_drag(task: Task) -> DragDesign:
     """Choose the virtual drag of a task by its effect, which needs no search: it is the same at every speed.
@@ -120,7 +128,6 @@ def design_drag(task: Task) -> DragDesign:
         )
     if reason := why_no_drag(task.scenario):
         raise InvalidInputError(f"scenario: {reason}")
-    speed = task.effect.largest_speed or -float(task.scenario.relative_velocity)
+    drag, kept = chosen_drag(task, task.effect)
     mass, distance = float(task.scenario.admittance.mass), float(task.scenario.distance)
-    drag, kept = replace(task.effect, largest_speed=speed).drag(task.sensor, distance, mass, task.impact)
-    return predict_drag(task.sensor, distance, mass, float(drag), largest_speed=kept, task=task)
+    return predict_drag(task.sensor, distance, mass, drag, largest_speed=kept, task=task)

@@ -135,10 +135,6 @@ def at_speeds(scenario: Scenario, speed: FloatArray) -> Scenario:
     return replace(scenario, obstacle=replace(scenario.obstacle, velocity=velocity, acceleration=acceleration))
 
 
-def _drag(value: float) -> str:
-    return pretty_unit(DRAG.number.equals(value))
-
-
 def _push(scenario: Scenario) -> float:
     """Return the acceleration of the object toward the plant, relative to the reference [m/s^2]."""
     return float(scenario.reference.acceleration - scenario.obstacle.acceleration)
@@ -153,7 +149,7 @@ def _key_figures(design: DragDesign, run: ContactResult) -> Iterator[tuple[str, 
 
 def _contact(design: DragDesign, run: ContactResult) -> Chapter:
     letter, rest = letters_optimum(design), DRAG.contact(design.scenario, design.sensor, 0.0)
-    columns = {"without mitigation": rest, _drag(design.drag): run}
+    columns = {"without mitigation": rest, DRAG.number.equals(design.drag): run}
     if letter is not None and letter.result is not None:
         columns[f"the letter's optimum, {DAMPER.number.equals(letter.gain or 0.0)}"] = letter.result
     rows = [*_compared(design.scenario, design.asked.impact, *columns.values())]
@@ -317,7 +313,7 @@ def drag_beside(design: GainDesign) -> Chapter | None:
         return None
     accelerations = [pretty_unit(format_quantity(float(r.end.largest_acceleration), "m/s^2")) for r in (beside, run)]
     text = (
-        f"A virtual drag {_drag(drag)} would touch at {format_quantity(after, 'm/s')} instead of "
+        f"A virtual drag {DRAG.number.equals(drag)} would touch at {format_quantity(after, 'm/s')} instead of "
         f"{format_quantity(before, 'm/s')} after the same excursion, with a largest acceleration of {accelerations[0]} "
         f"instead of {accelerations[1]}"
     )
@@ -330,11 +326,11 @@ def drag_beside(design: GainDesign) -> Chapter | None:
 def _drags_beside(design: GainDesign, run: ContactResult, drag: float, beside: ContactResult) -> Rows:
     """Return the optimal gain, the drag of the same excursion, and that of the same contact speed."""
     scenario, sensor = design.scenario, design.sensor
-    columns = {"the optimal gain": run, f"same excursion, {_drag(drag)}": beside}
+    columns = {"the optimal gain": run, f"same excursion, {DRAG.number.equals(drag)}": beside}
     if not _push(scenario):
         ratio = float(run.end.relative_velocity) / float(scenario.relative_velocity)
         weak, _ = DragEffect(ratio=ratio).drag(sensor, float(scenario.distance), float(scenario.admittance.mass))
-        columns[f"same contact speed, {_drag(weak)}"] = DRAG.contact(scenario, sensor, weak)
+        columns[f"same contact speed, {DRAG.number.equals(weak)}"] = DRAG.contact(scenario, sensor, weak)
     note = (
         "The virtual drag is another law, F = \u2212\u03c6 s\u2032\u00b2 while s = ln \u03be grows, else 0 "
         "(docs/drag.md), predicted under the same assumptions and with the admittance's pull held off while the object "

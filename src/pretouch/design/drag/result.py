@@ -13,7 +13,7 @@ from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.files import plain
 from pretouch._core.numbers import finite, nonnegative, positive
-from pretouch._core.units import format_quantity, pretty_unit
+from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.motion import DRAG, ContactResult, Scenario
 from pretouch.motion.drag import slope_integral
@@ -111,7 +111,7 @@ class DragDesign(Described, Value):
         if np.shape(self.drag):
             return f"{np.size(self.drag)} drags"
         text = (
-            f"Drag {pretty_unit(DRAG.number.equals(self.drag))}: contact at {100 * self.ratio:.3g} % of any approach "
+            f"Drag {DRAG.number.equals(self.drag)}: contact at {100 * self.ratio:.3g} % of any approach "
             f"speed, after an excursion of {format_quantity(self.excursion, 'm')} at every speed."
         )
         if self.task is None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import pretouch as pt
 from pretouch._core.errors import InvalidInputError
-from pretouch.motion import Admittance, ContactState, Obstacle, Plant, Reference, Scenario, find_contact
+from pretouch.motion import DRAG, Admittance, ContactState, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import (
     ExponentialFirstOrder,
     ExponentialSecondOrder,
@@ -112,3 +115,53 @@ def test_a_curve_that_ends_too_soon_is_solved_for_itself() -> None:
 def test_impossible_values_are_refused(values: dict[str, list[float]], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         make_ensemble(SCENARIO, POWER, values).contacts(-0.3)
+
+
+DRAGGED = replace(SCENARIO, plant=Plant(position=0.002, velocity=-0.01))
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_a_drag_meets_sensors_that_are_alike_as_it_meets_each(name: str) -> None:
+    """Its number goes with the square of the slope, k^2 / s for the k of the damper; only rounding is left."""
+    sensor, values = SENSORS[name]
+    several = make_ensemble(DRAGGED, sensor, values, law=DRAG)
+    together = several.contacts(0.0144)
+    for i in range(12):
+        alone = find_contact(*several.at(i), 0.0144, law="virtual-drag")
+        assert together.gain[i] == pytest.approx(0.0144, rel=1e-14)
+        for quantity, value in alone.end.as_dict().items():
+            assert np.asarray(getattr(together.end, quantity))[i] == pytest.approx(value, rel=1e-10, abs=1e-13), (
+                quantity
+            )
+
+
+def test_a_robust_drag_is_held_against_fresh_samples_and_its_worst_encounter_is_known() -> None:
+    """Beside uncertain accelerations and offsets, of which a drag knows no derivatives for pages."""
+    known = {"sensor.distance_offset": (0.04, 0.044), "obstacle.acceleration": (-0.3, 0.0)}
+    task = pt.Task(
+        DRAGGED,
+        InversePower(scale=1.3e-5, distance_offset=0.0419, exponent=3.32),
+        pt.excursion_objective(position_scale=0.5, velocity_scale=0.3),
+        bounds=(1e-3, 0.05),
+        law="virtual-drag",
+        uncertainty={name: pt.robust.Uniform(low=low, high=high) for name, (low, high) in known.items()},
+        samples=32,
+        validation=32,
+    )
+    design = pt.robust.design_robust_gain(task)
+    assert {one.by_gradient for one in design.importance} == {None}
+    assert "Robust drag" in str(design)
+    worst = pt.robust.design_robust_gain(task.replace(measure=pt.robust.WorstCase()))
+    assert worst.worst is not None
+    corners = [
+        find_contact(
+            replace(DRAGGED, obstacle=replace(DRAGGED.obstacle, acceleration=a)),
+            InversePower(scale=1.3e-5, distance_offset=offset, exponent=3.32),
+            worst.gain,
+            law="virtual-drag",
+        ).end
+        for a in known["obstacle.acceleration"]
+        for offset in known["sensor.distance_offset"]
+    ]
+    hardest = max((end.displacement / 0.5) ** 2 + (end.relative_velocity / 0.3) ** 2 for end in corners)
+    assert hardest <= worst.value * (1 + 1e-6)

@@ -175,7 +175,7 @@ def _shares(f_a: FloatArray, f_b: FloatArray, f_c: FloatArray) -> tuple[float, f
 def _linear_shares(problem: RobustProblem, gain: float) -> dict[str, float] | None:
     """Return the share of each input to first order, about the means."""
     task, uncertainty = problem.task, problem.task.uncertainty
-    if task.evaluate is not None or not problem.criterion(-1).has_gradients:
+    if not problem.has_slopes():
         return None
     center: dict[str, float] = {}
     for name, known in uncertainty.items():

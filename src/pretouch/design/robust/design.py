@@ -104,7 +104,7 @@ def _function(problem: RobustProblem, box: Mapping[str, tuple[float, float]], ga
         found = value(points)
         if not np.isfinite(found).all():
             return found, np.full(points.shape, np.nan)
-        if problem.criterion(which).has_gradients:
+        if problem.has_slopes(which):
             inner = at(points)
             result = inner.ensemble.contacts(gain)
             return found, np.stack([inner.slope(result, name, which) for name in names], axis=1)

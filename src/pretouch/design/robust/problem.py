@@ -73,6 +73,10 @@ class RobustProblem(GainProblem):
             return merit(self.task.goal, self.ensemble.speed, self.task.impact)
         return ratio(self.limits[which].constraint, self.task.impact)
 
+    def has_slopes(self, which: int = -1) -> bool:
+        """Tell whether `slope` knows the objective (-1), or a constraint, by every input."""
+        return self.is_differentiable and self.criterion(which).has_gradients
+
     def slope(self, result: ContactResult, name: str, which: int = -1) -> FloatArray:
         """Differentiate the objective (-1), or |quantity| / limit of a constraint, by an input: in SI, shape (n,)."""
         of = along(partial(self.ensemble.slope, result), name, self.ensemble.scenario.obstacle.velocity)

@@ -99,6 +99,15 @@ def test_the_scale_of_the_output_is_of_no_consequence(data: st.DataObject) -> No
     assert one.impulse_residual < 1e-9  # type: ignore[attr-defined]
 
 
+def test_a_table_that_begins_at_next_to_nothing_is_followed_to_its_first_place() -> None:
+    """From 1e-290 m on: a distance less what is left of it is zero there, where the table says nothing."""
+    first = 2.2457e-290
+    sensor = Table(distances=(first, 0.015625), outputs=(1.0, math.exp(-1.0)))
+    found = _solve(sensor, 0.011, 1e-4, -0.3)
+    assert found.end.distance == first  # type: ignore[attr-defined]
+    assert not found.reached  # type: ignore[attr-defined]
+
+
 @given(
     sensor=powers,
     ratio=ratios,

@@ -253,7 +253,8 @@ def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatA
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         far = np.fmin(room, _GROWTH / (2 * strength * path.slope[lanes] ** 2))
         tried = far[:, None] * _PARTS
-        ahead = 2 * strength[:, None] * np.asarray(path.sensor.log_slope(start[:, None] - tried)) ** 2  # dq/dl
+        places = np.maximum(start[:, None] - tried, path.borders[0])  # which rounding may pass
+        ahead = 2 * strength[:, None] * np.asarray(path.sensor.log_slope(places)) ** 2  # dq/dl
         far = tried[np.arange(len(lanes)), np.argmax(ahead * tried <= 2 * _GROWTH, axis=1)]
         far = np.where((ahead * tried > 2 * _GROWTH).all(axis=1), np.fmin(tried[:, -1], _GROWTH / ahead[:, -1]), far)
         far = scale * far
@@ -305,7 +306,8 @@ def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells,
 def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> _Nodes:
     bend, width, square = (column[:, None] for column in (cells.bend, cells.width, cells.square))
     twice = 2 * approach.acceleration[cells.lane]
-    distance = cells.start[:, None] - width * (_R - bend * _R * (1 - _R))
+    passed = width * (_R - bend * _R * (1 - _R))
+    distance = np.maximum(cells.start[:, None] - passed, sensor.valid_range[0])
     length = width * (0.5 - 0.5 * bend * (1 - 2 * _R))
     slope = np.asarray(sensor.log_slope(distance))
     rate = 2 * approach.strength[cells.lane][:, None] * slope**2 * length

@@ -105,7 +105,8 @@ def _before(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
-    np.divide(-v, a, out=begins, where=request.returns)
+    with np.errstate(over="ignore"):  # never, then
+        np.divide(-v, a, out=begins, where=request.returns)
     lost = np.flatnonzero(request.farthest > high)
     room = high - request.distance[lost]
     begins[lost] = 2 * room / (v[lost] + np.sqrt(np.maximum(v[lost] ** 2 + 2 * a[lost] * room, 0.0)))
@@ -121,7 +122,8 @@ def _judged(request: DragRequest, status: IntArray, found: dict[str, FloatArray]
     terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
     turns = (request.velocity < 0) & (request.acceleration > 0)
     beyond = np.full(len(time), np.inf)  # how far below l = 0 it would have come to rest
-    np.divide(speed**2, 2 * request.acceleration, out=beyond, where=turns)
+    with np.errstate(over="ignore"):  # as good as no acceleration
+        np.divide(speed**2, 2 * request.acceleration, out=beyond, where=turns)
     came = (status == ContactStatus.CONTACT) & (beyond <= _RESOLUTION * terms)
     touches = came | (turns & (status == ContactStatus.NEVER) & (distance <= _RESOLUTION * terms))
     if low > 0:

@@ -198,6 +198,7 @@ class DragPath(Value):
             yield cells, _evaluate(self.sensor, self.approach, cells)
 
 
+@np.errstate(all="ignore")  # what is no number is no good cell: halved, and unresolved in the end
 def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
     """Follow approaches until the distance is l = end, until they come to rest or until the horizon.
 

@@ -18,6 +18,7 @@ from .scenario import Scenario
 
 _PROBES: Final = 257
 _ROUNDING: Final = 1e-12
+_LEAST: Final = 1e-100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,12 +65,12 @@ class DragRequest(Value):
     @property
     def velocity(self) -> FloatArray:
         """The relative velocity l' at the start [m/s]."""
-        return self.bodies["v"] - self.bodies["u0"]
+        return _flushed(self.bodies["v"] - self.bodies["u0"])
 
     @property
     def acceleration(self) -> FloatArray:
         """The acceleration a_o of the obstacle relative to the reference [m/s^2]."""
-        return self.bodies["a"]
+        return _flushed(self.bodies["a"])
 
     @property
     def returns(self) -> Any:
@@ -80,8 +81,14 @@ class DragRequest(Value):
     def farthest(self) -> FloatArray:
         """The largest distance of each encounter that ever approaches [m], from which on the law acts."""
         rise = np.zeros_like(self.distance)
-        np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
+        with np.errstate(over="ignore"):  # farther than any sensor sees
+            np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
         return np.asarray(self.distance + rise)
+
+
+def _flushed(values: FloatArray) -> FloatArray:
+    """Return values of which those are 0 whose squares could not be told from 0."""
+    return np.where(np.abs(values) < _LEAST, 0.0, values)
 
 
 def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:

@@ -151,3 +151,19 @@ def test_a_recess_as_deep_as_a_curve_starts_reaches_contact_whatever_the_roundin
         curve = pt.ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=float(near))
         assert pt.Recessed(sensor=curve, recess=0.0075).valid_range[0] == 0.0
         assert recess_in_words(float(near)) == "7.5 mm"
+
+
+def test_what_a_drag_does_where_no_data_are_is_its_share_of_the_logarithm_of_the_speeds() -> None:
+    """ln rho is -(phi/M) int g^2 dl, so that shares of it are those of the integral, by its closed form here."""
+    sensor = replace(report(0.008, 0.06).best.sensor, minimum_distance=0.0, maximum_distance=0.2)
+    task = pt.Task(encounter(), sensor, law="virtual-drag", gain=0.0144)
+    found = reservations_of(report(0.008, 0.06), task)
+    nearer, whole = (d / (sensor.distance_offset * (sensor.distance_offset + d)) for d in (0.008, 0.04))
+    assert found.share_nearer == pytest.approx(nearer / whole, rel=1e-6)
+    assert found.share_beyond == 0.0
+    contact = pt.find_contact(task.scenario, sensor, 0.0144, law="virtual-drag").contact
+    assert found.speed == pytest.approx(-contact.relative_velocity, rel=1e-12)
+    assert found.speed_without_force > found.speed
+    assert "% of the effect of the drag, ln(1/\u03c1), are given nearer than 8 mm" in str(found)
+    design = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15)))
+    assert reservations_of(report(0.008, 0.06), design).speed == pytest.approx(0.15 * 0.3, rel=1e-9)

@@ -12,7 +12,7 @@ from pretouch._core.described import Described
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch._core.values import Value
-from pretouch.motion import DAMPER, LawNumber, Scenario
+from pretouch.motion import DAMPER, ContinuousLaw, LawNumber, Scenario
 from pretouch.motion.contact import ContactResult, ContactState
 from pretouch.motion.evaluator import NoisyEvaluator, with_noise_after
 from pretouch.motion.scenario import map_fields
@@ -229,9 +229,14 @@ class Answer(Described, Value):
         return self.problem.axis.ends
 
     @property
+    def law(self) -> ContinuousLaw:
+        """The law whose number the gain is."""
+        return self.problem.task.law
+
+    @property
     def number(self) -> LawNumber:
         """What the gain is: name, symbol and unit of the number of the law."""
-        return self.problem.task.law.number
+        return self.law.number
 
     @property
     def scenario(self) -> Scenario:

@@ -11,7 +11,7 @@ import numpy as np
 from pretouch._core.files import plain
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.motion import ContactStatus, Obstacle, Plant, Reference, Scenario, find_contact
+from pretouch.motion import DAMPER, ContactStatus, ContinuousLaw, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import SensorModel
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 
 _DECISIVE: Final = 0.05  # of the impulse of the virtual force: what may be given where no data support the curve
+_EFFECTS: Final = {1: "impulse of the virtual force", 2: "effect of the drag, ln(1/\u03c1),"}
+_PLACES: Final = 2001
 _ROUNDING: Final = 1e-9  # of the impulse, likewise
 _NO_DISTANCE: Final = 1e-9  # [m], far below any calibration, far above the rounding of l_min - recess
 
@@ -30,15 +32,16 @@ class Reservations(Value):
 
     The virtual force is F_p = D_p d(ln xi)/dt, L(2), so whatever the motion, D_p times the change of ln xi between two
     distances is the impulse that it gives between them. The decisive part of the motion is where all but 5 % of that
-    impulse are given.
+    impulse are given. Under a virtual drag it is the integral of g^2, by which ln l' changes, that no motion changes.
 
     Args:
         report: the report of the fit.
         recess: how far the sensor's zero, from which the calibration counts, lies behind the contact surface [m].
         supported: the distances between which readings support the curve [m].
         start: the distance at which the encounter starts [m].
-        share_nearer: the share of the impulse that is given nearer than any reading.
+        share_nearer: the share of the impulse, or of the effect of a drag, that is given nearer than any reading.
         share_beyond: the share that is given beyond all readings.
+        degree: of s' in the force of the law, by which shares are of one or the other.
         left: whether the nominal motion leaves the distances at which the curve is used, and so never comes to contact.
         speed: the speed at contact on the curve as it is extended [m/s]; None where contact is supported, or unknown.
         speed_without_force: the same where no virtual force acts nearer than any reading: what a sensor that says
@@ -51,6 +54,7 @@ class Reservations(Value):
     start: float
     share_nearer: float
     share_beyond: float
+    degree: int = 1
     left: bool = False
     speed: float | None = None
     speed_without_force: float | None = None
@@ -74,7 +78,7 @@ class Reservations(Value):
                 "sensor where its output clips"
             )
         if self.share_beyond > _DECISIVE:
-            share = f"{100 * self.share_beyond:.0f} % of the impulse of the virtual force are given"
+            share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]} are given"
             parts.append(f"from the start at {start} to {far}{farthest}, where {share}")
             remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
         if self.left:
@@ -121,7 +125,7 @@ class Reservations(Value):
         found = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
-                found.append(f"{100 * share:.2g} % of the impulse of the virtual force are given {where}")
+                found.append(f"{100 * share:.2g} % of the {_EFFECTS[self.degree]} are given {where}")
         if self.report.offset is not None:
             found.append(_offset_in_words(self.report.offset, self.report.calibration.unit))
         return tuple(found)
@@ -194,9 +198,10 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
     recess = getattr(sensor, "recess", 0.0)
     near, far = report.window.l_min - recess, report.window.l_max - recess
     start = float(np.max(scenario.distance))
-    contact, nearest, farthest, begin = (
-        float(sensor.log_output(np.clip(d, *sensor.valid_range))) for d in (0.0, max(near, 0.0), min(far, start), start)
-    )
+    law = getattr(answer, "law", DAMPER)
+    degree = 2 if law.degree == 2 else 1
+    places = (0.0, max(near, 0.0), min(far, start), start)
+    contact, nearest, farthest, begin = (_effect(sensor, degree, d, start) for d in places)
     change = contact - begin
     reservations = Reservations(
         report=report,
@@ -205,11 +210,12 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         start=start,
         share_nearer=(contact - nearest) / change if change > 0 else 0.0,
         share_beyond=(farthest - begin) / change if change > 0 else 0.0,
+        degree=degree,
     )
     gain: Any = getattr(answer, "gain", None)
     if scenario.shape or (gain is not None and np.ndim(gain)):
         return reservations
-    run = find_contact(scenario, sensor, 0.0 if gain is None else gain)
+    run = law.contact(scenario, sensor, 0.0 if gain is None else gain)
     if run.status is ContactStatus.LEFT_RANGE:
         return replace(reservations, left=True)
     if gain is None or reservations.is_contact_supported or not run.reached.all() or near >= min(start, far):
@@ -217,13 +223,25 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
     return replace(
         reservations,
         speed=abs(float(run.end.relative_velocity)),
-        speed_without_force=_speed_without_force(scenario, sensor, gain, near),
+        speed_without_force=_speed_without_force(scenario, sensor, law, gain, near),
     )
 
 
-def _speed_without_force(scenario: Scenario, sensor: SensorModel, gain: float, near: float) -> float | None:
+def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
+    """Return what a law does from the start of an encounter to a distance, as far as the curve holds."""
+    low, high = sensor.valid_range
+    if degree == 1:
+        return float(sensor.log_output(np.clip(distance, low, high)))
+    near, far = (float(np.clip(place, low, high)) for place in (distance, start))
+    places = np.linspace(near, far, _PLACES)
+    return float(np.trapezoid(np.asarray(sensor.log_slope(places)) ** 2, places))
+
+
+def _speed_without_force(
+    scenario: Scenario, sensor: SensorModel, law: ContinuousLaw, gain: float, near: float
+) -> float | None:
     """Return the speed at contact where the virtual force ends at a distance; None where there is no contact."""
-    end = find_contact(scenario, replace(sensor, minimum_distance=near), gain).end
+    end = law.contact(scenario, replace(sensor, minimum_distance=near), gain).end
     o, r, t = scenario.obstacle, scenario.reference, end.time
     rest = Scenario(
         admittance=scenario.admittance,

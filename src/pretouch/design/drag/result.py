@@ -15,7 +15,7 @@ from pretouch._core.files import plain
 from pretouch._core.numbers import finite, nonnegative, positive
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
-from pretouch.motion import DRAG, ContactResult, Scenario
+from pretouch.motion import DRAG, ContactResult, ContinuousLaw, Scenario
 from pretouch.motion.drag import slope_integral
 from pretouch.sensors import SensorModel
 
@@ -72,6 +72,16 @@ class DragDesign(Described, Value):
     peak_distance: Any
     largest_speed: float = math.inf
     task: Task | None = None
+
+    @property
+    def law(self) -> ContinuousLaw:
+        """The law whose number it is."""
+        return DRAG
+
+    @property
+    def gain(self) -> Any:
+        """The number of that law, phi [N s^2]: under this name every answer has its own."""
+        return self.drag
 
     @property
     def asked(self) -> Task:

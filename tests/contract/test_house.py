@@ -79,7 +79,7 @@ FILES = 240  # of the package and its compiled core
 LINES = 48_500  # of both
 LONGEST_FUNCTION = 60  # lines without its docstring
 ROOMS_OF_DESIGN = 20
-FILES_OF_A_VERDICT = 46
+FILES_OF_A_VERDICT = 45
 
 PASSED = """
 import sys, threading

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
@@ -69,25 +68,14 @@ class ScenarioSource:
         """The line of every key."""
         return _lines_of(self.text)
 
-    @contextmanager
-    def placing(self) -> Iterator[None]:
-        """Turn what a verb refuses into a mistake of the file, with its line and its key as near as they are known.
-
-        Yields:
-            Nothing.
-
-        Raises:
-            ScenarioFileError: the verb refused something.
-        """
-        try:
-            yield
-        except ScenarioFileError:  # placed by a verb that this one has called
-            raise
-        except InvalidInputError as error:
-            told = self.explained(error)
-            path, sentence = place(told, "")
-            known = path[:1] in self.lines
-            raise ScenarioFileError(self.listed([(path, sentence)]) if known else f"{self.path}: {told}") from error
+    def placed(self, error: InvalidInputError) -> InvalidInputError:
+        """Return what a verb refuses as a mistake of the file, with line and key as near as they are known."""
+        if isinstance(error, ScenarioFileError):  # placed by a verb that this one has called
+            return error
+        told = self.explained(error)
+        path, sentence = place(told, "")
+        known = path[:1] in self.lines
+        return ScenarioFileError(self.listed([(path, sentence)]) if known else f"{self.path}: {told}")
 
     def explained(self, error: InvalidInputError) -> str:
         """Return the message of an error, with the calibration as the reason where a sensor says nothing."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar
@@ -45,8 +44,8 @@ class Choice(Protocol):
 class Source(Protocol):
     """The file that a task was read from."""
 
-    def placing(self) -> AbstractContextManager[None]:
-        """Turn what a verb refuses into a mistake of the file."""
+    def placed(self, error: InvalidInputError) -> InvalidInputError:
+        """Return what a verb refuses as a mistake of the file."""
 
     def explained(self, error: InvalidInputError) -> str:
         """Return the message of an error, with the reason that the file has for it."""
@@ -230,9 +229,12 @@ def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task
 
     @wraps(verb)
     def told(task: Task, /, *args: P.args, **options: P.kwargs) -> R:
-        if task.source is None:
+        try:
             return verb(task, *args, **options)
-        with task.source.placing():
-            return verb(task, *args, **options)
+        except InvalidInputError as error:
+            found = error if task.source is None else task.source.placed(error)
+            if found is error:
+                raise
+            raise found from error
 
     return told

@@ -165,7 +165,8 @@ def test_the_designs_by_limits_are_the_strongest_that_keep_them(
     sensor: SensorModel, ratio: float, share: float
 ) -> None:
     """The limits are what a known drag comes to. For the acceleration, stronger ones may keep it as well; the one that
-    is found keeps it, is no weaker than this, and none of the stronger ones keeps it."""
+    is found keeps it, is no weaker than this, and none of the stronger ones keeps it. A limit that some peak just
+    touches may be refused: one is found then for a limit that is a little less."""
     distance = 0.055 * share
     assume(abs(sensor.log_slope(distance)) > 1.0)
     drag = drag_by(sensor, distance, 1.3, ratio=ratio)
@@ -174,9 +175,14 @@ def test_the_designs_by_limits_are_the_strongest_that_keep_them(
     assert by_excursion.drag == pytest.approx(drag.drag, rel=1e-8)
     speed = 0.7
     limit = drag.peak * speed**2
-    found = drag_by(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
+    try:
+        found = drag_by(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
+        assert found.drag >= drag.drag * (1 - 1e-9)
+    except InvalidInputError as refused:
+        assert "which the peak of some drag touches; change it a little" in str(refused)  # noqa: PT017
+        limit *= 0.99
+        found = drag_by(sensor, distance, 1.3, acceleration=limit, largest_speed=speed)
     assert found.acceleration(speed) <= limit * (1 + 1e-9)
-    assert found.drag >= drag.drag * (1 - 1e-9)
     most = max(20 / math.log(1 / found.ratio), 1.1)
     beyond = predict_drag(sensor, distance, 1.3, found.drag * np.geomspace(1 + 1e-6, most, 100))
     assert (beyond.acceleration(speed) > limit).all()

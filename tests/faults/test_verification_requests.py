@@ -64,6 +64,7 @@ def test_the_law_of_a_task_is_that_of_its_loop(verb: Callable[[pt.Task], Any]) -
     drag = replace(QUICK, law=replace(QUICK.law, law=pt.control.VirtualDrag(drag=0.0144, noise=1e-3)))
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, runs=2)
     assert task.law is pt.motion.DRAG
+    assert task.replace(loop=QUICK, gain=-0.7).law is pt.motion.DAMPER
     with pytest.raises(pt.errors.InvalidInputError, match=r"^law: found a virtual-damper beside a loop whose .*drag$"):
         verb(task.replace(law="virtual-damper"))
     with pytest.raises(

@@ -82,7 +82,7 @@ class GainDesign(GainEvidence):
     def damping_at_contact(self) -> Any:
         """D_p g(0) [N s/m], what the motion feels of gain and sensor together at contact; an array for an array.
 
-        Of another law its damping -dF/dl' there; NaN where that is not known.
+        Of another law its damping dF/dl' there; NaN where that is not known.
         """
         if self.gain is None:
             return None

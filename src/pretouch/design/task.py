@@ -220,8 +220,9 @@ class Task(Value):
         return found
 
     def replace(self, **changes: Any) -> Task:
-        """Return the task with other values of some fields."""
-        return Task(**{**self.__dict__, **changes})
+        """Return the task with other values of some fields; with another loop, its law is that of the loop."""
+        kept = {name: value for name, value in self.__dict__.items() if name != "law" or "loop" not in changes}
+        return Task(**{**kept, **changes})
 
 
 def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:

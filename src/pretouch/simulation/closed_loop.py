@@ -193,9 +193,10 @@ class ClosedLoop:
         for _ in range(_ROUNDS):  # an object comes slower with a stronger one, which allows more: each found is stable
             limit = self.stability_limit(scenario, sensor, strongest)
             n, found = limit.law.number, limit.strongest / margin
-            if not abs(strongest) * (1 + _ALIKE) < abs(found):
+            stronger = abs(strongest) * (1 + _ALIKE) < abs(found)
+            strongest = found if stronger else strongest
+            if not stronger or limit.law.degree == 1:  # whose limit follows no motion
                 break
-            strongest = found
         low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
             raise InvalidInputError(
@@ -215,8 +216,8 @@ class ClosedLoop:
         each: bool = False,
     ) -> Loop:
         """Put encounters together, of one sensor or one for each along the last axis; no gain: that of the law."""
-        unit = self.continuous.number.unit if self.continuous else ""
-        gains = np.asarray(0.0 if gain is None else finite(gain, "gain", unit))
+        law = self.continuous
+        gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "" if law is None else law.number.unit))
         try:
             several = np.broadcast_shapes(scenario.shape, (len(sensors),)) if each else scenario.shape
             shape = np.broadcast_shapes(several, gains.shape)

@@ -161,7 +161,7 @@ def _loop_of(task: Task) -> ClosedLoop:
             'continuous time by which it could be predicted; give it `continuous`, such as "virtual-damper" or an '
             "OwnLaw, or give the task its law"
         )
-    if own not in {None, task.law}:
+    if own is not None and own != task.law:
         raise InvalidInputError(f"law: found a {task.law.kind} beside a loop whose controller is a {own.kind}")
     return task.loop
 

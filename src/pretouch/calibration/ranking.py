@@ -110,6 +110,7 @@ def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[floa
 
 
 _FEW_POINTS = 6
+_MORE_THAN_UNKNOWNS = 3  # distances by which a fit is judged
 _LARGE_MISFIT = 0.1  # of ln xi: the virtual force is wrong by as much over one step of the calibration
 _FEW_EMPTY = 4  # readings without an object, which tell the noise as repeats do
 _DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # times the interval of what the readings ask for instead
@@ -170,7 +171,7 @@ def rank_models(
         not_fitted=not_fitted,
         slope=slope,
         left_out=_left_out(prepared),
-        curves=prepared.courses,
+        curves=prepared.witness,
     )
 
 
@@ -233,8 +234,10 @@ def _reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeKnowled
     count, bad = len(used.distance), len(prepared.outlier_distances)
     dropped = calibration.source.dropped if calibration.source else 0
     once = "Every distance was read once, so the noise is inferred from the curve itself"
-    few = f"The window from {low} to {high} holds only {count} distinct distances"
-    found = [f"{few}: measure at 8 or more inside it."] if count < _FEW_POINTS else []
+    unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
+    few = f"The window from {low} to {high} holds only {count} distinct distances for {unknowns} unknowns of the curve"
+    lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
+    found = [f"{few}: measure at 8 or more inside it."] if lacking else []
     if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
         found.append(f"{once}: read each distance 3 times or more.")
     found += _offset_reservations(prepared)

@@ -182,14 +182,15 @@ class Presentation:
     def show(self, result: Any, default: str, task: Task | None = None, *, good: bool) -> None:
         """Print a result of a task, write its report, by default so named, and end with the exit code of its answer."""
         target = self.output or Path(default)
-        text = self.told(None if task is None else reservations_about(task, result), result.to_dict, result.__str__)
+        reservations = None if task is None else reservations_about(task, result)
+        text = self.told(reservations, result.to_dict, result.__str__)
         if self.json and self.output is not None:
             self._write(result, target, task)
         print_text(text)
         if self.report and not self.json:
             self._write(result, target, task)
             print_text(f"\nReport with figures: {target}")
-        end(good=good)
+        end(good=good and not (reservations is not None and reservations.is_refuted))
 
     def told(
         self, reservations: Reservations | None, as_dict: Callable[[], dict[str, Any]], as_text: Callable[[], str]

@@ -37,7 +37,9 @@ TOLERANCE: Final = 1e-13
 """Of the largest slope on a window or a piece."""
 
 _OVERLAP: Final = 0.4
-_SLACK: Final = 2e-7  # of a window: how far it is used beyond its border; the error is of second order in it
+SLACK: Final = 2e-7
+"""Of a window: how far it is used beyond its border; the error is of second order in it."""
+
 _MOST: Final = 2_000
 _SMALLEST: Final = 1e-9
 
@@ -156,7 +158,7 @@ def polynomial_windows(
                 if size < smallest:
                     return None
                 continue
-            slack = _SLACK * (top - bottom)
+            slack = SLACK * (top - bottom)
             last = bottom == left
             following = left if last else bottom + _OVERLAP * (top - bottom)
             edge = bottom if last and left == low else bottom - slack

@@ -89,7 +89,7 @@ class Request(Value):
         """Return the encounters of one of many curves, that at an index along the last axis."""
         if self.many is None:
             return self
-        scenario = map_fields(self.scenario, lambda v: v[index] if np.ndim(v) else v)
+        scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
         gain = self.gain.reshape(self.shape)[..., index]
         return make_request(scenario, self.many.sensors[index], gain, self.method, self.horizon)
 

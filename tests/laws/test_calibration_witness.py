@@ -295,7 +295,7 @@ def test_a_strong_signal_under_a_ceiling_is_not_called_none() -> None:
 
 
 def test_the_interval_of_a_fitted_offset_holds_on_curves_that_are_of_no_family() -> None:
-    """Twelve sensors under other ceilings, offsets withheld: three of four intervals hold at least (90 % of 150 did)."""
+    """Twelve sensors under other ceilings, offsets withheld: three of four intervals hold (90 % of 150 did)."""
     held, count = 0, 0
     others = [name for name in CEILINGS if name != "soft"]
     for seed in range(12):

@@ -16,6 +16,7 @@ from made_sensors import CEILINGS, make_sparse_sensor
 from pretouch.calibration import rank_models
 from pretouch.cli import main
 from pretouch.motion import DAMPER
+from pretouch.report import report_html
 from pretouch.sensors import PiecewiseCubic, check_sensor
 from pretouch.uncertainty import reservations_of
 from pretouch.uncertainty.witness_check import check_on_readings, mount
@@ -108,6 +109,7 @@ def test_a_curve_that_is_extended_over_saturated_readings_is_contradicted_first(
         assert left.is_refuted
         assert left.headline.startswith("Not supported by the readings: on ")
         assert (told["status"], told["status_on_fitted_curve"]) == ("not-supported", "optimal")
+        assert "status: not supported by the readings" in report_html(design, calibration=report)
     distance = np.unique(calibration.distances)
     outputs = np.array([calibration.outputs[calibration.distances == d].mean() for d in distance])
     kept = (outputs > report.offset.value) & (distance <= report.window.l_max)

@@ -103,7 +103,10 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
     told = fitted_blocks(calibration, () if left is None else left.lines)
     section = Chapter(title=f"The calibration of its sensor: {calibration.calibration.name}", blocks=told)
     opening = (left.headline,) if left is not None and left.headline else ()
-    return replace(page.with_blocks(section), open=(*opening, *page.open))
+    page = replace(page.with_blocks(section), open=(*opening, *page.open))
+    if left is not None and left.is_refuted:
+        return replace(page, status=f"status: not supported by the readings ({page.status})", good=False)
+    return page
 
 
 def _provenance(given: dict[str, str] | None) -> Chapter:

@@ -48,6 +48,12 @@ _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0
 _FARTHEST: Final = 1e12
 
+FOLLOWED: Final = 2.0**43
+"""Largest distance [m] at the start from which an encounter is integrated; the pieces of a curve reach 4 times as far.
+
+Beyond it a distance has fewer digits than a millimeter needs. Such an encounter is unresolved.
+"""
+
 _NODES: Final = chebyshev_nodes(_DEGREE + 1)
 _PROBES: Final = chebyshev_extremes(_DEGREE + 1)[1:-1]
 _TO_COEFFICIENTS: Final = np.linalg.inv(np.vander(_NODES, increasing=True))
@@ -55,9 +61,14 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
-    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two."""
+    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two.
+
+    Encounters that start beyond FOLLOWED do not count among others: they must not change how those are solved.
+    """
     distance = scenario.distance
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
+    if largest > FOLLOWED and np.any(near := np.asarray(distance) <= FOLLOWED):
+        largest = float(np.max(distance, initial=0.0, where=near))
     return 2.0 ** math.frexp(largest)[1]
 
 

@@ -83,10 +83,8 @@ class GradientRows(Travels):
 
     def _find(self, kept: list[int]) -> FloatArray:
         request = self._solution.request
-        rows = np.empty((2, len(kept), request.size))
+        rows = np.full((2, len(kept), request.size), np.nan)
         left = self._differentiable()
-        if not left.all():
-            rows[:, :, ~left] = np.nan
         if request.method == "closed-form" and left.any():
             left = self._linear(kept, left, rows)
         decays = self._decays()
@@ -146,7 +144,7 @@ class GradientRows(Travels):
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
-        found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)))
+        found = np.full((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)), np.nan)
         status = np.ones(len(where), dtype=np.int8)
         r = request.some(where)
         tops = curve_tops(sensor, 0.0, float(np.max(r.p - r.x0, initial=0.0)), 4 * reach_of(request.scenario))

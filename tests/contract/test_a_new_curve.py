@@ -151,3 +151,59 @@ def test_a_parameter_that_hardly_changes_it_has_a_derivative_too(size: float) ->
     by_bend, by_faint = (found.of("relative_velocity", f"sensor.{name}") for name in ("bend", "faint"))
     assert by_faint == pytest.approx(size * by_bend, rel=1e-3, abs=1e-7 * abs(by_bend))
     gc.collect()
+
+
+def failing(kind: str, module: str) -> type[SensorModel]:
+    """Define a curve whose fit fails."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Failing(SensorModel):
+        scale: float = parameter("a", "", sign="positive", example="1.0", of_output="")
+        rate: float = parameter("b", "1/m", example="1.0")
+        other: float = parameter("c", "1/m", example="1.0")
+        name: ClassVar[str] = "failing"
+
+        def _log_output(self, distance: np.ndarray) -> np.ndarray:
+            if kind == "raises":
+                raise ZeroDivisionError("division by zero")
+            level = np.nan if kind == "not a number" else np.log(self.scale)
+            return level + (self.rate + self.other) * distance
+
+        def _log_slope(self, distance: np.ndarray) -> np.ndarray:
+            return np.full_like(distance, self.rate + self.other)
+
+        @classmethod
+        def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float]:  # noqa: ARG003
+            return {"rate": slope} if kind == "incomplete start" else {"rate": slope, "other": 0.0}
+
+    Failing.__module__ = module
+    return Failing
+
+
+@pytest.mark.parametrize("module", [__name__, "pretouch.sensors.failing"])
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("raises", "ZeroDivisionError: division by zero"),
+        ("not a number", "InvalidInputError: scale: found nan"),
+        ("incomplete start", "KeyError: 'other'"),
+        ("parameters that cannot be told apart", "ValueError: math domain error"),
+    ],
+)
+def test_a_family_whose_fit_fails_costs_no_other_its_fit(kind: str, reason: str, module: str) -> None:
+    """One inside the package is ranked unasked."""
+    made = failing(kind, module)
+    distance = np.repeat(np.arange(2, 40) * 0.002, 3)
+    noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
+    outputs = 0.1 + 1.3e-5 / (distance + 0.0419) ** 3.32 * noise
+    readings = Calibration(distances=distance, outputs=outputs, no_object=[0.0999, 0.1, 0.1001], unit="V")
+    report = rank_models(readings, None if module.startswith("pretouch.") else (*model_names(), "failing"))
+    assert list(report.not_fitted) == ["failing"]
+    assert reason in report.not_fitted["failing"]
+    assert f"failing: not fitted. Its fit ends in {reason}" in str(report)
+    assert report.best is not None
+    assert len(report.fits) == len(set(model_names()) - {"failing"})
+    with pytest.raises(pt.errors.ResultUnavailableError, match=r"failing cannot be fitted\. Its fit ends in"):
+        pt.fit_sensor(readings, "failing")
+    del made
+    gc.collect()

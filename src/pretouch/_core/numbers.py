@@ -82,10 +82,21 @@ def finite_or_none(value: Any) -> float | None:
     return number if math.isfinite(number) else None
 
 
+def are_numbers(value: Any) -> bool:
+    """Tell whether a value is a number, or an array or nested sequence of them, NaN and infinite ones among them."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
+        return True
+    return _numbers(value) is not None
+
+
 def _numbers(value: ArrayLike) -> FloatArray | None:
     """Copy numbers into a float array; None for text, truth values, complex and masked ones, which NumPy converts."""
     try:
+        if isinstance(value, list | tuple) and bool in map(type, value):
+            return None
         given = np.asarray(value)
+        if given.dtype.kind == "O" and any(isinstance(item, str | bytes | bool) for item in given.flat):
+            return None
         if given.dtype.kind in "iufO" and not np.ma.is_masked(value):
             return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):

@@ -8,9 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import checked
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family, SensorModel, Table, known_curves
+from pretouch.sensors.conformance import is_ours, refuse_unlawful
 
 from .averaging import AveragedCurve
 from .data import Calibration
@@ -165,6 +167,7 @@ def _parameters(
 _TABLE: Final = "table"
 
 
+@checked
 def fit_sensor(
     calibration: Calibration,
     model: str = "inverse-power",
@@ -249,6 +252,8 @@ def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
     try:
         with np.errstate(all="ignore"):
             fit = fit_prepared(model, prepared)
+            if not is_ours(fit.sensor):
+                refuse_unlawful(fit.sensor, fit.window.l_max)
     except Exception as error:  # a curve that fails in one model must not cost the others their fits
         return f"Its fit ends in {type(error).__name__}: {error}."
     return fit if np.isfinite(fit.residuals).all() else "Its fit does not give a finite output at every distance."

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.values import Value
+from pretouch._core.values import Value, check_types
 
 from .panel_checks import (
     as_column,
@@ -70,6 +70,7 @@ class Curve(Value):
     end: str = ""
 
     def __post_init__(self) -> None:
+        check_types(self)
         who = called("curve", self.label)
         for name in ("x", "y", "low", "high"):
             if getattr(self, name) is not None:
@@ -124,6 +125,7 @@ class Mark(Value):
     shape: Literal["dot", "ring", "square"] = "dot"
 
     def __post_init__(self) -> None:
+        check_types(self)
         who = called("mark", self.label)
         for name in ("x", "y"):
             object.__setattr__(self, name, as_number(getattr(self, name), f"{who}: {name}"))
@@ -152,6 +154,7 @@ class Span(Value):
     kind: Literal["blocked", "missing", "used"] = "blocked"
 
     def __post_init__(self) -> None:
+        check_types(self)
         who = called("span", self.label)
         start, end = as_limits((self.start, self.end), who) or (0.0, 0.0)
         object.__setattr__(self, "start", start)
@@ -177,6 +180,7 @@ class Map(Value):
     values: ArrayLike
 
     def __post_init__(self) -> None:
+        check_types(self)
         x, y = (as_column(getattr(self, name), f"map: {name}") for name in ("x", "y"))
         values = np.asarray(self.values, dtype=np.float64)
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
@@ -228,6 +232,7 @@ class Panel(Value):
     y_limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         for name in ("x_label", "y_label", "title")[: 2 if self.map is None else 3]:
             if not _UNIT.search(getattr(self, name)):
                 raise InvalidInputError(

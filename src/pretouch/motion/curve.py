@@ -12,13 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
+from pretouch.sensors.conformance import is_ours, refuse_unlawful
 from pretouch.sensors.model import kept_by_curve
 
 from .scenario import Scenario
@@ -67,9 +68,21 @@ def reach_of(scenario: Scenario) -> float:
     """
     distance = scenario.distance
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
-    if largest > FOLLOWED and np.any(near := np.asarray(distance) <= FOLLOWED):
-        largest = float(np.max(distance, initial=0.0, where=near))
+    if largest > FOLLOWED:
+        largest = _largest_followed(distance) or largest
     return 2.0 ** math.frexp(largest)[1]
+
+
+def _largest_followed(distance: Any) -> float:
+    """Return the largest of some distances [m] up to FOLLOWED; 0 where there is none."""
+    return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= FOLLOWED))
+
+
+def check_curve(sensor: SensorModel, distance: Any) -> None:
+    """Refuse a user's curve that breaks a law of sensors nearer than where encounters start [m], of any shape."""
+    if not is_ours(sensor):
+        near = type(distance) is float and distance <= FOLLOWED
+        refuse_unlawful(sensor, distance if near else _largest_followed(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:

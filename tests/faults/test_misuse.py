@@ -761,6 +761,21 @@ def test_arrays_and_sequences_of_numbers_are_numbers() -> None:
     assert SENSOR.log_slope(Fraction(1, 100)) == SENSOR.log_slope(0.01)
 
 
+BEYOND = [10**400, -(10**5000), Fraction(10**400), Decimal("1e400"), Decimal("sNaN"), np.ma.masked]
+
+
+@pytest.mark.parametrize("huge", BEYOND, ids=lambda value: type(value).__name__)
+def test_a_number_beyond_all_floats_is_refused(huge: Any) -> None:
+    for call in (
+        lambda: pt.Constraint(name="excursion", limit=huge),
+        lambda: pt.SpringImpact(robot_mass=huge, stiffness=1.0),
+        lambda: pt.Admittance(mass=huge, damping=1.0, stiffness=1.0),
+        lambda: pt.simulation.sensor_part(huge),
+    ):
+        with pytest.raises(pt.errors.InvalidInputError, match=r"found .*(must be finite|expected)"):
+            call()
+
+
 def test_a_true_of_numpy_is_a_flag() -> None:
     assert pt.control.VirtualDamper(gain=-0.7, approach_only=np.bool_(True)).approach_only
 

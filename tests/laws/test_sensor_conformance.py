@@ -345,7 +345,7 @@ def test_a_curve_is_looked_at_again_only_where_an_encounter_starts_farther_away(
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_the_curves_of_pretouch_are_not_looked_at(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_curves_of_pretouch_are_not_verified_reach(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = CURVES[name]
     ours = name != "custom"
     monkeypatch.setattr("pretouch.motion.curve.refuse_unlawful", lambda *_: asked.append(name))

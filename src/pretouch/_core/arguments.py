@@ -1,12 +1,13 @@
 """Check the arguments of public functions, and the fields of values, by their annotations.
 
-`checked` is put on a function; `check_declared` of values.py asks for `rules_of_fields`. A rule is made once, when its
-function or class is first used. Where the type of an argument has been found right before, it costs one look-up.
+`check_arguments` decorates a function; `check_declared` of values.py asks for `rules_of_fields`. A rule is made once,
+when its function or class is first used. A type that was allowed before costs one look-up.
 """
 
 from __future__ import annotations
 
 import builtins
+import math
 import os
 import sys
 import types
@@ -65,7 +66,7 @@ class _Kind(NamedTuple):
         one: what is allowed, in words.
         many: the same, of several.
         by_type: whether the type of a value decides.
-        made: from a value of another type to the one that is kept, such as from a number of NumPy to a float.
+        convert: from a value of another type to the one that is kept, such as from a number of NumPy to a float.
     """
 
     quick: set[type]
@@ -73,7 +74,7 @@ class _Kind(NamedTuple):
     one: str
     many: str
     by_type: bool = True
-    made: Callable[[Any], Any] | None = None
+    convert: Callable[[Any], Any] | None = None
 
 
 class Rule:
@@ -109,13 +110,13 @@ class Rule:
         if type(value) in self.quick:
             return value
         if not self._kind.holds(value):
-            raise InvalidInputError(f"{before}{self._name}: found {shown(value)}, expected {self._kind.one}")
+            raise InvalidInputError(f"{before}{self._name}: found {short_repr(value)}, expected {self._kind.one}")
         if self._kind.by_type and type(value).__module__.startswith(_HOME):
             self.quick.add(type(value))  # a class of the user's is not kept alive
-        return value if self._kind.made is None else self._kind.made(value)
+        return value if self._kind.convert is None else self._kind.convert(value)
 
 
-def checked(function: F) -> F:
+def check_arguments(function: F) -> F:
     """Make a public function check its arguments before it does anything.
 
     Args:
@@ -125,7 +126,7 @@ def checked(function: F) -> F:
         The function, which refuses arguments of other types by InvalidInputError: argument, value, what is allowed.
 
     Examples:
-        >>> @checked
+        >>> @check_arguments
         ... def double(number: float) -> float:
         ...     return 2 * number
         >>> double(1.5)
@@ -134,14 +135,14 @@ def checked(function: F) -> F:
         Traceback (most recent call last):
         pretouch._core.errors.InvalidInputError: number: found '1.5', expected a number
     """
-    found: tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]] | None = None
+    rules: tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]] | None = None
 
     @wraps(function)
     def call(*args: Any, **options: Any) -> Any:
-        nonlocal found
-        if found is None:
-            found = _rules_of_function(function)
-        leading, further, by_name = found
+        nonlocal rules
+        if rules is None:
+            rules = _rules_of_function(function)
+        leading, further, by_name = rules
         for value, rule in zip(args, leading, strict=False):
             if rule is not None and type(value) not in rule.quick:
                 rule.check(value)
@@ -165,7 +166,7 @@ def _rules_of_function(
     leading: list[Rule | None] = []
     further, by_name = None, {}
     for parameter in signature(inner).parameters.values():
-        kind = _kind(_evaluated(parameter.annotation, inner.__globals__))
+        kind = _kind(_evaluate(parameter.annotation, inner.__globals__))
         rule = None if kind is None else Rule(parameter.name, kind)
         if parameter.kind is Parameter.VAR_POSITIONAL:
             further = rule
@@ -181,13 +182,13 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
     """Return the rules of the fields of a dataclass that no `quantity` declares, by name; kept in the class."""
     known: dict[str, Rule] | None = cls.__dict__.get(_KEPT)
     if known is None:
-        known = _made_for_fields(cls)
+        known = _make_rules(cls)
         setattr(cls, _KEPT, known)
     return known
 
 
-def _made_for_fields(cls: Any) -> dict[str, Rule]:
-    found = {}
+def _make_rules(cls: Any) -> dict[str, Rule]:
+    rules = {}
     for f in fields(cls):
         if not f.init or "unit" in f.metadata or f.metadata.get("checked") is False:
             continue
@@ -195,13 +196,13 @@ def _made_for_fields(cls: Any) -> dict[str, Rule]:
         if not home.__module__.startswith(_HOME):  # a user's class checks what it adds
             continue
         annotation = f.metadata.get("takes", f.type)
-        kind = _kind(_evaluated(annotation, vars(sys.modules[home.__module__])))
+        kind = _kind(_evaluate(annotation, vars(sys.modules[home.__module__])))
         if kind is not None:
-            found[f.name] = Rule(f.name, kind, f.default)
-    return found
+            rules[f.name] = Rule(f.name, kind, f.default)
+    return rules
 
 
-def shown(value: Any) -> str:
+def short_repr(value: Any) -> str:
     """Return a value as a message shows it, in few characters.
 
     Args:
@@ -211,27 +212,29 @@ def shown(value: Any) -> str:
         Such as `'x'`, `None`, `a Task`, `an array of the shape (3,)`.
 
     Examples:
-        >>> shown("x"), shown(object()), shown(int)
+        >>> short_repr("x"), short_repr(object()), short_repr(int)
         ("'x'", 'an object', 'the class int')
     """
-    if isinstance(value, type):
-        return f"the class {value.__name__}"
+    container = isinstance(value, tuple | list | dict | set)
+    if _is_simple(value) or (container and len(value) <= _FEW and all(map(_is_simple, value))):
+        return _cut_repr(value)
     if isinstance(value, np.ndarray) and value.ndim:
         return f"an array of {value.dtype} of the shape {value.shape}"
-    simple = isinstance(value, None | bool | int | float | complex | str | bytes | np.generic | os.PathLike)
-    if simple or (isinstance(value, tuple | list | dict | set) and len(value) <= _FEW and all(map(_is_simple, value))):
+    if isinstance(value, type | types.FunctionType | types.BuiltinFunctionType):
+        return f"the {'class' if isinstance(value, type) else 'function'} {value.__name__}"
+    return f"a {type(value).__name__} of {len(value)}" if container else _with_article(type(value).__name__)
+
+
+def _cut_repr(value: Any) -> str:
+    try:
         text = repr(value)
-        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
-    name = type(value).__name__
-    if isinstance(value, tuple | list | dict | set):
-        return f"a {name} of {len(value)}"
-    if isinstance(value, types.FunctionType | types.BuiltinFunctionType):
-        return f"the function {value.__name__}"
-    return _with_article(name)
+    except ValueError:  # of a whole number with thousands of digits
+        return _with_article(type(value).__name__)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def _is_simple(value: Any) -> bool:
-    return isinstance(value, None | bool | int | float | complex | str | bytes)
+    return isinstance(value, None | bool | int | float | complex | str | bytes | np.generic | os.PathLike)
 
 
 def _with_article(name: str) -> str:
@@ -256,7 +259,7 @@ class _Names(dict[str, Any]):
         return _Elsewhere(name, (), {})
 
 
-def _evaluated(annotation: Any, names: Mapping[str, Any]) -> Any:
+def _evaluate(annotation: Any, names: Mapping[str, Any]) -> Any:
     """Return what an annotation says; Any where that cannot be told."""
     if annotation is Parameter.empty:
         return Any
@@ -270,19 +273,29 @@ def _evaluated(annotation: Any, names: Mapping[str, Any]) -> Any:
 
 def _is_number(value: Any) -> bool:
     if isinstance(value, np.ndarray):
-        return value.ndim == 0 and value.dtype.kind in "iuf"
+        return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
     return isinstance(value, Real | Decimal) and not isinstance(value, bool)
+
+
+def _as_float(value: Any) -> float:
+    """Return a number as a float: infinite where it is beyond all floats, NaN where it is no number."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+    except ValueError:  # a signaling NaN of Decimal
+        return math.nan
 
 
 def _is_whole(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
-_NUMBER: Final = _Kind({float, int, np.float64}, _is_number, "a number", "numbers", by_type=False, made=float)
+_NUMBER: Final = _Kind({float, int, np.float64}, _is_number, "a number", "numbers", by_type=False, convert=_as_float)
 _KINDS: Final[dict[Any, _Kind]] = {
     float: _NUMBER,
-    int: _Kind({int}, _is_whole, "a whole number", "whole numbers", by_type=False, made=int),
-    bool: _Kind({bool}, lambda v: isinstance(v, bool | np.bool_), "True or False", "", by_type=False, made=bool),
+    int: _Kind({int}, _is_whole, "a whole number", "whole numbers", by_type=False, convert=int),
+    bool: _Kind({bool}, lambda v: isinstance(v, bool | np.bool_), "True or False", "", by_type=False, convert=bool),
     str: _Kind({str}, lambda v: isinstance(v, str), "text", "texts"),
     None: _Kind({type(None)}, lambda v: v is None, "None", "None"),
     type(None): _Kind({type(None)}, lambda v: v is None, "None", "None"),
@@ -327,12 +340,12 @@ def _any_of(kinds: Sequence[_Kind | None]) -> _Kind | None:
     quick = set().union(*(kind.quick for kind in known))
     words = " or ".join(dict.fromkeys(kind.one for kind in known))
 
-    def made(value: Any) -> Any:
+    def convert(value: Any) -> Any:
         kind = next(kind for kind in known if kind.holds(value))
-        return value if kind.made is None else kind.made(value)
+        return value if kind.convert is None else kind.convert(value)
 
     decides = all(kind.by_type for kind in known)
-    return _Kind(quick, lambda v: any(kind.holds(v) for kind in known), words, words, decides, made)
+    return _Kind(quick, lambda v: any(kind.holds(v) for kind in known), words, words, decides, convert)
 
 
 _COUNTS: Final = {1: "one", 2: "two", 3: "three"}
@@ -349,11 +362,11 @@ def _row(parts: tuple[Any, ...]) -> _Kind | None:
             return False
         return all(type(item) in quick or holds(item) for item in value)
 
-    def made(value: Any) -> Any:
-        return tuple(item if kind.made is None or type(item) in quick else kind.made(item) for item in value)
+    def convert(value: Any) -> Any:
+        return tuple(item if kind.convert is None or type(item) in quick else kind.convert(item) for item in value)
 
     words = f"{_COUNTS.get(count, count)} {kind.many}"
-    return _Kind(set(), fits, words, words, by_type=False, made=made)
+    return _Kind(set(), fits, words, words, by_type=False, convert=convert)
 
 
 def _sequence(kind: _Kind | None) -> _Kind:

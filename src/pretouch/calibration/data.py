@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import WORKABLE, has_workable_magnitude
@@ -132,7 +132,7 @@ def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
 NoObject: TypeAlias = "float | Sequence[float] | FloatArray | str | os.PathLike[str] | None"
 
 
-@checked
+@check_arguments
 def read_calibration(
     path: str | os.PathLike[str],
     *,
@@ -190,7 +190,7 @@ def read_calibration(
     )
 
 
-@checked
+@check_arguments
 def read_calibrations(
     path: str | os.PathLike[str],
     *,

@@ -8,11 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family, SensorModel, Table, known_curves
-from pretouch.sensors.conformance import is_ours, refuse_unlawful
+from pretouch.sensors.conformance import is_built_in, refuse_unlawful
 
 from .averaging import AveragedCurve
 from .data import Calibration
@@ -167,7 +167,7 @@ def _parameters(
 _TABLE: Final = "table"
 
 
-@checked
+@check_arguments
 def fit_sensor(
     calibration: Calibration,
     model: str = "inverse-power",
@@ -252,7 +252,7 @@ def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
     try:
         with np.errstate(all="ignore"):
             fit = fit_prepared(model, prepared)
-            if not is_ours(fit.sensor):
+            if not is_built_in(fit.sensor):
                 refuse_unlawful(fit.sensor, fit.window.l_max)
     except Exception as error:  # a curve that fails in one model must not cost the others their fits
         return f"Its fit ends in {type(error).__name__}: {error}."

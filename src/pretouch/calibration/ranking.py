@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.units import format_quantity
 
 from .averaging import average, slope_weights
@@ -118,7 +118,7 @@ _MOST_NAMED = 5  # distances, one by one
 _SMALL_FALL = 0.3  # of ln xi over the window: less tells hardly more than a slope
 
 
-@checked
+@check_arguments
 def rank_models(
     calibration: Calibration,
     models: tuple[str, ...] | None = None,

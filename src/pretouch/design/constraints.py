@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite, float_or_array, positive
@@ -168,7 +168,7 @@ QUANTITY_UNITS: Final[dict[str, str]] = {
 """SI unit of every quantity: the fields of ContactState, two that need the robot's physical mass, and the gain."""
 
 
-@checked
+@check_arguments
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:
     """Read a quantity from the state at contact.
 

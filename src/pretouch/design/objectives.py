@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite, nonnegative
 from pretouch._core.values import check_types
@@ -110,7 +110,7 @@ class Objective:
         return found
 
 
-@checked
+@check_arguments
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
@@ -136,7 +136,7 @@ def excursion_objective(
     return Objective(terms=(price, speed), name="excursion")
 
 
-@checked
+@check_arguments
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:

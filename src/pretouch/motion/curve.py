@@ -19,7 +19,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
-from pretouch.sensors.conformance import is_ours, refuse_unlawful
+from pretouch.sensors.conformance import is_built_in, refuse_unlawful
 from pretouch.sensors.model import kept_by_curve
 
 from .scenario import Scenario
@@ -80,7 +80,7 @@ def _largest_followed(distance: Any) -> float:
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
     """Refuse a user's curve that breaks a law of sensors nearer than where encounters start [m], of any shape."""
-    if not is_ours(sensor):
+    if not is_built_in(sensor):
         near = type(distance) is float and distance <= FOLLOWED
         refuse_unlawful(sensor, distance if near else _largest_followed(distance))
 

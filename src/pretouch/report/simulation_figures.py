@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult, ContactStatus
 from pretouch.simulation import LoopTrace, SimulationResult
@@ -39,7 +39,7 @@ class _Course(NamedTuple):
     columns: dict[str, tuple[FloatArray, FloatArray]]
 
 
-@checked
+@check_arguments
 def simulation(encounter: SimulatedEncounter) -> Figure:
     """Draw one run of the loop beside the prediction and beside the run without mitigation.
 

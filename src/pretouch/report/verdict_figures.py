@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult
@@ -33,7 +33,7 @@ _SYMBOLS: Final = {
 }
 
 
-@checked
+@check_arguments
 def verdict(verdict: Verdict) -> Figure:
     """Draw what the runs of a verdict come to, beside what was predicted and what is allowed.
 
@@ -120,7 +120,7 @@ class _Shown(NamedTuple):
     touched: bool
 
 
-@checked
+@check_arguments
 def verdict_run(verdict: Verdict) -> Figure:
     """Draw the median and the worst run, by their speed at contact, beside the prediction.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
@@ -64,7 +64,7 @@ class SensorConformance(Value):
         return "\n".join([f"{self.sensor}: {'conforms' if self.conforms else 'does not conform'}", *lines])
 
 
-@checked
+@check_arguments
 def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance:
     """Check a sensor curve, a user's own above all, against the laws that the rest of pretouch relies on.
 
@@ -138,7 +138,7 @@ def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
             differs from the integral of g by more than 0.1 % of the whole change.
     """
     try:
-        looked_at = _looked_at(sensor)
+        verified = _verified_reach(sensor)
     except TypeError:  # it cannot be hashed
         raise InvalidInputError(
             f"sensor: found a {type(_innermost(sensor)).__name__} with a field that cannot be hashed, such as a list, "
@@ -146,17 +146,17 @@ def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
         ) from None
     low, high = sensor.valid_range
     low, high = max(low, 0.0), min(farthest, high)
-    if not (high > low and high > looked_at[0]):
+    if not (high > low and high > verified[0]):
         return
     with np.errstate(all="ignore"):
         fault = _fault(sensor, np.linspace(low, high, _PROBES))
     if fault is not None:
         name = sensor.name or type(sensor).__name__
         raise InvalidInputError(f"sensor: the {name} curve is no curve of a sensor: {fault}")
-    looked_at[0] = high
+    verified[0] = high
 
 
-def is_ours(sensor: SensorModel) -> bool:
+def is_built_in(sensor: SensorModel) -> bool:
     """Tell whether a curve is one of pretouch, with parameters in the place of a user's functions."""
     curve = _innermost(sensor)
     return type(curve).__module__.startswith(_HOME) and not hasattr(curve, "log_output_function")
@@ -170,7 +170,7 @@ def _innermost(sensor: SensorModel) -> SensorModel:
 
 
 @kept_by_curve(256)
-def _looked_at(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - it is kept by the curve
+def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - it is kept by the curve
     """Return a place to note up to which distance [m] a curve was found to obey the laws."""
     return [-np.inf]
 
@@ -181,8 +181,8 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
     if obstacle is not None:
         return f"found {obstacle}, expected functions that take distances of any shape and return as many numbers"
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
-    told = (("ln xi", "", log_output, sensor.log_output), ("a slope", " 1/m", slope, sensor.log_slope))
-    for what, unit, values, function in told:
+    functions = (("ln xi", "", log_output, sensor.log_output), ("a slope", " 1/m", slope, sensor.log_slope))
+    for what, unit, values, function in functions:
         wrong = np.flatnonzero(~np.isfinite(values))
         if len(wrong):
             i = wrong[0]

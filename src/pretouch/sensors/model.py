@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Concatenate, ParamSpec, TypeVar, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.arguments import shown
+from pretouch._core.arguments import short_repr
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.files import plain
 from pretouch._core.numbers import BoolArray, FloatArray, are_numbers, finite
@@ -216,7 +216,7 @@ def _distances(distance: ArrayLike) -> FloatArray:
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
-    raise InvalidInputError(f"distance: found {shown(distance)}, expected a number or an array of numbers in m")
+    raise InvalidInputError(f"distance: found {short_repr(distance)}, expected a number or an array of numbers in m")
 
 
 def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
@@ -160,7 +160,7 @@ class SensorChain:
             yield "readings that are missing", _percent(self.dropout)
 
 
-@checked
+@check_arguments
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
     """Make a chain whose noise, misfit, offset, resolution and saturation are those of a fitted calibration.
 
@@ -249,7 +249,7 @@ class LoopTiming:
         return (*self.sections, (1 - kept, 0.0, 0.0, 1.0, -kept, 0.0))
 
 
-@checked
+@check_arguments
 def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
     """Tell when a loop of this chain and this controller samples and acts.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
@@ -15,7 +15,7 @@ from .result import FOLLOW, HORIZON, SimulationResult, result_of
 from .robot import ContactModel, IdealPlant, PlantModel
 
 
-@checked
+@check_arguments
 def simulate(
     scenario: Scenario,
     sensor: SensorModel,

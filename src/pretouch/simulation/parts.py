@@ -8,7 +8,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Final
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 
 from .chain import SensorChain
@@ -37,7 +37,7 @@ class SensorPart:
     assumptions: tuple[str, ...]
 
 
-@checked
+@check_arguments
 def sensor_part(name: str) -> SensorPart:
     """Look up a sensor part by its name.
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, OutOfRangeError, OutputExistsError, require
 from pretouch._core.numbers import finite
 from pretouch.design import Task
@@ -37,7 +37,7 @@ _ZARR: Final = ".zarr"
 _MOVE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
 
 
-@checked
+@check_arguments
 def sweep(
     task: Task,
     axes: Axes,

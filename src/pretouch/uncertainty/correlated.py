@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_range
@@ -110,7 +110,7 @@ class CorrelatedNormal(JointDistribution):
             yield member, f"{text}, together with the others of {name}"
 
 
-@checked
+@check_arguments
 def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     """Return how the parameters of a fitted curve may lie: normal, with the covariance of the fit.
 

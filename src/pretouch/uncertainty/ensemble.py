@@ -10,7 +10,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
@@ -51,7 +51,7 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
     return tuple(names)
 
 
-@checked
+@check_arguments
 def sample_inputs(
     uncertainty: Uncertainty, count: int, *, seed: int = 0, sampling: str = "sobol"
 ) -> dict[str, FloatArray]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pretouch._core.arguments import checked
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite, float_or_array, nonnegative, positive
 from pretouch._core.values import Value, check_types
@@ -142,7 +142,7 @@ class PhysicalBound(Value):
         return np.asarray(np.where(short * limit <= top, short, top / limit + (excursion - top**2 / 2 / limit) / top))
 
 
-@checked
+@check_arguments
 def find_physical_bound(
     scenario: Scenario, *, acceleration_limit: ArrayLike, speed_limit: float = math.inf
 ) -> PhysicalBound:

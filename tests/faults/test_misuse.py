@@ -463,7 +463,12 @@ VALUES = [
     Case(
         "report.Panel",
         {
-            **{"x_label": "a", "y_label": "b", "curves": (pt.report.Curve(x=[0.0, 1.0], y=[0.0, 1.0]),), "title": "c"},
+            **{
+                "x_label": "a [m]",
+                "y_label": "b [m]",
+                "curves": (pt.report.Curve(x=[0.0, 1.0], y=[0.0, 1.0]),),
+                "title": "c",
+            },
             **{"marks": (pt.report.Mark(x=0.0, y=0.0),), "spans": (pt.report.Span(start=0.0, end=1.0),)},
             **{"levels": {"a": 1.0}, "positions": {"a": 1.0}, "x_log": False, "y_log": False},
             **{"x_limits": (0.0, 1.0), "y_limits": (0.0, 1.0)},
@@ -749,6 +754,8 @@ def test_numbers_of_every_kind_are_numbers(kind: Callable[[int], Any]) -> None:
 @pytest.mark.parametrize("kind", [int, np.int8, np.int64, np.uint16])
 def test_whole_numbers_of_every_kind_are_whole_numbers(kind: Callable[[int], Any]) -> None:
     assert len(pt.solve_motion(SCENARIO, SENSOR, -0.7, samples=kind(7)).time) == 7
+    normal = {"gain": pt.robust.Normal(mean=0.0, deviation=1.0)}
+    assert len(pt.robust.sample_inputs(normal, kind(4), seed=kind(1))["gain"]) == 4
     assert pt.simulate(SCENARIO, SENSOR, LAW, runs=kind(2), seed=kind(1)).relative_velocity.shape == (2,)
 
 

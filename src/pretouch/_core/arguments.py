@@ -7,54 +7,26 @@ when its function or class is first used. A type that was allowed before costs o
 from __future__ import annotations
 
 import builtins
-import math
 import os
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
-from decimal import Decimal
 from functools import wraps
 from inspect import Parameter, signature, unwrap
-from numbers import Real
-from typing import Any, Final, Literal, NamedTuple, TypeVar, Union, cast, get_args, get_origin
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InvalidInputError
-from .numbers import are_numbers
+from .numbers import are_numbers, as_float, is_number, is_whole
+from .vocabulary import EXAMPLES, short_repr, with_article
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _HOME: Final = "pretouch."
-_KEPT: Final = "_rules_of_fields"  # in a class, with which it vanishes
-_LONGEST: Final = 60  # characters of a value that a message shows
-_FEW: Final = 8  # items that are shown
-_EXAMPLES: Final = {
-    "AdmittanceDesign": "an AdmittanceDesign, which design_admittance returns",
-    "Calibration": "a Calibration, such as read_calibration(path) returns",
-    "CalibrationReport": "a CalibrationReport, which rank_models returns",
-    "ContactModel": "a contact model, such as SpringDamper(stiffness=1e4)",
-    "ContinuousLaw": "a law in continuous time, such as pretouch.motion.DRAG",
-    "DragDesign": "a DragDesign, which design_drag returns",
-    "GainDesign": "a GainDesign, which design_gain returns",
-    "ImpactModel": "an impact model, such as SpringImpact(robot_mass=1.0, stiffness=1e4)",
-    "JointDistribution": "a distribution, such as Normal(mean=-0.3, deviation=0.02)",
-    "SteppedLaw": "a law for a controller, such as VirtualDamper(gain=-0.7)",
-    "Measure": "a measure, such as Expected() or Quantile(probability=0.9)",
-    "ParetoFront": "a ParetoFront, which pareto_front returns",
-    "PlantModel": "a robot, such as ImpedancePlant(mass=4.0, stiffness=4e3, damping=250.0)",
-    "RobustDesign": "a RobustDesign, which design_robust_gain returns",
-    "SampledLaw": "a sampled law, such as Controller(...)",
-    "SensorFit": "a SensorFit, which fit_sensor returns",
-    "SensorModel": "a sensor curve, such as InversePower(...)",
-    "SimulatedEncounter": "a SimulatedEncounter, which simulate_encounter returns",
-    "Task": "a Task, such as load_scenario(path) returns",
-    "TunableLaw": "a sampled law, such as Controller(...)",
-    "Verdict": "a Verdict, which verify_gain returns",
-}
-"""What is expected, for classes whose name alone does not say how to come by one."""
+KEPT: Final = "_rules_of_fields"
 
 
 class _Kind(NamedTuple):
@@ -116,6 +88,10 @@ class Rule:
         return value if self._kind.convert is None else self._kind.convert(value)
 
 
+_Rules: TypeAlias = tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]]
+"""Of a function: the rules of its leading parameters, of any further ones, and of all by name."""
+
+
 def check_arguments(function: F) -> F:
     """Make a public function check its arguments before it does anything.
 
@@ -135,7 +111,7 @@ def check_arguments(function: F) -> F:
         Traceback (most recent call last):
         pretouch._core.errors.InvalidInputError: number: found '1.5', expected a number
     """
-    rules: tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]] | None = None
+    rules: _Rules | None = None
 
     @wraps(function)
     def call(*args: Any, **options: Any) -> Any:
@@ -143,25 +119,29 @@ def check_arguments(function: F) -> F:
         if rules is None:
             rules = _rules_of_function(function)
         leading, further, by_name = rules
-        for value, rule in zip(args, leading, strict=False):
+        for value, rule in zip(args, leading):  # noqa: B905 - there may be more of either
             if rule is not None and type(value) not in rule.quick:
-                rule.check(value)
-        if further is not None:
-            for value in args[len(leading) :]:
-                further.check(value)
-        for name, value in options.items():
-            rule = by_name.get(name)
-            if rule is not None and type(value) not in rule.quick:
-                rule.check(value)
-        return function(*args, **options)
+                break
+        else:
+            for name, value in options.items():
+                rule = by_name.get(name)
+                if rule is not None and type(value) not in rule.quick:
+                    break
+            else:
+                if further is None:
+                    return function(*args, **options)
+        each = (*leading, *[further] * (len(args) - len(leading)))
+        kept = [_keep(rule, value) for rule, value in zip(each, args)]  # noqa: B905 - there may be fewer arguments
+        return function(*kept, **{name: _keep(by_name.get(name), value) for name, value in options.items()})
 
     return cast("F", call)
 
 
-def _rules_of_function(
-    function: Callable[..., Any],
-) -> tuple[tuple[Rule | None, ...], Rule | None, dict[str, Rule]]:
-    """Return the rules of the leading parameters, of any further ones, and of all by name."""
+def _keep(rule: Rule | None, value: Any) -> Any:
+    return value if rule is None else rule.check(value)
+
+
+def _rules_of_function(function: Callable[..., Any]) -> _Rules:
     inner: Any = unwrap(function)
     leading: list[Rule | None] = []
     further, by_name = None, {}
@@ -179,16 +159,11 @@ def _rules_of_function(
 
 
 def rules_of_fields(cls: Any) -> dict[str, Rule]:
-    """Return the rules of the fields of a dataclass that no `quantity` declares, by name; kept in the class."""
-    known: dict[str, Rule] | None = cls.__dict__.get(_KEPT)
-    if known is None:
-        known = _make_rules(cls)
-        setattr(cls, _KEPT, known)
-    return known
+    """Return the rules of the fields of a dataclass that no `quantity` declares, by name.
 
-
-def _make_rules(cls: Any) -> dict[str, Rule]:
-    rules = {}
+    They are kept in the class as KEPT, and vanish with it.
+    """
+    rules: dict[str, Rule] = {}
     for f in fields(cls):
         if not f.init or "unit" in f.metadata or f.metadata.get("checked") is False:
             continue
@@ -199,46 +174,8 @@ def _make_rules(cls: Any) -> dict[str, Rule]:
         kind = _kind(_evaluate(annotation, vars(sys.modules[home.__module__])))
         if kind is not None:
             rules[f.name] = Rule(f.name, kind, f.default)
+    setattr(cls, KEPT, rules)
     return rules
-
-
-def short_repr(value: Any) -> str:
-    """Return a value as a message shows it, in few characters.
-
-    Args:
-        value: any.
-
-    Returns:
-        Such as `'x'`, `None`, `a Task`, `an array of the shape (3,)`.
-
-    Examples:
-        >>> short_repr("x"), short_repr(object()), short_repr(int)
-        ("'x'", 'an object', 'the class int')
-    """
-    container = isinstance(value, tuple | list | dict | set)
-    if _is_simple(value) or (container and len(value) <= _FEW and all(map(_is_simple, value))):
-        return _cut_repr(value)
-    if isinstance(value, np.ndarray) and value.ndim:
-        return f"an array of {value.dtype} of the shape {value.shape}"
-    if isinstance(value, type | types.FunctionType | types.BuiltinFunctionType):
-        return f"the {'class' if isinstance(value, type) else 'function'} {value.__name__}"
-    return f"a {type(value).__name__} of {len(value)}" if container else _with_article(type(value).__name__)
-
-
-def _cut_repr(value: Any) -> str:
-    try:
-        text = repr(value)
-    except ValueError:  # of a whole number with thousands of digits
-        return _with_article(type(value).__name__)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
-
-
-def _is_simple(value: Any) -> bool:
-    return isinstance(value, None | bool | int | float | complex | str | bytes | np.generic | os.PathLike)
-
-
-def _with_article(name: str) -> str:
-    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
 
 
 class _Elsewhere(type):
@@ -271,30 +208,10 @@ def _evaluate(annotation: Any, names: Mapping[str, Any]) -> Any:
     return annotation
 
 
-def _is_number(value: Any) -> bool:
-    if isinstance(value, np.ndarray):
-        return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
-    return isinstance(value, Real | Decimal) and not isinstance(value, bool)
-
-
-def _as_float(value: Any) -> float:
-    """Return a number as a float: infinite where it is beyond all floats, NaN where it is no number."""
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf if value > 0 else -math.inf
-    except ValueError:  # a signaling NaN of Decimal
-        return math.nan
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
-_NUMBER: Final = _Kind({float, int, np.float64}, _is_number, "a number", "numbers", by_type=False, convert=_as_float)
+_NUMBER: Final = _Kind({float, int, np.float64}, is_number, "a number", "numbers", by_type=False, convert=as_float)
 _KINDS: Final[dict[Any, _Kind]] = {
     float: _NUMBER,
-    int: _Kind({int}, _is_whole, "a whole number", "whole numbers", by_type=False, convert=int),
+    int: _Kind({int}, is_whole, "a whole number", "whole numbers", by_type=False, convert=int),
     bool: _Kind({bool}, lambda v: isinstance(v, bool | np.bool_), "True or False", "", by_type=False, convert=bool),
     str: _Kind({str}, lambda v: isinstance(v, str), "text", "texts"),
     None: _Kind({type(None)}, lambda v: v is None, "None", "None"),
@@ -323,7 +240,7 @@ def _composed(origin: Any, parts: tuple[Any, ...]) -> _Kind | None:
     if origin in {Union, types.UnionType}:
         return _any_of([_kind(part) for part in parts])
     if origin is Literal:
-        said = ", ".join(map(repr, parts))
+        said = ", ".join(map(str, parts))
         return _Kind(set(), lambda v: isinstance(v, str) and v in parts, f"one of {said}", said, by_type=False)
     if origin is tuple and parts[-1:] != (Ellipsis,):
         return _row(parts)
@@ -339,6 +256,9 @@ def _any_of(kinds: Sequence[_Kind | None]) -> _Kind | None:
         return None
     quick = set().union(*(kind.quick for kind in known))
     words = " or ".join(dict.fromkeys(kind.one for kind in known))
+    left = [kind for kind in known if kind.one != "None"]
+    if len(left) == 1:
+        return left[0]._replace(quick=quick, one=words)
 
     def convert(value: Any) -> Any:
         kind = next(kind for kind in known if kind.holds(value))
@@ -360,10 +280,12 @@ def _row(parts: tuple[Any, ...]) -> _Kind | None:
     def fits(value: Any) -> bool:
         if not isinstance(value, tuple | list | np.ndarray) or len(value) != count:
             return False
-        return all(type(item) in quick or holds(item) for item in value)
+        return quick.issuperset(map(type, value)) or all(map(holds, value))
 
     def convert(value: Any) -> Any:
-        return tuple(item if kind.convert is None or type(item) in quick else kind.convert(item) for item in value)
+        if kind.convert is None or (type(value) is tuple and quick.issuperset(map(type, value))):
+            return value
+        return tuple(item if type(item) in quick else kind.convert(item) for item in value)
 
     words = f"{_COUNTS.get(count, count)} {kind.many}"
     return _Kind(set(), fits, words, words, by_type=False, convert=convert)
@@ -371,13 +293,18 @@ def _row(parts: tuple[Any, ...]) -> _Kind | None:
 
 def _sequence(kind: _Kind | None) -> _Kind:
     def fits(value: Any) -> bool:
-        if isinstance(value, np.ndarray) and kind is not None and kind.holds is _is_number:
+        if type(value) is tuple and kind is not None and kind.quick.issuperset(map(type, value)):
+            return True
+        if isinstance(value, np.ndarray) and kind is not None and kind.holds is is_number:
             return value.ndim > 0 and are_numbers(value)
         if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
             return False
         if kind is None or not isinstance(value, Sequence | np.ndarray):  # what can be read once only is left unread
             return True
-        return all(type(item) in kind.quick or kind.holds(item) for item in value)
+        allowed = kind.quick.issuperset(map(type, value)) or all(map(kind.holds, value))
+        if allowed and kind.by_type:
+            kind.quick.update(t for t in set(map(type, value)) if t.__module__.startswith(_HOME))
+        return allowed
 
     words = "a sequence" if kind is None else f"a sequence of {kind.many}"
     return _Kind(set(), fits, words, "sequences", by_type=False)
@@ -396,7 +323,7 @@ def _mapping(key: Any, value: Any) -> _Kind:
 
 def _instance(cls: type) -> _Kind:
     name = cls.__name__
-    one, many = _EXAMPLES.get(name, _with_article(name)), f"{name}s"
+    one, many = EXAMPLES.get(name, with_article(name)), f"{name}s"
     if isinstance(cls, _Elsewhere):
         return _Kind(set(), lambda v: any(base.__name__ == name for base in type(v).__mro__), one, many)
     if getattr(cls, "_is_protocol", False):

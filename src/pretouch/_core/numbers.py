@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import lru_cache
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -80,6 +82,28 @@ def finite_or_none(value: Any) -> float | None:
     """
     number = float(value)
     return number if math.isfinite(number) else None
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether a value is one real number, of Python or NumPy; truth values are none."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
+    return isinstance(value, Real | Decimal) and not isinstance(value, bool)
+
+
+def as_float(value: Any) -> float:
+    """Return a number as a float: infinite where it is beyond all floats, NaN where it is no number."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+    except ValueError:  # a signaling NaN of Decimal
+        return math.nan
+
+
+def is_whole(value: Any) -> bool:
+    """Tell whether a value is a whole number, of Python or NumPy; truth values are none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def are_numbers(value: Any) -> bool:

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from .arguments import rules_of_fields
+from .arguments import KEPT, rules_of_fields
 from .errors import InvalidInputError
 from .numbers import finite, nonnegative, positive
 
@@ -200,8 +200,9 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
         before: what stands before the name in messages.
         instead: why an array will not do, for the message.
     """
-    check_types(value, before)
     kind: Any = type(value)
+    if kind.__dict__.get(KEPT) != {}:  # where nothing else is to be checked
+        check_types(value, before)
     for name, least, above, full in _quick(kind):
         given = getattr(value, name)
         if type(given) is not float or not (given > least or (given == least and not above)) or given == math.inf:
@@ -217,7 +218,9 @@ def check_types(value: Any, before: str = "") -> None:
         value: the instance.
         before: what stands before the name in messages.
     """
-    for name, rule in rules_of_fields(type(value)).items():
+    kind: Any = type(value)
+    rules = kind.__dict__.get(KEPT)
+    for name, rule in (rules_of_fields(kind) if rules is None else rules).items():
         given = getattr(value, name)
         if given is not rule.default and type(given) not in rule.quick:
             kept = rule.check(given, before)

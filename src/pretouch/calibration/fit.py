@@ -12,7 +12,8 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family, SensorModel, Table, known_curves
-from pretouch.sensors.conformance import is_built_in, refuse_unlawful
+from pretouch.sensors.conformance import refuse_unlawful
+from pretouch.sensors.model import is_built_in
 
 from .averaging import AveragedCurve
 from .data import Calibration

@@ -63,14 +63,16 @@ def _sparing(cls: type[R]) -> type[R]:
         if not known >= asked.keys():
             complete(self, scenario, sensor, objective, **asked)  # which refuses the name
         kept = self.__dict__
-        kept["scenario"], kept["sensor"], kept["uncertainty"] = scenario, sensor, {}
-        kept.update(asked)
         if not rules:
             rules.update(rules_of_fields(cls))
-        for name, value in kept.items():
+        if type(scenario) not in rules["scenario"].quick:
+            rules["scenario"].check(scenario)
+        if type(sensor) not in rules["sensor"].quick:
+            rules["sensor"].check(sensor)
+        kept["scenario"], kept["sensor"], kept["uncertainty"] = scenario, sensor, {}
+        for name, value in asked.items():
             rule = rules.get(name)
-            if rule is not None and type(value) not in rule.quick:
-                kept[name] = rule.check(value)
+            kept[name] = value if rule is None or type(value) in rule.quick else rule.check(value)
         if "law" in asked:
             kept["law"] = continuous_law(asked["law"])
         elif (own := getattr(asked.get("loop"), "continuous", None)) is not None:

@@ -19,8 +19,8 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
-from pretouch.sensors.conformance import is_built_in, refuse_unlawful
-from pretouch.sensors.model import kept_by_curve
+from pretouch.sensors.conformance import refuse_unlawful
+from pretouch.sensors.model import is_built_in, kept_by_curve
 
 from .scenario import Scenario
 

@@ -18,7 +18,7 @@ from pretouch.sensors import SensorModel
 
 from .curve import FOLLOWED, curve_pieces, curve_tops
 from .kernels import respond_many, solve_linear, solve_series
-from .layout import COLUMNS, ContactStatus, Relative, named
+from .layout import COLUMNS, ContactStatus, named
 from .many_curves import ManyCurves
 from .request import Request, Which, for_stretches
 
@@ -51,7 +51,10 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
 
 def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
     """Return rows of layout.COLUMNS without numbers, and their statuses: what no kernel has solved is unresolved."""
-    return np.full((count, len(COLUMNS)), np.nan), np.full(count, int(ContactStatus.UNRESOLVED), dtype=np.int64)
+    rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
+    rows.fill(np.nan)
+    status.fill(ContactStatus.UNRESOLVED)
+    return rows, status
 
 
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
@@ -109,35 +112,39 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
     With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away are left as
     they are, unresolved.
     """
-    given = request.part(which)
-    left = np.flatnonzero(_is_followed(request.some(which), len(rows)))
-    if not len(left):
-        return
+    values, gain = given = request.part(which)
+    out, ended, again = rows, status, np.flatnonzero(_is_followed(values))
+    if len(again) < len(rows):
+        if not len(again):
+            return
+        values, gain = (x[again] for x in given)
+        out, ended = _unresolved(len(again))
     for top, pieces, limits in _stages(request):
-        values, gain = (x[left] for x in given)
-        out, ended = _unresolved(len(left))
-        for start in range(0, len(left), _BLOCK):  # an interrupt gets through between blocks, not in compiled code
+        for start in range(0, len(out), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
             part = slice(start, start + _BLOCK)
             solve_series(values[part], gain[part], pieces, limits, out[part], ended[part])
-        rows[left], status[left] = out, ended
+        if out is not rows:
+            rows[again], status[again] = out, ended
         if not limits[-1]:
             return
-        left = left[(ended == ContactStatus.UNRESOLVED) & (out[:, _DISTANCE] >= top)]
-        if not len(left):
+        again = again[(ended == ContactStatus.UNRESOLVED) & (out[:, _DISTANCE] >= top)]
+        if not len(again):
             return
+        values, gain = (x[again] for x in given)
+        out, ended = _unresolved(len(again))
 
 
-def _is_followed(relative: Relative, count: int) -> BoolArray:
-    """Tell which encounters start near enough to be integrated, shape (count,)."""
-    return np.broadcast_to(relative.p - relative.x0 <= FOLLOWED, count)
+def _is_followed(values: FloatArray) -> BoolArray:
+    """Tell which encounters start near enough to be integrated, from the quantities of Scenario.relative, (n, 10)."""
+    followed: BoolArray = values[:, 5] - values[:, 3] <= FOLLOWED  # p - x~(0)
+    return followed
 
 
 def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    near, r = _is_followed(request.relative, request.size), request.relative
-    for i, start in enumerate((r.p - r.x0, r.x0, r.u0)):
-        trace[..., i] = start[:, None]
-    trace[..., -1] = 0.0
-    which = np.flatnonzero(near)
+    values, _ = request.part(slice(None))
+    trace[..., 0], trace[..., 1] = (values[:, 5] - values[:, 3])[:, None], values[:, 3, None]
+    trace[..., 2], trace[..., 3] = values[:, 4, None], 0.0
+    which = np.flatnonzero(_is_followed(values))
     trace[which] = np.nan
     if not len(which):
         return
@@ -155,7 +162,9 @@ def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, 
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
-    farthest = float(np.max(distance, initial=0.0, where=distance <= FOLLOWED))
+    farthest = float(np.max(distance, initial=0.0))
+    if farthest > FOLLOWED:
+        farthest = float(np.max(distance, initial=0.0, where=distance <= FOLLOWED))
     for top, goes_on in curve_tops(sensor, bottom, farthest, 2.0 ** math.ceil(math.log2(4 * farthest))):
         yield top, curve_pieces(sensor, bottom, top), (request.horizon, low <= 0, goes_on)
 

@@ -70,7 +70,6 @@ class Curve(Value):
     end: str = ""
 
     def __post_init__(self) -> None:
-        check_types(self)
         who = called("curve", self.label)
         for name in ("x", "y", "low", "high"):
             if getattr(self, name) is not None:
@@ -85,6 +84,7 @@ class Curve(Value):
             )
         check_ends(self.low, self.high, who)
         check_choice(self.kind, _KINDS, f"{who}: kind")
+        check_types(self)
         check_style(self.style, who)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
@@ -125,11 +125,11 @@ class Mark(Value):
     shape: Literal["dot", "ring", "square"] = "dot"
 
     def __post_init__(self) -> None:
-        check_types(self)
         who = called("mark", self.label)
         for name in ("x", "y"):
             object.__setattr__(self, name, as_number(getattr(self, name), f"{who}: {name}"))
         check_choice(self.shape, _SHAPES, f"{who}: shape")
+        check_types(self)
         check_style(self.style, who)
 
 
@@ -154,12 +154,14 @@ class Span(Value):
     kind: Literal["blocked", "missing", "used"] = "blocked"
 
     def __post_init__(self) -> None:
-        check_types(self)
         who = called("span", self.label)
+        for name in ("start", "end"):
+            as_number(getattr(self, name), f"{who}: {name}")
         start, end = as_limits((self.start, self.end), who) or (0.0, 0.0)
         object.__setattr__(self, "start", start)
         object.__setattr__(self, "end", end)
         check_choice(self.kind, _STRETCHES, f"{who}: kind")
+        check_types(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,11 +221,11 @@ class Panel(Value):
 
     x_label: str
     y_label: str
-    curves: Sequence[Curve] = ()
+    curves: Sequence[Curve] = field(default=(), metadata={"checked": False})  # by as_values
     map: Map | None = None
     title: str = ""
-    marks: Sequence[Mark] = ()
-    spans: Sequence[Span] = ()
+    marks: Sequence[Mark] = field(default=(), metadata={"checked": False})
+    spans: Sequence[Span] = field(default=(), metadata={"checked": False})
     levels: Mapping[str, float] = field(default_factory=dict)
     positions: Mapping[str, float] = field(default_factory=dict)
     x_log: bool = False

@@ -13,14 +13,13 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .model import SensorModel, kept_by_curve
+from .model import SensorModel, innermost, kept_by_curve
 
 _REACH = 0.2  # how far beyond its start an unbounded valid range is probed [m]
 _ROUNDING = 1e-12  # relative
 _SLOPE_TOLERANCE = 1e-6  # of the largest slope
 _HALVINGS = 20
 _FEW = 64
-_HOME = "pretouch."
 _PROBES = 257
 _ROUNDED = 1e-9  # of the largest value: what rounding may leave
 _CONTRADICTION = 1e-3  # of the whole change of ln xi: less changes a contact by less than a calibration is known to
@@ -141,7 +140,7 @@ def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
         verified = _verified_reach(sensor)
     except TypeError:  # it cannot be hashed
         raise InvalidInputError(
-            f"sensor: found a {type(_innermost(sensor)).__name__} with a field that cannot be hashed, such as a list, "
+            f"sensor: found a {type(innermost(sensor)).__name__} with a field that cannot be hashed, such as a list, "
             "expected a frozen dataclass of numbers, texts and tuples"
         ) from None
     low, high = sensor.valid_range
@@ -154,19 +153,6 @@ def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
         name = sensor.name or type(sensor).__name__
         raise InvalidInputError(f"sensor: the {name} curve is no curve of a sensor: {fault}")
     verified[0] = high
-
-
-def is_built_in(sensor: SensorModel) -> bool:
-    """Tell whether a curve is one of pretouch, with parameters in the place of a user's functions."""
-    curve = _innermost(sensor)
-    return type(curve).__module__.startswith(_HOME) and not hasattr(curve, "log_output_function")
-
-
-def _innermost(sensor: SensorModel) -> SensorModel:
-    """Return the curve of a sensor behind the surface, or the curve itself."""
-    while isinstance(inner := getattr(sensor, "sensor", None), SensorModel):
-        sensor = inner
-    return sensor
 
 
 @kept_by_curve(256)

@@ -12,11 +12,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.units import format_quantity
 
 from .averaging import average, slope_weights
 from .data import Calibration
-from .fit import check_models, fit_prepared, model_names, why_not
+from .fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit, SlopeKnowledge
 
@@ -118,6 +119,7 @@ _MOST_NAMED = 5  # distances, one by one
 _SMALL_FALL = 0.3  # of ln xi over the window: less tells hardly more than a slope
 
 
+@check_arguments
 def rank_models(
     calibration: Calibration,
     models: tuple[str, ...] | None = None,
@@ -155,8 +157,9 @@ def rank_models(
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
-        not_fitted = {model: reason for model in models if (reason := why_not(model, prepared))}
-        fits = sorted((fit_prepared(model, prepared) for model in models if model not in not_fitted), key=_rank)
+        attempts = {model: attempt_fit(model, prepared) for model in models}
+        not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
+        fits = sorted((fit for fit in attempts.values() if isinstance(fit, SensorFit)), key=_rank)
     slope = slope_knowledge(prepared)
     reservations = prepared.no_signal or tuple(_reservations(prepared, fits, slope))
     usable = "usable with reservations" if reservations else "usable"

@@ -24,6 +24,7 @@ from pretouch._core.numbers import FloatArray, IntArray, finite, positive
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
+from .curve import check_curve
 from .layout import Relative
 from .many_curves import ManyCurves
 from .scenario import Scenario, map_fields
@@ -141,6 +142,7 @@ def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
             f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
             "enters the detection range"
         )
+    check_curve(sensor, distance)
     return method
 
 
@@ -156,6 +158,7 @@ def make_request(
     """Check a call and flatten it; choose its method where that is left open."""
     if many is not None:
         many.check(scenario)
+        check_curve(sensor, scenario.distance)
     gains = finite(gain, "gain", "N*s")
     shape: tuple[int, ...] = ()
     if scenario.shape != () or type(gains) is not float:

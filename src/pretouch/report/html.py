@@ -14,6 +14,7 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Chapter, Code, Page, Paragraph, Picture
 from pretouch._core.described import Described, blocks_as_html, page_of, page_top
 from pretouch._core.errors import InvalidInputError
@@ -32,6 +33,7 @@ _METHOD: Final = (
 )
 
 
+@check_arguments
 def write_report(
     result: Any,
     path: str | os.PathLike[str],
@@ -55,6 +57,7 @@ def write_report(
     return write_text(path, report_html(result, calibration=calibration, source=source), overwrite=overwrite)
 
 
+@check_arguments
 def report_html(result: Any, *, calibration: CalibrationReport | None = None, source: object = None) -> str:
     """Write the report of a result as one self-contained HTML page.
 

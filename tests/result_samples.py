@@ -15,6 +15,7 @@ from pretouch import control, uncertainty
 from pretouch.design import find_physical_bound
 from pretouch.design.drag import DragRails, drag_by, drag_trade_off
 from pretouch.design.schedule import schedule_drag
+from pretouch.sensors import PiecewiseCubic
 from pretouch.simulation.mujoco import WitnessResult, WitnessTrace
 from pretouch.sweep import Axis, Progress
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR, controller, velocity_limit, verdict
@@ -215,6 +216,7 @@ REQUESTS: dict[str, Callable[[], Any]] = {
         pt.ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0),
         pt.MittagLeffler(scale=1.0, rate=-80.0, order=0.8),
         pt.Table(distances=(0.0, 0.01, 0.02, 0.03), outputs=(0.4, 0.3, 0.2, 0.1)),
+        PiecewiseCubic(distances=(0.0, 0.01), log_outputs=(1.0, 0.0), slopes=((-90.0, -110.0),)),
         pt.Recessed(sensor=SENSOR, recess=0.01),
         pt.CustomSensor(log_output_function=log_output, log_slope_function=log_slope),
     ),

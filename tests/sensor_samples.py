@@ -18,6 +18,7 @@ from pretouch.sensors import (
     ExponentialSecondOrder,
     InversePower,
     MittagLeffler,
+    PiecewiseCubic,
     Recessed,
     SensorModel,
     Table,
@@ -60,6 +61,17 @@ def _table(first: float, steps: list[tuple[float, float]]) -> Table:
     )
 
 
+def _piecewise(first: float, steps: list[tuple[float, float]]) -> PiecewiseCubic:
+    """Straight lines in ln xi, so that the slope jumps at every point."""
+    width, fall = np.array(steps).T
+    return PiecewiseCubic(
+        distances=tuple(first + np.concatenate([[0.0], np.cumsum(width)])),
+        log_outputs=tuple(-np.concatenate([[0.0], np.cumsum(fall)])),
+        slopes=tuple(zip(-fall / width, -fall / width, strict=True)),
+    )
+
+
+STEPS = st.lists(st.tuples(st.floats(1e-3, 0.02), _power_of_ten(-4, 0.5)), min_size=1, max_size=6)
 RATE = st.floats(-300, -5)
 SCALE = _power_of_ten(-8, 4)
 _BARE: dict[type[SensorModel], st.SearchStrategy[SensorModel]] = {
@@ -77,11 +89,8 @@ _BARE: dict[type[SensorModel], st.SearchStrategy[SensorModel]] = {
         rate=RATE,
         order=st.floats(0.05, 1) | _power_of_ten(-15, -2).map(lambda e: 1 - e) | st.just(1.0),
     ),
-    Table: st.builds(
-        _table,
-        st.floats(0, 0.01),
-        st.lists(st.tuples(st.floats(1e-3, 0.02), _power_of_ten(-4, 0.5)), min_size=1, max_size=6),
-    ),
+    PiecewiseCubic: st.builds(_piecewise, st.floats(0, 0.01), STEPS),
+    Table: st.builds(_table, st.floats(0, 0.01), STEPS),
 }
 
 
@@ -115,6 +124,8 @@ def rescaled(sensor: SensorModel, factor: float) -> SensorModel:
         return replace(sensor, sensor=rescaled(sensor.sensor, factor))
     if isinstance(sensor, Table):
         return replace(sensor, outputs=tuple(factor * o for o in sensor.outputs))
+    if isinstance(sensor, PiecewiseCubic):
+        return replace(sensor, log_outputs=tuple(np.log(factor) + level for level in sensor.log_outputs))
     if isinstance(sensor, CustomSensor):
         function = sensor.log_output_function
         return replace(sensor, log_output_function=lambda d: np.log(factor) + function(d))

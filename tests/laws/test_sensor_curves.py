@@ -23,6 +23,7 @@ from pretouch.sensors import (
     ExponentialSecondOrder,
     InversePower,
     MittagLeffler,
+    PiecewiseCubic,
     Recessed,
     SensorModel,
     Table,
@@ -110,7 +111,7 @@ def test_the_scale_of_xi_changes_neither_g_nor_a_difference_of_ln_xi(
     # a table divides differences of rounded ln xi by steps of 1 mm or more; all else leaves the scale out of g,
     # and a weighted harmonic mean of such quotients, or the formula at an end, is worth no more than three of them
     inner = sensor.sensor if isinstance(sensor, Recessed) else sensor
-    allowed = 12 * rounding / 1e-3 if isinstance(inner, Table) else 0.0
+    allowed = 12 * rounding / 1e-3 if isinstance(inner, Table | PiecewiseCubic) else 0.0
     assert abs(sensor.log_slope(near) - other.log_slope(near)) <= allowed
     assert other.log_output(near) - sensor.log_output(near) == pytest.approx(np.log(factor), abs=rounding)
 

@@ -39,8 +39,8 @@ _BENDS: Final = (0.1, 0.6)
 _KNOTS: Final = 60
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Lanes:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lanes(Value):
     """Fits of one family: offsets, ln of the ceilings (inf for none) and their sharpness, shape (b,) each.
 
     Parameters x have the shape (b, p), their `covariances` at unit variance of the residuals (b, p, p); `costs` are
@@ -57,7 +57,7 @@ class _Lanes:
     priors: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingFits(Value):
     """Curves under a soft ceiling that a calibration allows, each with its probability.
 

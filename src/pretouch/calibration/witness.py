@@ -29,7 +29,7 @@ _BENDING: Final = 0.35  # standard deviation of ln of a random slope at a readin
 _STEEPEST: Final = 3.0  # times the flatter of both neighboring secants: beyond, a cubic is not monotone (Fritsch 1980)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Witness(Value):
     """What the readings of a calibration say, whatever curve was fitted.
 

@@ -142,6 +142,8 @@ class PiecewiseCubic(SensorModel):
         distances: l of the points [m], at least two, strictly increasing, shape (N,).
         log_outputs: ln xi of the points, shape (N,).
         slopes: g [1/m] at the nearer and the farther end of each interval, shape (N - 1, 2).
+        minimum_distance: smallest valid l [m]; the first distance, where that is larger.
+        maximum_distance: largest valid l [m]; the last distance, where that is smaller.
 
     Examples:
         >>> line = PiecewiseCubic(distances=(0.0, 0.01), log_outputs=(1.0, 0.0), slopes=((-100.0, -100.0),))

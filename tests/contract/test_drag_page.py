@@ -93,6 +93,7 @@ def page(design: Any) -> str:
 def test_the_contact_stands_beside_none_and_the_letters_optimum(design: Any, page: str) -> None:
     gain = pt.design_gain(TASK).result.contact
     assert design.drag == pytest.approx(PHI, rel=1e-12)
+    assert design.gain == design.drag
     assert table(page, "The contact")[0][1:] == [
         "without mitigation",
         f"\u03c6 = {PHI:.4g} N s\u00b2",

@@ -210,6 +210,21 @@ def test_what_does_not_hold_is_said() -> None:
     assert "faster than 0.1 m/s" in str(slow)
 
 
+def test_what_accelerates_is_the_object_relative_to_the_reference() -> None:
+    for own, theirs, said in (
+        (0.5, 0.5, ()),
+        (0.5, 0.0, ("toward the plant by 0.5",)),
+        (0.0, 0.05, ("away from the",)),
+    ):
+        bodies = {
+            "obstacle": replace(SCENARIO.obstacle, acceleration=theirs),
+            "reference": pt.Reference(acceleration=own),
+        }
+        warnings = drag_page(pt.design_drag(TASK.replace(scenario=replace(SCENARIO, **bodies)))).warnings
+        assert len(warnings) == len(said)
+        assert all(words in text for words, text in zip(said, warnings, strict=True))
+
+
 @pytest.mark.parametrize(
     ("limit", "acceleration", "largest_speed", "good", "said"),
     [

@@ -37,8 +37,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Try random mutants of src/ and native/ on the tests that reach them.")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--only", default="", help="only sources whose path contains this")
+    parser.add_argument("--only", default="", help="only mutants of sources whose path matches this pattern")
     parser.add_argument("--map-only", action="store_true", help="only record which tests reach which lines")
+    parser.add_argument("--recorded", action="store_true", help="leave out tests that were never recorded")
     parser.add_argument("--budget", type=float, default=600.0, help="processor seconds of tests for one mutant")
     asked = parser.parse_args()
     tree.WORK.mkdir(parents=True, exist_ok=True)
@@ -55,16 +56,18 @@ def work(asked: argparse.Namespace) -> int:
     tree.copy_tree()
     if not tree.build_library():
         raise SystemExit("the compiled core of the tree as it is does not compile")
-    known = read_map()
+    known = read_map(record=not asked.recorded)
     return 0 if asked.map_only else try_mutants(known, asked)
 
 
-def read_map() -> reach.Reach:
-    """Read which tests reach what, and record each group of tests that is new or was changed."""
+def read_map(*, record: bool) -> reach.Reach:
+    """Read which tests reach what, and record each group of tests that was changed, or is new and asked for."""
     known, groups = reach.Reach(tree.TREE), reach.groups(tree.TREE)
     for number, (name, paths) in enumerate(groups.items(), 1):
         kept = REACH / f"{name}.json"
         if not kept.exists() or json.loads(kept.read_text())["digest"] != reach.tests_digest(tree.TREE, paths):
+            if not (record or kept.exists()):
+                continue
             print(f"recording {name}, {number} of {len(groups)}", flush=True)
             reach.record(tree.TREE, REACH, name, paths)
         known.add(REACH, name)
@@ -76,12 +79,13 @@ def read_map() -> reach.Reach:
 def try_mutants(known: reach.Reach, asked: argparse.Namespace) -> int:
     """Try as many mutants as were asked for, and print what became of them."""
     texts = reach.sources(tree.TREE)
-    chosen = {path: text for path, text in texts.items() if asked.only in path}
     before = tried_before()
     outcomes: list[tuple[Mutant, dict[str, Any]]] = []
-    for mutant in draw(chosen, asked.seed):
+    for mutant in draw(texts, asked.seed):
         if len(outcomes) == asked.count:
             break
+        if not re.search(asked.only, mutant.path):
+            continue
         found = tried(mutant, texts, known, before, asked.budget)
         if found["outcome"] != "does not compile":
             outcomes.append((mutant, found))
@@ -203,9 +207,15 @@ def end_session(running: subprocess.Popen[str]) -> None:
     running.wait()
 
 
+def known_reasons() -> dict[str, str]:
+    """Read why some mutants may survive, by what they change."""
+    listed = tomllib.loads(REASONS.read_text(encoding="utf-8"))["survivor"] if REASONS.exists() else ()
+    return {f"{one['path']}: {one['before']}  ->  {one['after']}": one["reason"] for one in listed}
+
+
 def summary(outcomes: list[tuple[Mutant, dict[str, Any]]]) -> int:
     """Print the survivors with what is known of them, and the share that was killed."""
-    reasons = tomllib.loads(REASONS.read_text(encoding="utf-8"))["survivors"] if REASONS.exists() else {}
+    reasons = known_reasons()
     killed = sum(found["outcome"] == "killed" for _, found in outcomes)
     for mutant, found in outcomes:
         if found["outcome"] != "killed":

@@ -18,7 +18,14 @@ from typing import Any
 
 from coverage import CoverageData
 
-CHILD = "from mutants.recorder import record_child\n\nrecord_child()\n"
+CHILD = """
+import os
+
+if "PYTEST_CURRENT_TEST" in os.environ:
+    from mutants.recorder import record_child
+
+    record_child()
+"""
 """What Python imports at the start of each process of a recording, as sitecustomize."""
 
 MARKS = """

@@ -15,10 +15,10 @@ def seen_by(mutant: Mutant, texts: dict[str, str], known: Reach) -> set[str]:
 
     In a function of Python these are the tests that reach its line. Other lines run once, when the module is imported:
     their tests are those that reach a line that names what is defined there. Of the compiled core blocks of code are
-    known, not lines: its tests are those that reach the function.
+    known, not lines: its tests are those that reach the function, or, of what the compiler computes, the file or any.
     """
     if not mutant.path.endswith(".py"):
-        return known.tests(mutant.path, _native_function(texts[mutant.path].splitlines(), mutant.line))
+        return _seen_by_native(mutant, texts, known)
     tree = _parsed(texts[mutant.path])
     function = _innermost(tree, mutant.line, (ast.FunctionDef,))
     if isinstance(function, ast.FunctionDef):
@@ -30,6 +30,15 @@ def seen_by(mutant: Mutant, texts: dict[str, str], known: Reach) -> set[str]:
         statement = _innermost(tree, mutant.line, (ast.stmt,)) or function
         return here or known.tests(mutant.path, range(statement.lineno, mutant.line + 1))
     return _users(mutant, texts, known)
+
+
+def _seen_by_native(mutant: Mutant, texts: dict[str, str], known: Reach) -> set[str]:
+    lines = texts[mutant.path].splitlines()
+    found = known.tests(mutant.path, _native_function(lines, mutant.line))
+    found = found or known.tests(mutant.path, range(1, len(lines) + 1))
+    if found:
+        return found
+    return set().union(*(known.tests(p, range(1, len(texts[p]))) for p in texts if p.startswith("native/core")))
 
 
 @cache

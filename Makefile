@@ -16,8 +16,11 @@ PYTEST = $(BIN)/python .ci/processor.py $(PROCESSOR) $(BIN)/python -m pytest -n 
 ENCOUNTERS ?= 1000000
 FILES ?= 10000
 SEED ?=
+# how many random mutants `make mutants` tries, and of which sources (none: of all); its seed is 1 unless one is given
+MUTANTS ?= 200
+ONLY ?=
 
-.PHONY: help demo check test sanitize fuzz benchmark clean
+.PHONY: help demo check test sanitize fuzz mutants benchmark clean
 
 help:
 	@echo "make demo       fit a sensor, design gains, check the letter, write reports to demo-output/"
@@ -25,6 +28,7 @@ help:
 	@echo "make check      formatting, lint, types, import contract"
 	@echo "make sanitize   the tests of the compiled core with checks of addresses and undefined behavior"
 	@echo "make fuzz       random properties, encounters and files, for hours; what it finds becomes a test"
+	@echo "make mutants    change random lines of a copy, and list the changes that no test notices; for hours"
 	@echo "make benchmark  what benchmarks/ measures, on this machine"
 	@echo "make clean      remove what make made"
 
@@ -59,6 +63,10 @@ fuzz: $(STAMP)
 	$(PYTEST) -m hypothesis --hypothesis-profile=random $(if $(SEED),--hypothesis-seed=$(SEED)) $(TESTS)
 	PYTHONPATH=tests $(BIN)/python -m fuzz.encounters --count $(ENCOUNTERS) $(if $(SEED),--seed $(SEED))
 	PYTHONPATH=tests $(BIN)/python -m fuzz.mutated_files --count $(FILES) $(if $(SEED),--seed $(SEED))
+
+# tried on the tests that reach the changed line; stopped and started again, it goes on where it was
+mutants: $(STAMP)
+	PYTHONPATH=tests $(BIN)/python -m mutants --count $(MUTANTS) --only "$(ONLY)" $(if $(SEED),--seed $(SEED))
 
 benchmark: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from pretouch.motion import (
 from pretouch.motion.request import Request, make_request
 from pretouch.motion.solution import Solution
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, SensorModel
+from reference_integrator import integrate_over_distance
 
 SENSORS: dict[str, SensorModel] = {
     "exponential-1": ExponentialFirstOrder(scale=0.458, rate=-61.0),
@@ -122,17 +124,38 @@ def test_a_constant_slope_takes_the_lanes_where_the_closed_form_leaves_a_contact
     assert (proved | (by_form != 0)).all()
 
 
-def test_a_batch_certifies_itself() -> None:
-    """The impulse balance of contacts that the lanes found, from the sensor's own ln xi."""
+def test_a_batch_certifies_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The impulse balance of contacts that the lanes found, from the sensor's own ln xi, as of another program.
+
+    A twentieth of them is integrated over the distance by a Runge-Kutta method that shares nothing with the lanes. And
+    the balance is no ornament: with ln xi of a curve a tenth steeper than its slope, a tenth of its term is left over.
+    """
     rng = np.random.default_rng(5)
     scenario = Scenario(
         admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         obstacle=Obstacle(position=0.0422, velocity=-rng.uniform(0.05, 1.0, 3000)),
     )
     for name, sensor in SENSORS.items():
-        found = find_contact(scenario, sensor, -rng.uniform(0.05, 2.0, 3000))
+        gain = -rng.uniform(0.05, 2.0, 3000)
+        found = find_contact(scenario, sensor, gain)
         assert found.reached.all(), name
         assert found.impulse_residual.max() < 1e-9, name
+        some = slice(None, None, 20)
+        obstacle = replace(scenario.obstacle, velocity=scenario.obstacle.velocity[some])
+        other = integrate_over_distance(replace(scenario, obstacle=obstacle), sensor, gain[some], 400)
+        assert other["monotone"].mean() > 0.9
+        for quantity in ("time", "relative_velocity"):
+            mine = getattr(found.end, quantity)[some][other["monotone"]]
+            np.testing.assert_allclose(mine, other[quantity][other["monotone"]], rtol=1e-8)
+        log_output = type(sensor).log_output
+        with monkeypatch.context() as steeper:
+            steeper.setattr(type(sensor), "log_output", lambda self, x, known=log_output: 1.1 * known(self, x))
+            again = find_contact(scenario, sensor, gain)
+            rise = log_output(sensor, 0.0) - log_output(sensor, 0.0422)
+            residual = again.impulse_residual
+        # the largest term is no larger than the force's, or M |l'(0)|, D l(0), or what the spring had to balance
+        most = np.abs(1.1 * gain * rise) + 1.0 * np.abs(scenario.obstacle.velocity) + 10.0 * 0.0422
+        assert (residual >= 0.1 * np.abs(gain * rise) / (2 * most)).all(), name
 
 
 @pytest.mark.parametrize("name", ["exponential-1", "inverse-power"])

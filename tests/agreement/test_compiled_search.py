@@ -67,6 +67,7 @@ def letter(velocity: object, **admittance: float) -> Scenario:
 def any_encounter(rng: np.random.Generator) -> Scenario:
     mass, omega, ratio = np.exp(rng.uniform(*np.log([[0.3, 1.0, 0.6], [5.0, 12.0, 3.0]]))).tolist()
     moved, bent = rng.random() < 0.3, rng.random() < 0.2
+    drift = float(rng.uniform(-0.01, 0.05)) if moved else 0.0
     return Scenario(
         admittance=Admittance(mass=mass, damping=2 * ratio * omega * mass, stiffness=mass * omega**2),
         obstacle=Obstacle(
@@ -75,7 +76,7 @@ def any_encounter(rng: np.random.Generator) -> Scenario:
             acceleration=float(rng.uniform(-0.5, 0.2)) if bent else 0.0,
         ),
         plant=Plant(position=0.0, velocity=float(rng.uniform(-0.02, 0.1)) if moved else 0.0),
-        reference=Reference(velocity=float(rng.uniform(-0.01, 0.05)) if moved else 0.0),
+        reference=Reference(velocity=drift, acceleration=6 * drift),
     )
 
 

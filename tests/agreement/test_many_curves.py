@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from encounters import CURVES as SHARED
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import Admittance, ContactState, Obstacle, Plant, Reference, Scenario, find_contact
-from pretouch.motion.curve import LOW, MIDDLE, TERMS, TOP
+from pretouch.motion.curve import LOW, MIDDLE, TERMS, TOP, curve_windows
 from pretouch.motion.many_curves import ManyCurves
 from pretouch.motion.many_windows import find_images
 from pretouch.sensors import CustomSensor, InversePower, MittagLeffler, Recessed, SensorModel, Table, parameter
@@ -158,6 +159,13 @@ def test_many_curves_in_one_call_are_each_alone(name: str) -> None:
             np.testing.assert_allclose(mine, theirs, rtol=3e-11, atol=near, err_msg=f"{quantity} of {i}")
         np.testing.assert_array_equal(found.gain[:, i], GAINS[:, 0])
     assert found.impulse_residual.max() < 1e-10  # by each sensor's own ln xi; more would have been left open
+
+
+def test_windows_that_all_encounters_share_cannot_be_written() -> None:
+    for sensor in SHARED.values():
+        table = curve_windows(sensor, max(sensor.valid_range[0], 0.0), 0.05)
+        assert not table.flags.writeable
+        assert curve_windows(sensor, max(sensor.valid_range[0], 0.0), 0.05) is table
 
 
 @pytest.mark.parametrize("name", FAMILIES)

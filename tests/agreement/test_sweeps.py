@@ -101,6 +101,27 @@ def test_a_natural_frequency_holds_damping_ratio_and_mass() -> None:
             assert found["time"].values[i, k] == pytest.approx(time, rel=CLOSE)
 
 
+FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle speed")
+
+
+@pytest.mark.parametrize(
+    ("objective", "speeds", "robot"),
+    [(OBJECTIVE, [-0.3, 0.0], 0.2), (OBJECTIVE, [0.0], 0.3), (FOLLOWING, [-0.4, -0.1], 0.0)],
+    ids=["some at rest", "at rest", "a scale that follows the speed"],
+)
+def test_designs_for_an_object_at_rest_or_with_a_scale_that_follows_are_made(
+    objective: pt.Objective, speeds: list[float], robot: float
+) -> None:
+    """Each of the two is refused together with the other alone."""
+    scenario = replace(SCENARIO, plant=pt.Plant(velocity=robot), reference=pt.Reference(velocity=robot))
+    found = pt.sweep(pt.Task(scenario, CURVED, objective, bounds=(-10.0, -0.01)), {"obstacle.velocity": speeds})
+    for i, speed in enumerate(speeds):
+        one = replace(scenario, obstacle=replace(scenario.obstacle, velocity=speed))
+        alone = pt.design_gain(pt.Task(one, CURVED, objective, bounds=(-10.0, -0.01)))
+        assert alone.gain is not None
+        assert found["gain"].values[i] == pytest.approx(alone.gain, rel=GAIN)
+
+
 @pytest.mark.parametrize("sensor", [CONSTANT, CURVED], ids=lambda s: s.name)
 def test_every_design_is_the_one_of_its_encounter(sensor: pt.SensorModel) -> None:
     """Optimal, infeasible and without contact; over an input, a limit and a weight."""

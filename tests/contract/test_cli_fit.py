@@ -190,6 +190,11 @@ def calibrated(*lines):
     return "\n".join(["[sensor]", *lines, *SCENARIO.splitlines()[4:]]) + "\n"
 
 
+def fitted_rate(run):
+    (model,) = strict(run("fit", "sensor.csv", "--model", "exponential-1", "--json")[1])["models"]
+    return model["parameters"]["rate"]
+
+
 def test_design_fits_the_sensor_on_the_way_relative_to_the_scenario(run, folder):
     Path("sub").mkdir()
     Path("sub/sensor.csv").write_text(Path("sensor.csv").read_text())
@@ -199,7 +204,10 @@ def test_design_fits_the_sensor_on_the_way_relative_to_the_scenario(run, folder)
     code, out, _ = run("design", "sub/approach.toml", "--json")
     told = strict(out)
     assert (code, told["status"]) == (0, "optimal")
-    assert told["gain"] == pytest.approx(-0.8081 * 61 / 60, rel=0.02)  # D_p g is what the motion feels
+    assert told["gain"] == pytest.approx(-0.8081 * 61 / -fitted_rate(run), rel=1e-4)  # D_p g is what the motion feels
+    Path("sub/sensor.csv").write_text("\n".join(["distance [mm],output [V]", *curve(rate=-50.0)]) + "\n")
+    again = strict(run("design", "sub/approach.toml", "--json")[1])
+    assert again["gain"] == pytest.approx(-0.8081 * 61 / 50, rel=0.02)  # 20 % stronger on a slope 20 % less steep
 
 
 def test_a_scenario_chooses_columns_and_labels(run):
@@ -209,7 +217,7 @@ def test_a_scenario_chooses_columns_and_labels(run):
     Path("bare.toml").write_text(calibrated('calibration = "bare.csv"', 'model = "exponential-1"', *chosen))
     code, out, err = run("design", "bare.toml", "--json")
     assert (code, err) == (0, "")
-    assert strict(out)["gain"] == pytest.approx(-0.8081 * 61 / 60, rel=0.02)  # as of the same curve above
+    assert strict(out)["gain"] == pytest.approx(-0.8081 * 61 / -fitted_rate(run), rel=1e-4)  # as of the same curve
 
 
 @pytest.mark.parametrize(

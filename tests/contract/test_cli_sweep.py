@@ -19,6 +19,7 @@ from pretouch import load_scenario, sweep
 from pretouch._core.errors import InvalidInputError
 from pretouch.design import Task
 from pretouch.report import plots
+from pretouch.sweep import results
 from pretouch.sweep.axes import read_axis
 from sweep_samples import CURVED
 from sweep_samples import SCENARIO as ENCOUNTER
@@ -65,6 +66,27 @@ def test_designs_are_those_of_the_scenario_file(run: Any, folder: Path) -> None:
     assert sorted(p.name for p in folder.iterdir()) == sorted(
         p for p in ("approach.toml", "sensor.csv", "two.csv", "flat.csv")
     )
+
+
+def test_the_object_of_a_sweep_has_each_ending_where_there_are_few_and_none_where_there_are_many(
+    run: Any, monkeypatch: Any
+) -> None:
+    """An object that comes reaches the robot, one that goes never does: 0 and the number of that status."""
+    asked = ("sweep", "approach.toml", "--gain", "-0.5", "--axis", "obstacle.velocity=-0.3 m/s,0.3 m/s", "--json")
+    monkeypatch.setattr(results, "_MOST_VALUES", 2)
+    told = strict(run(*asked)[1])
+    contact, never = (pt.ContactStatus.CONTACT, pt.ContactStatus.NEVER)
+    assert told["statuses"] == [contact, never]
+    task = load_scenario("approach.toml")
+    time = pt.find_contact(task.scenario, task.sensor, -0.5).end.time
+    assert told["results"]["time"]["values"][0] == pytest.approx(time, rel=1e-9)
+    assert told["results"]["time"]["values"][1] is None
+    monkeypatch.setattr(results, "_MOST_VALUES", 1)
+    told = strict(run(*asked)[1])
+    assert (told["statuses"], told["results"]["time"]["values"]) == (None, None)
+    assert told["axes"]["obstacle.velocity"]["values"] is None
+    assert told["counts"][contact.label] == told["counts"][never.label] == 1
+    assert told["results"]["time"]["lowest"] == told["results"]["time"]["highest"] == pytest.approx(time, rel=1e-9)
 
 
 def test_contacts_are_found_with_the_gain_that_is_given(run: Any) -> None:

@@ -21,6 +21,7 @@ from page_rows import line, row, table
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch.cli import main
 from pretouch.design.drag import drag_by, drag_trade_off
+from pretouch.design.drag.page import drag_page
 from pretouch.report import plots, report_html
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, SCENARIO, SENSOR
 
@@ -93,6 +94,7 @@ def page(design: Any) -> str:
 def test_the_contact_stands_beside_none_and_the_letters_optimum(design: Any, page: str) -> None:
     gain = pt.design_gain(TASK).result.contact
     assert design.drag == pytest.approx(PHI, rel=1e-12)
+    assert design.gain == design.drag
     assert table(page, "The contact")[0][1:] == [
         "without mitigation",
         f"\u03c6 = {PHI:.4g} N s\u00b2",
@@ -206,6 +208,48 @@ def test_what_does_not_hold_is_said() -> None:
     assert "no contact" in pt.design_drag(OTHERS["braking"]).headline
     slow = pt.design_drag(TASK.replace(effect=pt.DragEffect(acceleration=2.0, largest_speed=0.1)))
     assert "faster than 0.1 m/s" in str(slow)
+
+
+def test_what_accelerates_is_the_object_relative_to_the_reference() -> None:
+    for own, theirs, said in (
+        (0.5, 0.5, ()),
+        (0.5, 0.0, ("toward the plant by 0.5",)),
+        (0.0, 0.05, ("away from the",)),
+    ):
+        bodies = {
+            "obstacle": replace(SCENARIO.obstacle, acceleration=theirs),
+            "reference": pt.Reference(acceleration=own),
+        }
+        warnings = drag_page(pt.design_drag(TASK.replace(scenario=replace(SCENARIO, **bodies)))).warnings
+        assert len(warnings) == len(said)
+        assert all(words in text for words, text in zip(said, warnings, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("limit", "acceleration", "largest_speed", "good", "said"),
+    [
+        (4.0, 0.0, None, True, ()),
+        (2.02, 0.0, 0.3, True, ()),
+        (2.01, 0.0, 0.31, False, ()),
+        (4.0, -0.5, None, True, ("accelerates toward the plant by 0.5 m/s\u00b2",)),
+        (4.0, 0.05, None, True, ("accelerates away from the plant by 0.05 m/s\u00b2",)),
+        (4.0, 0.0, 0.29, True, ("faster than 0.29 m/s",)),
+    ],
+)
+def test_a_drag_is_warned_of_where_it_must_be_and_nowhere_else(
+    limit: float, acceleration: float, largest_speed: float | None, good: bool, said: tuple[str, ...]
+) -> None:
+    """Its largest acceleration is 2.016 m/s^2 for the object in uniform motion."""
+    scenario = replace(SCENARIO, obstacle=replace(SCENARIO.obstacle, acceleration=acceleration))
+    limits = (pt.Constraint(name="acceleration", limit=limit),)
+    effect = pt.DragEffect(ratio=0.15)
+    if largest_speed is not None:  # the same drag at the speed of the encounter
+        effect = pt.DragEffect(contact_speed=0.15 * largest_speed, largest_speed=largest_speed)
+    found = pt.design_drag(TASK.replace(scenario=scenario, constraints=limits, effect=effect))
+    page = drag_page(found)
+    assert (page.good, page.status) == (good, "drag found" if good else "a limit is exceeded")
+    assert len(page.warnings) == len(said)
+    assert all(words in text for words, text in zip(said, page.warnings, strict=True))
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,29 @@ def test_single_precision_gives_the_same_motion(changed: dict[str, Any], tmp_pat
     assert (np.abs(rows[:, :3] - rows[:, 3:]).max(axis=0) <= 1e-4 * np.abs(rows[:, 3:]).max(axis=0)).all()
 
 
+@pytest.mark.parametrize("left", [0x00, 0x01, 0xFF], ids=["zeros", "ones", "not numbers"])
+def test_a_law_begins_anew_in_memory_that_holds_anything(left: int, tmp_path: Path) -> None:
+    """A robot starts it again in the state that it used: the first reading is none of a change."""
+    library = compile_c(tmp_path, SOURCE, "-DPRETOUCH_FLOAT")
+    made = controller(**LETTER_FILTERS | {"period": 1e-4, "limits": LIMITS})
+    parameters = single(structures.ControllerNumbers)()
+    fill(parameters, made.parameters())
+    sample, out = (single(k)() for k in (structures.RawSample, structures.RawOutput))
+    state, rows = single(structures.ControllerState)(), []
+    ctypes.memset(ctypes.byref(state), left, ctypes.sizeof(state))
+    for _ in range(2):  # and once more after it has run
+        library.pretouch_start(ctypes.byref(parameters), ctypes.c_float(0.0), ctypes.c_float(0.0), ctypes.byref(state))
+        row = []
+        for reading in 0.1 * np.exp(6.0 * made.period * np.arange(50)):
+            sample.reading, sample.fresh = reading, 1
+            library.pretouch_step(*map(ctypes.byref, (parameters, state, sample, out)))
+            row.append((out.status, out.position, out.velocity, out.virtual_force, out.log_level))
+        rows.append(np.array(row))
+    assert rows[0][0][3] == 0.0, "no force by the first reading"
+    np.testing.assert_array_equal(rows[0], rows[1])
+    assert np.abs(rows[0][-1][1:]).min() > 0
+
+
 def test_the_drag_in_single_precision(tmp_path: Path) -> None:
     """The same motion to 1e-3, 2^-24 of ln xi = 8 over a rise of 6e-3 a few times; and finite, whatever is read."""
     library = compile_c(tmp_path, SOURCE, "-DPRETOUCH_FLOAT")

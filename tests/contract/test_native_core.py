@@ -15,7 +15,7 @@ import pytest
 
 from native_code import NATIVE, fields_of, offsets
 from pretouch._core import native
-from pretouch.motion import kernels
+from pretouch.motion import kernels, layout
 from pretouch.simulation import native_loop
 
 ROOT = Path(__file__).parents[2]
@@ -86,6 +86,15 @@ def test_one_number_for_all_encounters_has_the_stride_zero():
     assert struct.unpack("4q", native.columns(arrays, 3)) == (arrays[0].ctypes.data, 1, arrays[1].ctypes.data, 0)
     with pytest.raises(TypeError, match="takes 1 or 4 numbers, not 3"):
         native.columns(arrays, 4)
+
+
+@pytest.mark.parametrize(("given", "peaks"), [(8, False), (10, True), (8, True)])
+def test_a_kernel_of_contacts_refuses_too_few_columns(given, peaks):
+    curves = (np.zeros((1, 10)), np.array([0, 1]), np.zeros(1, dtype=np.int64))
+    out, status = np.zeros((len(layout.STATES), 2)), np.zeros(2, dtype=np.int8)
+    filled = np.zeros((len(layout.PEAKS), 2)) if peaks else None
+    with pytest.raises(TypeError, match=rf"takes 9 columns, or two more for the peaks, not {given}"):
+        kernels.contact_times([np.zeros(2)] * given, curves, 1.0, out, status, peaks=filled)
 
 
 def test_each_kind_of_processor_up_to_this_one_can_be_asked_for():

@@ -235,11 +235,24 @@ def test_charts_show_themselves_in_a_notebook_and_need_no_pyplot() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def told_apart(*styles: tuple[str, Any]) -> bool:
+    """Whether no two lines look the same on a gray print: by brightness, strokes in a period, ink, or its length."""
+
+    def look(color: str, pattern: Any) -> np.ndarray:
+        strokes = (1.0, 0.0) if pattern == "-" else pattern[1]
+        length, ink = sum(strokes), sum(strokes[::2]) / sum(strokes)
+        brightness = float(np.dot(to_rgb(color), (0.2126, 0.7152, 0.0722)))
+        return np.array([brightness / 0.25, len(strokes) / 2, ink / 0.15, np.log(length) / np.log(1.5)])
+
+    looks = [look(*style) for style in styles]
+    return all(np.abs(one - other).max() >= 1 for i, one in enumerate(looks) for other in looks[:i])
+
+
 def test_the_five_styles_differ_in_grey() -> None:
-    grey = [float(np.dot(to_rgb(color), (0.2126, 0.7152, 0.0722))) for color, _ in CURVES]
-    for i in range(5):
-        for k in range(i):
-            assert abs(grey[i] - grey[k]) > 0.1 or CURVES[i][1] != CURVES[k][1]
+    assert told_apart(*CURVES)
+    assert not told_apart(*CURVES, CURVES[2])
+    assert not told_apart(("#0072b2", "-"), ("#8a4f7d", "-")), "colors as bright as each other"
+    assert not told_apart(("#0072b2", (0, (5, 1.6))), ("#0072b2", (0, (5.2, 1.7)))), "nearly the same strokes"
     assert len(set(MARKERS)) == len(MARKERS) == len(CURVES)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from page_rows import row, table
 from pretouch._core.errors import OutputExistsError
 from pretouch._core.files import is_own_unchanged
 from pretouch.calibration import Calibration, CalibrationReport, rank_models
+from pretouch.config import load_scenario
 from pretouch.design import (
     Constraint,
     GainDesign,
@@ -37,6 +39,7 @@ from pretouch.motion import Admittance, Obstacle, Plant, Scenario
 from pretouch.report import plots, report_html, write_report
 from pretouch.report.style import log_ticks, scale_for
 from pretouch.sensors import ExponentialFirstOrder, InversePower, Recessed
+from scenario_text import ENCOUNTER
 
 POWER = InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -124,6 +127,38 @@ def test_design_figures_are_legible(draw: Any, design: GainDesign) -> None:
 def test_calibration_figures_are_legible(usable: CalibrationReport, useless: CalibrationReport) -> None:
     assert_legible(plots.calibration(usable))
     assert_legible(plots.calibration(useless))
+
+
+def test_bars_of_the_drawn_slope_are_two_standard_errors_of_the_differences(usable: CalibrationReport) -> None:
+    """A mean of 4 readings of 4 mV of noise, over the signal; the fit knows that noise to some 10 %."""
+    axes = plots.calibration(usable).axes[2]
+    (bars,) = (lines for lines in axes.collections if hasattr(lines, "get_segments"))
+    halves = np.array([np.ptp(segment[:, 1]) / 2 for segment in bars.get_segments()])
+    middles = np.array([segment[0, 0] for segment in bars.get_segments()]) * 1e-3
+    near, far = (0.002 * (middles + side * 0.0025 + 0.0419) ** 3.32 / 1.30e-5 for side in (-1, 1))
+    np.testing.assert_allclose(halves, 2 * np.hypot(near, far) / 0.005, rtol=0.35)
+    assert len(halves) >= 8
+
+
+@pytest.mark.parametrize("model", ["inverse-power", "exponential-1", "exponential-2", "mittag-leffler", "table"])
+def test_the_section_for_the_scenario_file_is_the_fitted_curve(model: str, tmp_path: Path) -> None:
+    """Copied from the page into a file it reads back as the fitted curve, measured from the contact surface."""
+    distances = np.repeat(np.arange(0.004, 0.045, 0.004), 5)
+    signal = 2.0 * np.exp(-55 * distances) if model != "inverse-power" else 3e-4 / (distances + 0.02) ** 2.4
+    outputs = signal + 0.002 * np.random.default_rng(3).standard_normal(len(distances))
+    report = rank_models(Calibration(distances=distances, outputs=outputs, unit="V"), (model,), offset="zero")
+    (fit,) = report.fits
+    (section,) = re.findall(r"\[sensor\]\nmodel = .*?(?=</)", html.unescape(report_html(report)), re.DOTALL)
+    file = tmp_path / "fitted.toml"
+    encounter = ENCOUNTER.replace('"42.2 mm"', '"25 mm"')
+    assert encounter != ENCOUNTER
+    file.write_text(f"{section}\n{encounter}", encoding="utf-8")
+    sensor = load_scenario(file).sensor
+    distance = np.linspace(0.0, fit.window.l_max - fit.window.l_min, 50)
+    for quantity in ("log_output", "log_slope"):
+        expected = getattr(fit.sensor, quantity)(fit.window.l_min + distance[:-1])
+        np.testing.assert_allclose(getattr(sensor, quantity)(distance[:-1]), expected, rtol=1e-12)
+    assert sensor.valid_range[1] == pytest.approx(distance[-1], rel=1e-5)  # six digits
 
 
 def test_figures_show_the_numbers_of_the_design(letter: GainDesign) -> None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 import pretouch as pt
+from pretouch.design.robust.beside import RobustTradeOff
 from verification_samples import NOISY, velocity_limit, verdict
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -30,6 +33,13 @@ def test_results_show_one_line_and_print_a_report() -> None:
     assert str(report).count("\n") > 10
     assert "<table" in report._repr_html_()
     assert "<table" in design._repr_html_()
+
+
+def test_a_scan_shows_how_many_values_it_has_and_between_which() -> None:
+    robust = RobustTradeOff(gain=np.array([-3.0, -1.0, -0.25]), value=np.ones(3), feasible=np.ones(3, dtype=bool))
+    assert repr(robust) == "<RobustTradeOff: 3 gains from -3 to -0.25>"
+    scan = pt.design_gain(pt.load_scenario(EXAMPLES / "approach.toml")).trade_off
+    assert repr(scan) == f"<TradeOff: {len(scan.gain)} gains from -10 to -0.01>"
 
 
 def test_a_verdict_shows_one_line_and_prints_a_report() -> None:

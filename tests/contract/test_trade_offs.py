@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -218,6 +219,49 @@ def test_figures_of_fronts_are_legible(front):
     assert ("choice" in texts) == (front.choice is not None)
 
 
+def printed_number(cell):
+    """Return what a cell says in SI, and half a unit of its last digit."""
+    number, _, unit = cell.partition(" ")
+    factor = {"mm": 1e-3, "mm/s": 1e-3, "ms": 1e-3}.get(unit, 1.0)
+    digits = len(number.partition(".")[2])
+    return float(number) * factor, 0.5000001 * 10.0**-digits * factor
+
+
+def check_printed_points(front, text):
+    """Solve the encounter of every printed gain, admittance included: its motion has the numbers in the same column."""
+    if not len(front.gain):
+        return
+
+    def cells(name):
+        words = QUANTITIES[name].words
+        symbol = QUANTITIES[name].symbol
+        return row(text, f"{words} {symbol if '|' in symbol else f'|{symbol}|'}", "The front")
+
+    inputs = {"gain": [printed_number(cell) for cell in row(text, "gain D_p", "The front")]}
+    for name, words in (("natural_frequency", "natural frequency"), ("damping_ratio", "damping ratio")):
+        if name in front.free:
+            inputs[name] = [printed_number(cell) for cell in row(text, words, "The front")]
+    method = "uniform-motion" if front.result.method == "uniform-motion" else "auto"
+    for k in range(len(inputs["gain"])):
+
+        def values(shifted="", k=k):
+            chosen = {name: column[k][0] + (name == shifted) * column[k][1] for name, column in inputs.items()}
+            a = front.scenario.admittance
+            held = {n: chosen.get(n, getattr(a, n)) for n in ("natural_frequency", "damping_ratio")}
+            if len(inputs) > 1:
+                a = pt.Admittance.from_natural_frequency(mass=a.mass, **held)
+            end = pt.find_contact(
+                replace(front.scenario, admittance=a), front.sensor, chosen["gain"], method=method
+            ).end
+            return np.abs([float(getattr(end, name)) for name in front.quantities])
+
+        # each input is rounded, and so is what is printed of the motion
+        doubt = 1.1 * sum(np.abs(values(name) - values()) for name in inputs)
+        for i, name in enumerate(front.quantities):
+            shown, last = printed_number(cells(name)[k])
+            assert shown == pytest.approx(values()[i], abs=last + doubt[i]), (name, k)
+
+
 def test_reports_of_fronts_are_whole_pages(front):
     text = report_html(front, source={"name": EVIL, "text": EVIL, "sha256": "0"})
     assert_sound(text)
@@ -231,8 +275,11 @@ def test_reports_of_fronts_are_whole_pages(front):
     if front.comparison is not None:
         ratios = ["\u2013" if np.isnan(p.bound.ratio) else f"{p.bound.ratio:.3g}" for p in points]
         assert row(text, "times the least deviation") == ratios
+    check_printed_points(front, text)
     for constraint in front.constraints:
-        assert row(text, f"limit of {QUANTITIES[constraint.quantity].words}", "Encounter")
+        assert constraint.limit == 5.0
+        words = QUANTITIES[constraint.quantity].words
+        assert row(text, f"limit of {words}", "Encounter") == ["5 m/s\u00b2"]
     heads = table(text, "The front")[0]
     assert heads[1 + len(front.ends) :] == [p.name for p in (front.knee, front.choice) if p is not None]
     assert len(str(front).splitlines()) > len(front.quantities) + 4

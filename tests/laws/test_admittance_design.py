@@ -24,6 +24,7 @@ from pretouch.design import (
 )
 from pretouch.design.problem import GainProblem, magnitude, merit
 from pretouch.design.search import GainAxis
+from pretouch.design.search.local import kkt_residual
 from pretouch.design.search.trials import Trials, make_freedom
 from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import InversePower
@@ -71,6 +72,34 @@ def test_brute_force_finds_nothing_better(letter_encounter: Scenario, case: str,
     assert design.certificate.residual < 1e-5
     assert all(multiplier >= 0 for _, multiplier in design.certificate.active)
     assert all(o.value <= o.limit for o in design.gain_design.constraints)
+
+
+@pytest.mark.parametrize("limits", [(), (Constraint(name="acceleration", limit=1.2),)], ids=["free", "limited"])
+def test_the_conditions_of_an_optimum_contradict_one_that_was_moved(
+    letter_encounter: Scenario, limits: tuple[Constraint, ...]
+) -> None:
+    """Where nothing holds it, what remains of the gradient by ln of the gain is that of differences of encounters."""
+    sensor = CURVES["inverse-power"]
+    design = design_admittance(Task(letter_encounter, sensor, F1, bounds=BOUNDS, constraints=limits, **FREE))
+    trials = Trials(
+        freedom=make_freedom(letter_encounter, BOUNDS, FREE["natural_frequency"], FREE["damping_ratio"]),
+        encounters=design.problem,
+        measures=(merit(F1, 0.3, None),),
+    )
+    best = design.certificate.local_minima[0].at
+    assert kkt_residual(trials, best, np.ones(1))[0] == pytest.approx(design.certificate.residual, abs=1e-9)
+    moved: list[bool] = []
+    for shift in (-0.02, 0.02):  # of the range of the gain, 15 % of it
+        point = best + np.array([shift, 0.0, 0.0])
+        residual, _, _ = kkt_residual(trials, point, np.ones(1))
+        kept = bool(trials.feasible(trials.rows(point[None])[0])[0])
+        assert kept or limits, "a limit contradicts what was moved beyond it, the residual all else"
+        assert residual > max(0.02, 1e3 * design.certificate.residual) or not kept
+        moved.append(kept)
+        if not limits:
+            beside = trials.rows(point + np.array([[-1e-5, 0.0, 0.0], [1e-5, 0.0, 0.0]]))[0][:, 0]
+            assert residual >= abs(beside[1] - beside[0]) / 2e-5 / float(trials.rows(point[None])[0][0, 0]) * (1 - 1e-4)
+    assert any(moved)
 
 
 def test_the_answer_is_an_encounter_that_leads_to_the_objective(letter_encounter: Scenario) -> None:

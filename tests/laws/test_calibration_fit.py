@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from pretouch.calibration import Calibration, fit_sensor, rank_models
 from pretouch.sensors import ExponentialFirstOrder, ExponentialSecondOrder, InversePower, MittagLeffler
@@ -95,6 +96,29 @@ def test_intervals_hold_the_truth_as_often_as_they_say(model, name):
     # and the intervals are not merely wide: chi^2 of 30 deviations lies in [0.35, 2.1] x 30 but for 1 in 1e3; the
     # standard error itself is known to 20 % from 12 degrees of freedom, which widens that to [0.3, 2.5]
     assert 0.3 < np.mean(np.square(deviations)) < 2.5
+
+
+@pytest.mark.parametrize("points", [11, 12])
+def test_the_slope_of_a_table_is_known_as_well_as_it_scatters(points):
+    """The middle of the window is a point of the table, or lies between two: there its interpolant scatters more.
+
+    SciPy's interpolant through 4,000 curves that the noise makes is the other way; the fit knows the noise to 10 %.
+    """
+    distance, repeats, noise = 0.004 * np.arange(points), 6, 0.002
+    rng = np.random.default_rng(2)
+    readings = np.repeat(SENSORS["exponential-1"].output(distance), repeats)
+    outputs = readings + noise * rng.standard_normal(len(readings))
+    measured = Calibration(distances=np.repeat(distance, repeats), outputs=outputs, unit="V")
+    fit = fit_sensor(measured, "table", offset="zero")
+    assert len(fit.distances) == points
+    means = outputs.reshape(-1, repeats).mean(axis=1)[:, None]
+    curves = np.log(means + noise / math.sqrt(repeats) * rng.standard_normal((points, 4000)))
+    slopes = PchipInterpolator(distance, curves)((distance[0] + distance[-1]) / 2, 1)
+    slope = fit.middle_slope
+    assert slope.standard_error == pytest.approx(np.std(slopes), rel=0.25)
+    assert slope.low <= -61.0 <= slope.high
+    assert not slope.low <= -61.0 / 2 <= slope.high
+    assert (slope.high - slope.low) / slope.standard_error == pytest.approx(2 * 1.96)
 
 
 @pytest.mark.parametrize("model", SENSORS)

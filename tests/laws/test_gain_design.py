@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +56,25 @@ def test_brute_force_finds_nothing_better(letter_encounter: Scenario, name: str,
     assert design.certificate.at == "bound" or design.certificate.stationarity < 1e-6
     # the search takes contacts that are good to 1e-10, the result one of the guaranteed path
     assert design.objective == pytest.approx(sum(design.objective_parts.values()), rel=1e-10)
+
+
+@pytest.mark.parametrize("moved", [0.95, 1.05, 1.3])
+def test_the_certificate_contradicts_an_optimum_that_was_moved(
+    letter_encounter: Scenario, letter_power: InversePower, moved: float
+) -> None:
+    """Its stationarity is df/du over f at the gain of the answer, here against differences of encounters."""
+    design = design_gain(Task(letter_encounter, letter_power, F1, bounds=BOUNDS))
+    assert design.certificate.stationarity < 1e-6
+    gain = moved * design.gain
+    around = find_contact(letter_encounter, letter_power, gain * np.exp([-1e-4, 0.0, 1e-4]))
+    less, value, more = F1.value(around.end, 0.3)
+    other = replace(design, settled=(DesignStatus.OPTIMAL, gain, float(value)))
+    assert other.certificate.stationarity == pytest.approx(abs(more - less) / 2e-4 / value, rel=1e-4)
+    assert other.certificate.stationarity > 0.005
+    assert "first-order residual" in str(other)
+    low, high = sorted(other.certificate.bracket)
+    assert low <= design.gain <= high
+    assert low <= gain <= high or abs(math.log(moved)) > 0.05, "the scan encloses the optimum by some 5 %"
 
 
 def test_the_optimum_is_global_where_there_are_several(letter_encounter: Scenario) -> None:
@@ -200,6 +220,58 @@ def test_an_optimum_on_a_bound_says_so(letter_encounter: Scenario, letter_power:
     assert design.gain == -0.5
     assert design.certificate.at == "bound"
     assert "lies on the bound" in design.warnings[0]
+
+
+THROWN = Scenario(
+    admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+    obstacle=Obstacle(position=0.0422),
+    plant=Plant(velocity=1.2),
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({}, []),
+        ({"bounds": (-2.0, 0.5)}, []),
+        ({"constraints": [Constraint(name="excursion", limit=0.08)]}, []),
+        ({"bounds": (-0.5, -0.01)}, ["the optimum lies on the bound -0.5 N s"]),
+        ({"bounds": (-10.0, -1.0)}, ["the optimum lies on the bound -1 N s"]),
+        (
+            {"method": "uniform-motion", "sensor": CURVES["exponential-2"]},
+            ["the uniform motion L(16)-(19) is one particular motion"],
+        ),
+        (
+            {"scenario": THROWN, "bounds": (-2.0, -0.01)},
+            [" scanned gains ended without contact (", "the optimum lies where contact is just still made"],
+        ),
+        ({"scenario": THROWN, "bounds": (-0.1, -0.01)}, ["the optimum lies on the bound"]),
+    ],
+)
+def test_a_warning_comes_where_it_must_and_nowhere_else(
+    letter_encounter: Scenario, letter_power: InversePower, change: dict, said: list[str]
+) -> None:
+    given = {"bounds": BOUNDS, **change}
+    scenario, sensor = given.pop("scenario", letter_encounter), given.pop("sensor", letter_power)
+    warnings = design_gain(Task(scenario, sensor, F1, **given)).warnings
+    assert len(warnings) == len(said), warnings
+    for text, warning in zip(said, warnings, strict=True):
+        assert text in warning
+
+
+def test_a_motion_that_does_not_meet_its_balance_is_warned_of(
+    letter_encounter: Scenario, letter_power: InversePower, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An output that is not that of the slope by one part in a million is, one in ten billion is no cause."""
+    log_output = InversePower.log_output
+    for error, warned in ((1e-10, False), (1e-6, True)):
+        design = design_gain(Task(letter_encounter, letter_power, F1, bounds=BOUNDS))
+        with monkeypatch.context() as other:
+            other.setattr(InversePower, "log_output", lambda self, x, e=error: (1 + e) * log_output(self, x))
+            said = [text for text in design.warnings if "the impulse balance of the motion is met to" in text]
+        assert len(said) == warned
+    residual = float(re.search(r"met to (\S+) only: its numbers are less certain", said[0]).group(1))
+    assert residual == pytest.approx(1e-6, rel=1.0)  # one digit of a share of some 0.5 to 1.5 of the largest term
 
 
 def test_bounds_may_pass_through_zero(letter_encounter: Scenario, letter_power: InversePower) -> None:

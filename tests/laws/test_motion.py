@@ -58,6 +58,36 @@ def test_impulse_balance(scenario: Scenario, gain: float, name: str) -> None:
     assert found.impulse_residual < 1e-11 + rounding
 
 
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("name", sorted(CURVES))
+def test_the_impulse_balance_contradicts_a_slope_that_is_not_that_of_the_output(
+    name: str, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The motion uses g alone, the balance ln xi: where that changes by a tenth more, a tenth of its term is left over.
+
+    K int x~ dt follows from the balance as it holds; the residual is taken over the largest of all terms.
+    """
+    scenario = Scenario(
+        admittance=Admittance(mass=1.3, damping=9.0, stiffness=25.0),
+        obstacle=Obstacle(position=np.linspace(0.03, 0.042, count), velocity=-0.3),
+    )
+    sensor, gain = CURVES[name], -0.7
+    found = find_contact(scenario, sensor, gain)
+    end, start = found.end, scenario.obstacle.position
+    assert (end.time > 0).all()  # solved, before the output changes
+    log_output = type(sensor).log_output
+    monkeypatch.setattr(type(sensor), "log_output", lambda self, distance: 1.1 * log_output(self, distance))
+    nearest = sensor.valid_range[0]
+    rise = log_output(sensor, np.maximum(end.distance, nearest)) - log_output(sensor, start)
+    inertia, damping = 1.3 * end.velocity, 9.0 * end.displacement
+    force = -1.1 * gain * rise
+    spring = -(inertia + damping - gain * rise)
+    largest = np.max(np.abs(np.broadcast_arrays(inertia, damping, spring, force, 1.3 * 0.3, 9.0 * start)), axis=0)
+    # most of the virtual force's impulse is a large term of every one of these encounters
+    np.testing.assert_allclose(found.impulse_residual, 0.1 * np.abs(gain * rise) / largest, rtol=1e-7)
+    assert (np.asarray(found.impulse_residual) > 0.01).all()
+
+
 @examples(100)
 @given(scenario=encounters, gain=gains, name=curves)
 def test_every_run_has_an_end_that_fits_its_status(scenario: Scenario, gain: float, name: str) -> None:

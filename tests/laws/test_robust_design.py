@@ -370,6 +370,14 @@ def test_what_makes_no_sense_is_refused(asked: dict[str, object], words: str) ->
 def test_a_worst_case_takes_intervals() -> None:
     found = design(uncertainty={"obstacle.velocity": Interval(low=-0.4, high=-0.2)}, measure=WorstCase())
     assert found.status is DesignStatus.OPTIMAL
+    gains, speeds = np.append(np.geomspace(0.5, 2.0, 60) * found.gain, found.gain), np.linspace(-0.4, -0.2, 21)
+    scenario = scenario_with(SCENARIO, {"obstacle.velocity": speeds[:, None]})
+    worst = OBJECTIVE.value(find_contact(scenario, CONSTANT, gains).end, np.abs(speeds)[:, None]).max(axis=0)
+    assert found.value == pytest.approx(worst[-1], rel=1e-9)  # at an end of the interval, which is on the grid
+    assert worst[-1] <= worst.min() * (1 + 1e-9)
+    assert worst[:-1].min() < 1.01 * worst[-1], "the grid of gains reaches the optimum's neighborhood"
+    assert worst[0] > worst[-1] * (1 + 1e-3)
+    assert worst[-2] > worst[-1] * (1 + 1e-3), "and a moved optimum is told from it"
 
 
 def test_curves_that_have_no_likeness_are_solved_one_by_one() -> None:

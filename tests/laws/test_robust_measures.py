@@ -14,6 +14,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch.design import Constraint
 from pretouch.design.robust import ConditionalValueAtRisk, Expected, Measure, Quantile, Required, WorstCase
 from pretouch.design.robust.measures import least_probability
+from pretouch.design.robust.problem import LimitOutcome, Validation
 from properties import examples
 
 VALUES = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40)
@@ -107,14 +108,36 @@ COVERED = {
 def test_intervals_cover_as_often_as_they_claim(name: str) -> None:
     measure, count, draw, true, claimed = COVERED[name]
     repeats, rng = 2000, np.random.default_rng(11)
-    covered = 0
+    covered = wrong = 0
     for _ in range(repeats):
         _, low, high = measure.estimate(getattr(rng, draw)(size=count), 0.95)
         covered += low <= true <= high
+        wrong += low <= 1.5 * true <= high
+    # half as much again is four standard errors or more of each: few intervals may hold it
+    assert wrong < 0.1 * repeats
     # a correct interval covers fewer times than this once in 10,000 runs of this test
     assert covered >= stats.binom.ppf(1e-4, repeats, claimed)
     if name == "mean":  # and one that is far too wide would cover always
         assert covered <= stats.binom.ppf(1 - 1e-4, repeats, 0.955)
+
+
+@pytest.mark.parametrize("p", [0.5, 0.95])
+def test_what_fresh_samples_say_of_a_limit_is_what_their_number_of_hits_allows(p: float) -> None:
+    """Against the binomial distribution: shown where so many hits are rare below p, missed where so few are above."""
+    n, said = 200, []
+    required = Required(constraint=Constraint(name="time", limit=1.0), probability=p)
+    for hits in range(n + 1):
+        low = least_probability(hits, n, 0.95)
+        outcome = LimitOutcome(required=required, held=hits / n, low=low, magnitude=1.0)
+        nothing = {"value": 1.0, "low": 1.0, "high": 1.0, "nominal": None, "loss": None, "nominal_breaks": ()}
+        fresh = Validation(samples=n, confidence=0.95, limits=(outcome,), reached=1.0, **nothing)
+        said.append(fresh.says_of(outcome))
+        many, few = stats.binom.sf(hits - 1, n, p), stats.binom.cdf(hits, n, p)
+        if hits / n >= p:
+            assert said[-1] == ("shown" if many <= 0.05 else "held in every sample" if hits == n else "held, not shown")
+        else:
+            assert said[-1] == ("missed" if few < 0.05 else "missed, within chance")
+    assert {"missed", "missed, within chance", "held, not shown", "shown"} <= set(said)
 
 
 def test_the_lower_bound_of_a_probability_holds_as_often_as_it_claims() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.signal import butter
 import pretouch as pt
 from lifted_loop import lifted_radius
 from pretouch import control
-from pretouch.simulation.linear_loop import linear_loop
+from pretouch.simulation.linear_loop import linear_loop, zero_between
 from pretouch.simulation.robot import linear_plant
 
 MASS = pt.Admittance(mass=1.3, damping=0.0, stiffness=0.0)
@@ -246,6 +247,30 @@ def test_the_limit_bounds_a_design(letter_power: pt.InversePower, letter_encount
     )
     design = pt.design_gain(pt.Task(letter_encounter, letter_power, objective, bounds=fast.bounds()))
     assert design.gain == pytest.approx(-0.7463, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("function", "ends", "zero", "calls"),
+    [
+        (lambda x: 3 * x - 1, (0.0, 1.0), 1 / 3, 2),
+        (lambda x: x**3 - 2, (0.0, 2.0), 2 ** (1 / 3), 7),
+        (lambda x: math.exp(x) - 3, (-2.0, 5.0), math.log(3), 9),
+        (lambda x: math.atan(x - 0.3), (-10.0, 4.0), 0.3, 8),
+        (lambda x: math.tanh(40 * (x - 0.71)), (0.0, 1.0), 0.71, 11),
+        (lambda x: 1.0 if x > 0.3 else -1.0, (0.0, 1.0), 0.3, 45),
+    ],
+)
+def test_a_zero_is_found_in_few_calls(function: Callable, ends: tuple[float, float], zero: float, calls: int) -> None:
+    """Inverse interpolation gains a half more digits with every call; halving 1e-13 of the interval takes 43 to 47."""
+    asked = []
+
+    def counted(x: float) -> float:
+        asked.append(x)
+        return float(function(x))
+
+    found = zero_between(counted, *((end, function(end)) for end in ends), tolerance=1e-13)  # type: ignore[arg-type]
+    assert found == pytest.approx(zero, abs=1.1e-13)
+    assert len(asked) <= calls
 
 
 def test_a_timing_follows_from_chain_and_controller() -> None:

@@ -91,6 +91,22 @@ def test_the_status_follows_from_limits(limits: list[Any], status: pt.VerdictSta
     assert found.headline.startswith("D_p = -0.7463 N s ")
 
 
+def test_a_limit_that_is_halved_is_missed_in_every_run_and_one_between_in_its_share_of_them() -> None:
+    speed = np.sort(np.abs(NOISY.run(SCENARIO, SENSOR, -0.7463, runs=60).relative_velocity))
+    for limit, held in ((0.1, 60), (0.05, 0), (float(speed[14]), 15), (float(speed[44]), 45)):
+        found = verdict(NOISY, gain=-0.7463, constraints=[velocity_limit(limit)], changes=False)
+        (check,) = found.limits
+        assert check.held == held / 60
+        assert check.is_met == (held == 60)
+        assert found.status is (HOLDS if held == 60 else DOES_NOT)
+        assert check.value == pytest.approx(speed[-1])  # what all runs keep
+        assert (check.margin < 0) == (held < 60)
+        if held:
+            assert stats.binom.sf(held - 1, 60, check.low) == pytest.approx(0.05, rel=1e-9)
+        else:
+            assert check.low == 0
+
+
 def test_a_drive_force_is_that_of_the_runs() -> None:
     limit = pt.Constraint(name="drive_force", limit=1e6)
     impact = pt.SpringImpact(robot_mass=3.0, stiffness=1e4)  # an ideal robot has no mass of its own

@@ -99,6 +99,25 @@ def test_the_scale_of_the_output_is_of_no_consequence(data: st.DataObject) -> No
     assert one.impulse_residual < 1e-9  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize("acceleration", [0.0, -1.0])
+@pytest.mark.parametrize("name", sorted(TO_CONTACT))
+def test_the_balance_contradicts_a_slope_that_is_not_that_of_the_output(
+    name: str, acceleration: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both balances, of the speeds and of the ways, miss a tenth of the impulse of an output that changes more."""
+    sensor, start, speed, a = TO_CONTACT[name], 0.04, -0.3, acceleration
+    found = _solve(sensor, start, _coefficient(sensor, start, 0.3), speed, a)
+    t, last = found.end.time, found.end.relative_velocity  # type: ignore[attr-defined]
+    log_output = type(sensor).log_output
+    monkeypatch.setattr(type(sensor), "log_output", lambda self, distance: 1.1 * log_output(self, distance))
+    impulse = last - speed - a * t
+    moment = start + speed * t + a * t**2 / 2 + impulse * t
+    speeds = 0.1 * impulse / max(-speed, -a * t, 1.1 * impulse)
+    ways = 0.1 * abs(impulse * t - moment) / max(start, -speed * t, -a * t**2 / 2, 1.1 * impulse * t, 1.1 * moment)
+    assert found.impulse_residual == pytest.approx(max(speeds, ways), rel=1e-7)  # type: ignore[attr-defined]
+    assert min(speeds, ways) > 0.01
+
+
 def test_a_table_that_begins_at_next_to_nothing_is_followed_to_its_first_place() -> None:
     """From 1e-290 m on: a distance less what is left of it is zero there, where the table says nothing."""
     first = 2.2457e-290

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
 
@@ -205,9 +205,15 @@ class GainEvidence(Answer):
             resolution=self.scanned.resolution,
             local_minima=tuple((float(axis.gain(m.coordinate)), m.value) for m in self.minima),
             bracket=(float(axis.gain(low)), float(axis.gain(high))),
-            stationarity=_stationarity(self.problem, best) if self.place == "interior" else None,
+            stationarity=_stationarity(self.problem, self._as_answered(best)) if self.place == "interior" else None,
             at=self.place,
         )
+
+    def _as_answered(self, best: Minimum) -> Minimum:
+        """Return the best minimum of the scan at the gain of the answer, which the compiled search may have found."""
+        if self.settled is None:
+            return best
+        return replace(best, coordinate=float(self.problem.axis.coordinate(self.gain)), value=float(self.objective))
 
     @_part
     def sensitivities(self) -> tuple[Sensitivity, ...]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.files import refuse_input
 
 from .terminal import (
     Presentation,
@@ -105,6 +106,9 @@ def _sweep(
     from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
     task = load_scenario(file)
+    for path in (shown.output, figure):
+        if path is not None:
+            refuse_input(path, getattr(task.source, "inputs", ()))
     task = task.replace(gain=read_gain(gain, task.law))
     axes = _axes(task, axis)
     if figure is not None:

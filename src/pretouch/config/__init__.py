@@ -6,12 +6,13 @@ import dataclasses
 import hashlib
 import math
 import os
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from pretouch._core.errors import PretouchError, ScenarioFileError
+from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
 from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
@@ -158,10 +159,11 @@ class _Builder(Reading):
             key: given[key] if isinstance(given[key], str) else read_output(found[key], name=key)
             for key in ("offset", "saturation")
         }
+        path = folder / given[CALIBRATION]
         try:
             plain = ("select", "columns", "labels", "near_field_peak", "floor_sigmas")
             request = FitRequest(
-                path=folder / given[CALIBRATION],
+                path=path,
                 models=(given["model"],) if "model" in given else (),
                 no_object=read_no_object(found["no_object"], folder, name="no_object")
                 if "no_object" in found
@@ -169,11 +171,12 @@ class _Builder(Reading):
                 **{key: given[key] for key in plain if key in given},
                 **outputs,
             )
+            self.source = replace(self.source, calibration_files=request.files)
             sensor, report = fit_sensor_of(request)
         except PretouchError as error:
-            path, sentence = place(str(error), "sensor")
-            known = path in self.source.lines and len(path) == 2
-            self.refuse(path if known else ("sensor", CALIBRATION), sentence)
+            key, sentence = place(_without_content(error, path), "sensor")
+            known = key in self.source.lines and len(key) == 2
+            self.refuse(key if known else ("sensor", CALIBRATION), sentence)
             return None, None
         limits = {key: given[key] for key in FROM_SURFACE if key in given}
         return self.attempt("sensor", lambda: _extended(sensor, given.get("recess"), limits)), report
@@ -263,6 +266,14 @@ class _Builder(Reading):
             self.refuse(
                 path, f'found {quantity} without physical properties, expected [impact] with robot_mass = "4 kg"'
             )
+
+
+def _without_content(error: PretouchError, path: Path) -> str:
+    """Say what is wrong with a calibration, but nothing that stands in it: a scenario may name any file."""
+    if not isinstance(error, CalibrationDataError):
+        return str(error)
+    problem = error.problem or f"{path.name}: found no calibration that can be read"
+    return problem if problem == str(error) else f"{problem}; to see more, run: pretouch fit {shlex.quote(str(path))}"
 
 
 def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:

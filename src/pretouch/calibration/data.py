@@ -22,6 +22,8 @@ from .csv_file import read_table
 from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
 from .table_layout import long_layout, wide_layout
 
+_FEW = 5  # distances, from which on one can be far beyond all others
+_STRAY = 50.0  # times as far as the next one
 _REMEMBERED = 10_000  # texts of a column: distances and counts come again and again
 
 
@@ -348,6 +350,7 @@ def _curve(
     there = ~np.isnan(readings.outputs)
     empty = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
+    _refuse_stray_distance(table, readings.distances[there & ~empty])
     if not (there & ~empty).any():
         raise CalibrationDataError(
             f"{table.file}{f', {label}' if label else ''}: found no reading with an object in range, expected at "
@@ -374,6 +377,19 @@ def _curve(
             notes=(*table.notes, *layout.notes),
         ),
     )
+
+
+def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
+    """Refuse one distance far beyond all others: a typing error, or a number that stands for no object."""
+    found = np.unique(distances)
+    if len(found) < _FEW or found[-1] <= _STRAY * found[-2]:
+        return
+    told = (
+        f"{table.file}: found the distance {found[-1]:g} m, {found[-1] / found[-2]:,.0f} times as far as the next one "
+        f"({found[-2]:g} m), expected distances that follow each other; correct it, or write inf where it means that "
+        "no object was there"
+    )
+    raise CalibrationDataError(told, problem=f"{table.file}: found one distance far beyond all others")
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:

@@ -16,6 +16,7 @@ import typer
 
 from pretouch._core.errors import PretouchError, UnitError
 from pretouch._core.files import as_json, is_own_unchanged, refuse_input
+from pretouch._core.progress import listening
 from pretouch._core.units import read_quantity
 
 if TYPE_CHECKING:
@@ -178,6 +179,11 @@ def print_progress(text: str) -> None:
         print_message(text)
 
 
+def print_count(solved: int, seconds: float) -> None:
+    """Tell a person who waits that work goes on."""
+    print_progress(f"{solved:,} encounters solved in {seconds:.0f} s, going on")
+
+
 def _write(stream: Any, text: str) -> None:
     encoding = getattr(stream, "encoding", None) or "utf-8"
     stream.write(text.encode(encoding, "replace").decode(encoding) + "\n")
@@ -210,7 +216,8 @@ def verb(run: Callable[..., None]) -> Callable[..., None]:
         def checked() -> None:
             if shown.output is not None and "file" in given:
                 refuse_input(shown.output, [given["file"]])  # before anything is computed
-            run(shown, **given)
+            with listening(print_count):
+                run(shown, **given)
 
         conclude(checked, json_wanted=shown.json)
 

@@ -39,6 +39,8 @@ _SHORT: Final[Mapping[str, str]] = {
     "velocity": "relative_velocity",
     "force": "impact_force",
 }
+_FASTEST: Final = 10_000.0  # rad/s, of an admittance
+_STEEPEST: Final = 1e-6  # m
 _ROUNDING: Final = 1e-9  # of a distance that is added and taken away again
 _PHYSICAL: Final = ("impact_force", "drive_force")
 
@@ -102,7 +104,9 @@ def _task(builder: _Builder) -> Task | None:
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
         return None  # not worth a fit
     sensor, calibration = builder.sensor()
+    builder.check_frequencies(scenario)
     if sensor is not None and scenario is not None:
+        builder.check_slope(sensor)
         builder.check_range(sensor, scenario, calibration)
     asked |= robust_fields(builder, scenario, sensor, calibration, constraints)
     has_loop = any(name in builder.data for name in LOOP_SECTIONS)
@@ -259,6 +263,32 @@ class _Builder(Reading):
                 ("obstacle", "position"),
                 f"found a distance of {1e3 * scenario.distance:.4g} mm at the start, expected at most "
                 f"{1e3 * high:.4g} mm{cause}: start where the object enters it{extending}",
+            )
+
+    def check_frequencies(self, scenario: Scenario | None) -> None:
+        """Refuse an admittance that no control loop follows: it oscillates thousands of times before contact."""
+        given = self.values("admittance") or {}
+        found = {key: given[key][1] for key in FREE if key == "natural_frequency_bounds" and key in given}
+        if scenario is not None:
+            key = next((k for k in ("natural_frequency", "stiffness") if given.get(k) is not None), "stiffness")
+            found[key] = scenario.admittance.natural_frequency
+        for key, frequency in found.items():
+            if frequency > _FASTEST:
+                self.refuse(
+                    ("admittance", key),
+                    f"found a natural frequency of {frequency:.4g} rad/s, expected at most {_FASTEST:,.0f} rad/s, "
+                    "above which no control loop follows it; check mass and stiffness with their units",
+                )
+
+    def check_slope(self, sensor: SensorModel) -> None:
+        """Refuse a curve that no sensor has: at contact it falls by a factor of e within less than a micrometer."""
+        nearest = max(sensor.valid_range[0], 0.0)
+        slope = abs(float(sensor.log_slope(nearest)))
+        if slope > 1 / _STEEPEST:
+            self.refuse(
+                ("sensor",),
+                f"found an output that falls by a factor of e within {1 / slope:.3g} m at {nearest:g} m, expected at "
+                f"least {_STEEPEST:g} m; check the parameters of the curve with their units",
             )
 
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:

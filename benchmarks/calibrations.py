@@ -1,16 +1,22 @@
 """Whether a calibration can be relied on: designs on the fit, motions on the truth, over generated sensors.
 
     python -m benchmarks.calibrations --count 2400 --seed 1
+    python -m benchmarks.calibrations --sparse --count 5000 --seed 1
 
 Sensors of every family and mechanism are drawn (tests/made_sensors.py): offsets, noise, steps, repeats, few and many
 distances. Each is fitted as `pretouch fit` does it; a gain is designed on the best fit, for an object that comes at
 0.3 m/s from the far end of the window; where the window begins in front of the sensor, the sensor is sunk by so much.
 Then the motion is integrated, by another method, on what the sensor really gives, with the fitted offset subtracted.
 
-Printed: how often a design that carries no reservation comes within 15 % of the contact speed that it promised (95 %
-are wanted); contacts harder than without mitigation that were not said beforehand (none); the share of sensors that are
-refused; the share of those with 15 good distances and a known offset that are usable (95 %); how often the interval of
-a fitted offset holds the true one (90 to 98 %); and what a fit takes. The exit code is 1 where one of these is missed.
+With --sparse each sensor is read once at 6 to 18 distances, many under a ceiling that begins anywhere; its form is the
+fitted one for half of the sensors, and another for the others.
+
+Printed: how often a design whose first line carries no caution comes within 15 % of the contact speed that it promised
+(95 % are wanted); how many sensors are cautioned about, or refused, although the design keeps its promise or could
+(at most 10 %); contacts harder than without mitigation that were not said beforehand (none); the share of sensors that
+are refused; the share of those with 15 good distances and a known offset that are usable (95 %); how often the interval
+of a fitted offset holds the true one (90 to 98 %); and what a fit takes. The exit code is 1 where one of these is
+missed.
 """
 
 from __future__ import annotations
@@ -29,10 +35,11 @@ from numpy.typing import NDArray
 
 import pretouch as pt
 from pretouch.calibration import CalibrationReport, rank_models
+from pretouch.uncertainty import reservations_of
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
-from made_sensors import MECHANISMS, MadeSensor, make_sensor
+from made_sensors import CEILINGS, MECHANISMS, MadeSensor, make_sensor, make_sparse_sensor
 
 Array = NDArray[np.float64]
 
@@ -44,6 +51,8 @@ FEW = 50  # intervals, too few to judge their coverage by
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
 OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=SPEED)
 KINDS = (*MECHANISMS, "rising")
+OTHERS = tuple(name for name in CEILINGS if name != "soft")
+SPARSE = tuple(name for other in OTHERS for name in ("soft", other))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +68,7 @@ class Outcome:
     met: float
     seconds: float
     reason: str
+    cautioned: bool = False
 
 
 def slope_seen(made: MadeSensor, offset: float, floor: float, places: Array) -> Array:
@@ -91,34 +101,45 @@ def contact_speed(slope: Array, start: float, recess: float, span: float, gain: 
     return SPEED + u
 
 
-def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float]:
-    """Design on the fit and move on the truth; return promised and met contact speed [m/s], nan where none is."""
+def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float, bool]:
+    """Design on the fit and move on the truth.
+
+    Returns:
+        The promised contact speed and the true one [m/s], nan where there is none, and whether the first line of the
+        answer carries a caution.
+    """
     best, offset = report.best, report.offset
     if best is None or offset is None:
-        return np.nan, np.nan
+        return np.nan, np.nan, True
     recess, last = report.window.l_min, report.window.l_max
     sensor = pt.Recessed(sensor=best.sensor, recess=recess) if recess > 0 else best.sensor
     start = last - recess
     scenario = pt.Scenario(admittance=ADMITTANCE, obstacle=pt.Obstacle(position=start, velocity=-SPEED))
     design = pt.design_gain(pt.Task(scenario, sensor, OBJECTIVE, bounds=(-20.0, -1e-3)))
     if not bool(np.all(design.result.reached)):
-        return np.nan, np.nan
+        return np.nan, np.nan, True
     promised = -float(design.result.end.relative_velocity)
     floor = 3 * report.noise.output if report.noise is not None else 0.0
     floor = min(floor, report.window.floor - offset.value)
     slope = slope_seen(made, offset.value, floor, np.linspace(0.0, last, GRID))
-    return promised, contact_speed(slope, start, recess, last, float(design.gain))
+    cautioned = reservations_of(report, design).headline is not None
+    return promised, contact_speed(slope, start, recess, last, float(design.gain)), cautioned
 
 
-def one(task: tuple[int, int]) -> Outcome:
+def one(task: tuple[int, int, bool]) -> Outcome:
     """Draw, fit, design and judge one sensor."""
-    seed, number = task
-    kind = KINDS[number % len(KINDS)]
-    made = make_sensor(np.random.default_rng([seed, number]), kind)
+    seed, number, sparse = task
+    rng = np.random.default_rng([seed, number])
+    if sparse:
+        made = make_sparse_sensor(rng, SPARSE[number % len(SPARSE)])
+        kind = made.mechanism
+    else:
+        kind = KINDS[number % len(KINDS)]
+        made = make_sensor(rng, kind)
     start = time.perf_counter()
     report = rank_models(made.calibration, offset="auto" if made.declared is None else made.declared)
     seconds = time.perf_counter() - start
-    promised, met = judge(made, report)
+    promised, met, cautioned = judge(made, report)
     offset, holds = report.offset, None
     if offset is not None and offset.kind == "fitted":
         holds = offset.low <= made.offset <= offset.high
@@ -132,6 +153,7 @@ def one(task: tuple[int, int]) -> Outcome:
         met=met,
         seconds=seconds,
         reason=report.reasons[0][:90],
+        cautioned=cautioned,
     )
 
 
@@ -145,17 +167,19 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=2400, help="how many sensors")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--sparse", action="store_true", help="sensors that were read once at 6 to 18 distances")
     asked = parser.parse_args()
     warnings.simplefilter("error")
     found: list[Outcome] = []
     with ProcessPoolExecutor(asked.workers) as pool:
-        for outcome in pool.map(one, [(asked.seed, i) for i in range(asked.count)], chunksize=8):
+        for outcome in pool.map(one, [(asked.seed, i, asked.sparse) for i in range(asked.count)], chunksize=8):
             found.append(outcome)
             if len(found) % 200 == 0:
                 print(f"... {len(found)}", flush=True)
-    free = [o for o in found if o.verdict == "usable" and np.isfinite(o.met)]
+    free = [o for o in found if not o.cautioned and np.isfinite(o.met) and (asked.sparse or o.verdict == "usable")]
     close = [o for o in free if abs(o.met - o.promised) <= WITHIN * o.promised]
-    harder = [o for o in free if o.met > SPEED * 1.001]
+    harder = [o for o in free if o.met > SPEED * 1.001 >= o.promised]
+    needless = [o for o in found if o.cautioned and not abs(o.met - o.promised) > WITHIN * o.promised]
     good = [o for o in found if o.good]
     usable = [o for o in good if o.verdict == "usable"]
     fitted = [
@@ -165,22 +189,26 @@ def main() -> int:
     print(
         f"{len(found)} sensors, seed {asked.seed}; {1e3 * np.median([o.seconds for o in found]):.0f} ms a fit (median)"
     )
-    for kind in KINDS:
+    for kind in sorted({o.kind for o in found}, key=[o.kind for o in found].index):
         own = [o for o in found if o.kind == kind]
         told = Counter(o.verdict for o in own)
         mine = [o for o in free if o.kind == kind]
         near = sum(o in close for o in mine)
         print(f"  {kind:18s} {dict(told)}; within 15 %: {share(near, len(mine))}")
     print(f"no usable signal: {share(sum(o.verdict == 'no usable signal' for o in found), len(found))}")
-    print(f"designs without reservation within 15 % of the promised contact speed: {share(len(close), len(free))}")
+    print(f"designs without caution within 15 % of the promised contact speed: {share(len(close), len(free))}")
     for o in [o for o in free if o not in close][:12]:
         print(f"    {o.kind}, number {o.number}: {o.promised:.4f} m/s promised, {o.met:.4f} m/s met")
     print(f"harder than without mitigation, not said beforehand: {len(harder)}")
+    print(f"refused, or cautioned about although within 15 %: {share(len(needless), len(found))}")
     print(f"usable, of those with 15 good distances and a known offset: {share(len(usable), len(good))}")
     for o in [o for o in good if o not in usable][:12]:
         print(f"    {o.kind}, number {o.number}: {o.reason}")
     print(f"intervals of fitted offsets that hold the true one: {share(len(held), len(fitted))}")
-    ok = len(close) >= 0.95 * len(free) and not harder and len(usable) >= 0.95 * len(good)
+    ok = len(close) >= 0.95 * len(free) and not harder
+    if asked.sparse:
+        return 0 if ok and len(needless) <= 0.1 * len(found) else 1
+    ok = ok and len(usable) >= 0.95 * len(good)
     covers = len(fitted) < FEW or 0.9 * len(fitted) <= len(held) <= 0.98 * len(fitted)
     return 0 if ok and covers else 1
 

@@ -126,12 +126,12 @@ def residual_panel(axes: Axes, case: Case) -> None:
     if found.best is None or found.offset is None:
         raise AssertionError
     distance, sensor = case.calibration.distances, found.best.sensor
-    near = distance <= _SHOWN
+    near = (distance >= found.window.l_min) & (distance <= _SHOWN)
     distance, outputs = distance[near], case.calibration.outputs[near]
     share = 100 * ((outputs - found.offset.value) / sensor.output(distance) - 1)
     places = np.unique(distance)
     means = np.array([share[distance == d].mean() for d in places])
-    every = np.linspace(0.0, _SHOWN, _FINE)
+    every = np.linspace(found.window.l_min, _SHOWN, _FINE)
     truth = 100 * (case.signal(every) / sensor.output(every) - 1)
     _distance_axis(axes, case, last=_SHOWN)
     axes.set_ylabel("off the fitted curve [% of the signal]")

@@ -159,6 +159,78 @@ def make_sensor(rng: np.random.Generator, mechanism: str, family: str | None = N
     )
 
 
+CEILINGS: dict[str, Callable[[Array, float, float], Array]] = {
+    "soft": lambda u, c, p: u / (1 + (u / c) ** p) ** (1 / p),
+    "tanh": lambda u, c, _: c * np.tanh(u / c),
+    "exponential": lambda u, c, _: c * (1 - np.exp(-u / c)),
+    "logarithmic": lambda u, c, _: np.where(u < c, u, c * (1 + np.log(np.maximum(u, c) / c))),
+}
+"""Outputs of an ideal signal u under a ceiling c, some with a sharpness p."""
+
+
+def make_sparse_sensor(rng: np.random.Generator, ceiling: str = "soft") -> MadeSensor:
+    """Draw a sensor that was read once at each of 6 to 18 distances, as people do by hand.
+
+    An inverse power over 80 to 200 mm on an offset of 0 to 300 of 4095 counts; 70 % have a ceiling that begins anywhere
+    in the nearer two thirds, 60 % have 3 to 11 readings without an object, 40 % have distances that are off by 0.05 to
+    0.5 mm each, and 10 % have one distance that is off by 3 to 10 mm.
+
+    Args:
+        rng: the generator.
+        ceiling: one of CEILINGS.
+
+    Returns:
+        The sensor.
+    """
+    full = 4095.0
+    exponent, near = float(np.exp(rng.uniform(np.log(0.8), np.log(4)))), float(np.exp(rng.uniform(-5.5, -2.8)))
+    last, count = float(rng.uniform(0.08, 0.2)), int(rng.integers(6, 19))
+    offset, top = float(rng.uniform(0, 300)), float(rng.uniform(0.3, 0.9)) * full
+    noise, jitter = float(np.exp(rng.uniform(np.log(0.3), np.log(8)))), float(np.exp(rng.uniform(-7.6, -4.6)))
+    first = float(rng.choice([0.0, 0.001, 0.005]))
+    power = float(rng.choice([1.0, 1.0, rng.uniform(1.2, 2.0)]))
+    distance = np.unique(np.round(first + (last - first) * np.linspace(0, 1, count) ** power, 3))
+
+    def shape(l: Array) -> Array:  # noqa: E741
+        return (1 + np.maximum(l, -0.5 * near) / near) ** -exponent
+
+    knee = last * float(rng.uniform(0.02, 2 / 3)) if rng.random() < 0.7 else 0.0
+    sharpness, scale = float(rng.uniform(2, 10)), top / float(shape(np.array(knee)))
+
+    def mean(l: Array) -> Array:  # noqa: E741
+        u = scale * shape(l)
+        return offset + np.minimum(CEILINGS[ceiling](u, top, sharpness) if knee else u, full - offset)
+
+    place, kind = distance.copy(), rng.random()
+    if kind < 0.4:
+        place += rng.normal(0, float(np.exp(rng.uniform(np.log(5e-5), np.log(5e-4)))), len(distance))
+    elif kind < 0.5:
+        place[int(rng.integers(0, len(distance)))] += float(rng.choice([-1, 1]) * rng.uniform(0.003, 0.01))
+    clean = mean(np.maximum(place, 0.0))
+    outputs = (
+        clean
+        + noise * rng.standard_normal(len(distance))
+        + jitter * (clean - offset) * rng.standard_normal(len(distance))
+    )
+    empty = np.empty(0)
+    if rng.random() < 0.6:
+        empty = np.round(np.clip(offset + rng.normal(0, noise, int(rng.integers(3, 12))), 0, full))
+    outputs = np.round(np.clip(outputs, 0, full))
+    return MadeSensor(
+        family="inverse-power",
+        mechanism=f"read once, {ceiling}",
+        ideal=lambda l: scale * shape(l),  # noqa: E741
+        mean=mean,
+        offset=offset,
+        declared=None,
+        calibration=Calibration(distances=distance, outputs=outputs, unit="counts", no_object=empty),
+        good=int((distance >= knee).sum()),
+        trusted_from=knee,
+        noise=noise,
+        jitter=jitter,
+    )
+
+
 def _electronics(  # noqa: PLR0911 - a mechanism each
     rng: np.random.Generator,
     mechanism: str,

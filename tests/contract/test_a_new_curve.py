@@ -100,14 +100,110 @@ def test_readings_are_fitted_by_it(curve: type[SensorModel]) -> None:
     assert "two-sources" in str(report)
 
 
+SCENARIO = pt.Scenario(
+    admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+    obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
+)
+
+
 def test_motion_and_design_differentiate_by_its_parameters(curve: type[SensorModel]) -> None:
-    scenario = pt.Scenario(
-        admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
-        obstacle=pt.Obstacle(position=0.0422, velocity=-0.3),
-    )
+    scenario = SCENARIO
     sensor = curve(scale=1.0, spread=0.02)
     by_spread = pt.find_contact(scenario, sensor, -0.7).gradients.of("relative_velocity", "sensor.spread")
     step = 1e-6
     ends = [pt.find_contact(scenario, curve(scale=1.0, spread=0.02 + s), -0.7) for s in (-step, step)]
     slope = (ends[1].end.relative_velocity - ends[0].end.relative_velocity) / (2 * step)
     assert by_spread == pytest.approx(slope, rel=1e-6)  # differences of order 2 over 1e-6 m of 0.02 m
+
+
+def test_a_design_with_it_prints_itself_and_makes_its_report(curve: type[SensorModel], tmp_path: Path) -> None:
+    """The scale changes no slope: what differences leave of it is rounding, which no polynomial meets."""
+    objective = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
+    task = pt.Task(SCENARIO, curve(scale=1.0, spread=0.02), objective, bounds=(-10.0, -0.01))
+    design = pt.design_gain(task)
+    assert "D_p = -0.7121 N s" in str(design)
+    assert design.to_dict()["gain"] == design.gain
+    assert "<svg" in pt.write_report(design, tmp_path / "design.html").read_text(encoding="utf-8")
+    assert design.gradient("sensor.scale") == 0.0
+    assert "Optimal admittance" in str(pt.design_admittance(task.replace(natural_frequency=(2.0, 20.0))))
+
+
+@pytest.mark.parametrize("size", [1e-8, 1e-6, 1e-4, 1.0])
+def test_a_parameter_that_hardly_changes_it_has_a_derivative_too(size: float) -> None:
+    """Differences of slopes of 40 1/m have errors of 1e-11 1/m: 0.03 % of a change of 4e-8 1/m, 1 % where it is less.
+
+    The derivative of the contact speed by a change of slope of w l is that of the derivative by w.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Bent(SensorModel):
+        bend: float = parameter("w", "1/m^2", example='"1 1/m^2"')
+        faint: float = parameter("f", "", 1.0, example="1.0")
+        name: ClassVar[str] = "bent"
+
+        def _log_output(self, distance: np.ndarray) -> np.ndarray:
+            return -40.0 * distance - (self.bend + size * self.faint) * distance**2 / 2
+
+        def _log_slope(self, distance: np.ndarray) -> np.ndarray:
+            return -40.0 - (self.bend + size * self.faint) * distance
+
+    found = pt.find_contact(SCENARIO, Bent(bend=2.0), -0.7).gradients
+    by_bend, by_faint = (found.of("relative_velocity", f"sensor.{name}") for name in ("bend", "faint"))
+    assert by_faint == pytest.approx(size * by_bend, rel=1e-3, abs=1e-7 * abs(by_bend))
+    gc.collect()
+
+
+def failing(kind: str, module: str) -> type[SensorModel]:
+    """Define a curve whose fit fails."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Failing(SensorModel):
+        scale: float = parameter("a", "", sign="positive", example="1.0", of_output="")
+        rate: float = parameter("b", "1/m", example="1.0")
+        other: float = parameter("c", "1/m", example="1.0")
+        name: ClassVar[str] = "failing"
+
+        def _log_output(self, distance: np.ndarray) -> np.ndarray:
+            if kind == "raises":
+                raise ZeroDivisionError("division by zero")
+            level = np.nan if kind == "not a number" else np.log(self.scale)
+            return level + (self.rate + self.other) * distance
+
+        def _log_slope(self, distance: np.ndarray) -> np.ndarray:
+            return np.full_like(distance, self.rate + self.other)
+
+        @classmethod
+        def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float]:  # noqa: ARG003
+            return {"rate": slope} if kind == "incomplete start" else {"rate": slope, "other": 0.0}
+
+    Failing.__module__ = module
+    return Failing
+
+
+@pytest.mark.parametrize("module", [__name__, "pretouch.sensors.failing"])
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("raises", "ZeroDivisionError: division by zero"),
+        ("not a number", "InvalidInputError: scale: found nan"),
+        ("incomplete start", "KeyError: 'other'"),
+        ("parameters that cannot be told apart", "ValueError: math domain error"),
+    ],
+)
+def test_a_family_whose_fit_fails_costs_no_other_its_fit(kind: str, reason: str, module: str) -> None:
+    """One inside the package is ranked unasked."""
+    made = failing(kind, module)
+    distance = np.repeat(np.arange(2, 40) * 0.002, 3)
+    noise = 1 + 2e-3 * np.random.default_rng(5).standard_normal(len(distance))
+    outputs = 0.1 + 1.3e-5 / (distance + 0.0419) ** 3.32 * noise
+    readings = Calibration(distances=distance, outputs=outputs, no_object=[0.0999, 0.1, 0.1001], unit="V")
+    report = rank_models(readings, None if module.startswith("pretouch.") else (*model_names(), "failing"))
+    assert list(report.not_fitted) == ["failing"]
+    assert reason in report.not_fitted["failing"]
+    assert f"failing: not fitted. Its fit ends in {reason}" in str(report)
+    assert report.best is not None
+    assert len(report.fits) == len(set(model_names()) - {"failing"})
+    with pytest.raises(pt.errors.ResultUnavailableError, match=r"failing cannot be fitted\. Its fit ends in"):
+        pt.fit_sensor(readings, "failing")
+    del made
+    gc.collect()

@@ -133,6 +133,15 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
             [r"within 15 % of the promised contact speed: (\d+) of \1 ", r"not said beforehand: 0", r"ms a fit"],
         ),
         (
+            "calibrations",
+            ["--sparse", "--count", "12"],
+            [
+                r"within 15 % of the promised contact speed: (\d+) of \1 ",
+                r"not said beforehand: 0",
+                r"although within 15 %",
+            ],
+        ),
+        (
             "gradients",
             ["--count", "300", "--seconds", "0.01"],
             [r"exponential-1 .*ns", r"table .*ns", r"0\.\d\d ms each"],

@@ -104,6 +104,35 @@ def test_public_names_are_the_same_objects_as_in_their_folders() -> None:
             assert getattr(pretouch, name) is getattr(module, name)
 
 
+ROOMS = [name for name in pretouch.__all__ if isinstance(getattr(pretouch, name), ModuleType)]
+
+
+@pytest.mark.parametrize(
+    "code", ["import pretouch.{room} as room; import pretouch", "import pretouch; room = pretouch.{room}"]
+)
+def test_a_room_can_be_imported_by_the_name_that_the_docs_write(code: str) -> None:
+    """It is one module, whatever its folder is called: a second copy would have classes of its own."""
+    lines = ["import sys, importlib"]
+    for room in ROOMS:
+        lines += [
+            code.format(room=room),
+            f"from pretouch.{room} import *",
+            "home = sys.modules[room.__name__]",
+            f"print(room is pretouch.{room} is sys.modules['pretouch.{room}'] is home)",
+            "print(room.__spec__.name == room.__name__)",
+        ]
+    command = [sys.executable, "-W", "error", "-c", "\n".join(lines)]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (answer.stdout.split(), answer.stderr) == (["True"] * 2 * len(ROOMS), "")
+    assert len(ROOMS) == 9
+
+
+@pytest.mark.parametrize("name", ["Admittance", "nonsense", "errors.nonsense", "plots.motion"])
+def test_what_is_no_module_cannot_be_imported_as_one(name: str) -> None:
+    with pytest.raises(ModuleNotFoundError, match=f"No module named 'pretouch.{name}'"):
+        importlib.import_module(f"pretouch.{name}")
+
+
 def test_the_version_is_that_of_the_package() -> None:
     assert pretouch.__version__ == version("pretouch")
 

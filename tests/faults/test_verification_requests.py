@@ -27,7 +27,7 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
         (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), "bounds: found [-0.1, -1] N*s"),
         (lambda: verdict(replace(QUICK, seed=-1), runs=1), "seed: found -1"),
         (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without with_value"),
-        (lambda: verdict(QUICK.law), "loop: found Controller, expected a ClosedLoop"),
+        (lambda: verdict(QUICK.law), "loop: found a Controller, expected a ClosedLoop"),
         (
             lambda: verdict(replace(QUICK, horizon=0.1)),
             "loop horizon: found 0.1 s, before the contact that is predicted",

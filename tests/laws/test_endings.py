@@ -343,5 +343,69 @@ def test_a_start_where_a_users_curve_does_not_hold_is_refused_with_the_remedy() 
         scenario = Scenario(
             admittance=admittance((1, 10, 25)), obstacle=Obstacle(position=distance, velocity=-distance)
         )
-        with pytest.raises(InvalidInputError, match=r"not finite at .* maximum_distance|polynomials .* maximum_dist"):
+        with pytest.raises(
+            InvalidInputError, match=r"nan at .* must be finite; .* maximum_distance|polynomials .* maximum_dist"
+        ):
             find_contact(scenario, ENDING[name], -0.5)
+
+
+# --- an object so far away that it stands for none
+
+ANY_CURVE = CustomSensor(
+    log_output_function=lambda d: -30 * d - np.log(d**2 + 0.01),
+    log_slope_function=lambda d: -30 - 2 * d / (d**2 + 0.01),
+)
+
+
+@pytest.mark.parametrize("count", [3, 40])
+@pytest.mark.parametrize("sentinel", [9e12, 1e20, 1e300])
+@pytest.mark.parametrize("sensor", [FAR["inverse-power"], FAR["mittag-leffler"], ANY_CURVE], ids=lambda s: s.name)
+def test_an_object_beyond_all_distances_leaves_the_other_encounters_as_they_are(
+    sensor: SensorModel, sentinel: float, count: int
+) -> None:
+    """Its row was never written: all encounters of the call had the contents of unused memory, and "contact"."""
+    near = np.linspace(0.02, 0.06, count)
+
+    def result(last: float) -> ContactResult:
+        obstacle = Obstacle(position=np.append(near, last), velocity=-0.3)
+        return find_contact(Scenario(admittance=admittance((1, 10, 25)), obstacle=obstacle), sensor, -0.7)
+
+    far, ordinary = result(sentinel), result(0.05)
+    assert far.status.tolist() == [ContactStatus.CONTACT] * count + [ContactStatus.UNRESOLVED]
+    assert (far.end.distance[-1], far.closest_distance[-1], far.end.time[-1]) == (sentinel, sentinel, 0.0)
+    for name, values in far.end.as_dict().items():
+        assert np.isfinite(values).all()
+        np.testing.assert_array_equal(values[:-1], getattr(ordinary.end, name)[:-1], err_msg=name)
+    # ln xi of a Mittag-Leffler curve is rounded in company with the others
+    np.testing.assert_allclose(far.impulse_residual[:-1], ordinary.impulse_residual[:-1], rtol=0, atol=1e-14)
+    derivative = far.gradients.of("relative_velocity", "gain")
+    np.testing.assert_array_equal(derivative[:-1], ordinary.gradients.of("relative_velocity", "gain")[:-1])
+    assert np.isnan(derivative[-1])
+
+
+@pytest.mark.parametrize("name", FAR)
+def test_an_object_beyond_all_distances_alone_is_no_contact(name: str) -> None:
+    sensor = ANY_CURVE if name == "table" else FAR[name]
+    scenario = Scenario(admittance=admittance((1, 10, 25)), obstacle=Obstacle(position=1e20, velocity=-0.3))
+    found = find_contact(scenario, sensor, -0.7)
+    constant = sensor.constant_log_slope is not None  # its motion is known at every distance
+    assert found.status == (ContactStatus.HORIZON if constant else ContactStatus.UNRESOLVED)
+    motion = solve_motion(scenario, sensor, -0.7, samples=5)
+    assert motion.distance == pytest.approx(np.full(5, 1e20))
+    assert np.isfinite(motion.virtual_force).all()
+    assert (motion.acceleration[0] == 0.0) or constant
+
+
+def test_a_motion_is_sampled_beside_an_object_beyond_all_distances() -> None:
+    obstacle = Obstacle(position=np.array([0.04, 1e20]), velocity=-0.3)
+    scenario = Scenario(admittance=admittance((1, 10, 25)), obstacle=obstacle)
+    alone = replace(scenario, obstacle=Obstacle(position=0.04, velocity=-0.3))
+    both, one = (solve_motion(s, FAR["inverse-power"], -0.7, samples=7) for s in (scenario, alone))
+    np.testing.assert_array_equal(both.distance[0], one.distance)
+    assert (both.distance[1] == 1e20).all()
+
+
+def test_encounters_up_to_the_largest_distance_that_is_followed_are_solved() -> None:
+    obstacle = Obstacle(position=np.array([0.04, 2.0**43, np.nextafter(2.0**43, np.inf)]), velocity=-0.3)
+    found = find_contact(Scenario(admittance=admittance((1, 10, 25)), obstacle=obstacle), FAR["inverse-power"], -0.7)
+    assert found.status.tolist() == [ContactStatus.CONTACT, ContactStatus.HORIZON, ContactStatus.UNRESOLVED]

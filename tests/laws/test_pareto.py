@@ -332,7 +332,7 @@ def test_the_object_and_the_text_say_the_same(letter_encounter: Scenario) -> Non
         ({"bounds": (-0.1, -1.0)}, "smaller gain first"),
         ({"quantities": ("time",)}, "two or three different ones"),
         ({"quantities": ("time", "time")}, "two or three different ones"),
-        ({"quantities": "time"}, "two or three different ones"),
+        ({"quantities": "time"}, "quantities: found 'time', expected a sequence of texts"),
         ({"quantities": ("time", "speed")}, "quantities: found 'speed'"),
         ({"natural_frequency": (5.0, 5.0)}, "the smaller one first"),
         ({"damping_ratio": (-1.0, 1.0)}, "must not be negative"),

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
+from pretouch.design import DragEffect, Task, design_drag, design_gain, excursion_objective
+from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
 from pretouch.sensors import (
     CustomSensor,
     ExponentialFirstOrder,
@@ -210,7 +212,7 @@ def test_nested_and_cut_curves_conform() -> None:
 
 @pytest.mark.parametrize("what", [ExponentialFirstOrder, "inverse-power", None, 5.0])
 def test_what_is_no_sensor_curve_is_refused(what: object) -> None:
-    with pytest.raises(InvalidInputError, match="expected a class that inherits SensorModel"):
+    with pytest.raises(InvalidInputError, match="expected a sensor curve, such as"):
         check_sensor(what)  # type: ignore[arg-type]
 
 
@@ -218,3 +220,136 @@ def test_too_few_probes_are_refused() -> None:
     with pytest.raises(InvalidInputError, match="probes: found 15, which must be at least 16"):
         check_sensor(CURVES["table"], probes=15)
     assert check_sensor(CURVES["table"], probes=16).conforms
+
+
+# --- the same where a curve is first used
+
+NOISE = np.random.default_rng(3)
+
+
+def noisy(function: Callable, size: float) -> Callable:
+    return lambda d: function(d) + size * NOISE.standard_normal(np.shape(d))
+
+
+def straight(d: np.ndarray) -> np.ndarray:
+    return -40.0 * d
+
+
+def forty(d: np.ndarray) -> np.ndarray:
+    return np.full_like(d, -40.0)
+
+
+def encounter(distance: float = 0.0422) -> Scenario:
+    return Scenario(
+        admittance=Admittance(mass=1.0, damping=10.0, stiffness=25.0),
+        obstacle=Obstacle(position=distance, velocity=-0.3),
+    )
+
+
+def design(sensor: SensorModel) -> object:
+    objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
+    return design_gain(Task(encounter(), sensor, objective, bounds=(-10.0, -0.01)))
+
+
+UNLAWFUL = {
+    "ln xi is no number": (_custom(lambda d: d * np.nan, forty), "found ln xi of nan at 0 m, which must be finite"),
+    "slope is no number": (
+        _custom(straight, lambda d: np.where(d > 0.02, np.nan, -40.0)),
+        r"found a slope of nan 1/m at 0\.0201\d* m, which must be finite",
+    ),
+    "noise": (_custom(noisy(straight, 0.01), forty), "when asked again; the same distance must give the same number"),
+    "noisy slope": (_custom(straight, noisy(forty, 1.0)), "1/m when asked again"),
+    "rising": (_custom(lambda d: 40 * d, lambda d: -forty(d)), "found a slope of 40 1/m at 0 m, which must not be pos"),
+    "rising beside the surface": (
+        _custom(lambda d: -100 * (d - 0.02) ** 2, lambda d: -200 * (d - 0.02)),
+        "found a slope of 4 1/m at 0 m, which must not be positive.*minimum_distance or maximum_distance, or sink",
+    ),
+    "slope 10 % off": (
+        _custom(straight, lambda d: 1.1 * forty(d)),
+        "found a slope of -44 1/m from .* where ln xi changes by -40 1/m; the slope must be the derivative of ln xi",
+    ),
+    "slope 0.3 % off": (_custom(straight, lambda d: 1.003 * forty(d)), r"found a slope of -40\.12 1/m"),
+    "jump": (_custom(lambda d: -40 * d - 0.1 * (d > 0.02), forty), "the slope must be the derivative of ln xi"),
+    "flat": (_custom(lambda d: 0 * d, lambda d: 0 * d), "found a slope of 0 1/m at every distance"),
+    "raises": (
+        _custom(lambda _: {}["slope"], forty),
+        "found KeyError: 'slope', expected functions that take distances",
+    ),
+    "scalars only": (
+        _custom(lambda d: -40 * math.tanh(d), forty),
+        "expected functions that take distances of any shape",
+    ),
+    "false constant slope": (FalseConstant(), "must be the constant_log_slope of -50 1/m that the curve declares"),
+    "not hashable": (Unhashable(rates=[-40.0]), "found a Unhashable with a field that cannot be hashed"),
+}
+
+
+@pytest.mark.parametrize("name", UNLAWFUL)
+def test_an_unlawful_curve_is_refused_where_it_is_first_used(name: str) -> None:
+    sensor, message = UNLAWFUL[name]
+    recessed = Recessed(sensor=sensor, recess=0.0)
+    drag = Task(encounter(), sensor, effect=DragEffect(ratio=0.3))
+    for use in (
+        lambda: design(sensor),
+        lambda: design(recessed),
+        lambda: find_contact(encounter(), sensor, -0.7),
+        lambda: design_drag(drag),
+    ):
+        with pytest.raises(InvalidInputError, match=message):
+            use()
+
+
+LAWFUL = {
+    "rounded slope": _custom(straight, lambda d: 1.0001 * forty(d)),
+    "corner that is not named": _custom(
+        lambda d: np.where(d < 0.0333, -60 * d, -60 * 0.0333 - 20 * (d - 0.0333)),
+        lambda d: np.where(d < 0.0333, -60.0, -20.0),
+    ),
+    "forward difference": _custom(
+        lambda d: -3 * np.log(d + 0.04), lambda d: (-3 * np.log(d + 0.04 + 1e-6) + 3 * np.log(d + 0.04)) / 1e-6
+    ),
+    "steep beside the surface": _custom(lambda d: -2 * np.log(d + 1e-4), lambda d: -2 / (d + 1e-4)),
+    "rises beyond the start": _custom(lambda d: -50 * d + 400 * d**2, lambda d: -50 + 800 * d),
+    "ends beyond the start": _custom(lambda d: np.sqrt(0.05 - d), lambda d: -0.5 / (0.05 - d) ** 0.5),
+    "sunk to where it falls": Recessed(
+        sensor=_custom(lambda d: -100 * (d - 0.02) ** 2, lambda d: -200 * (d - 0.02)), recess=0.021
+    ),
+    "rounding above zero at the end": _custom(
+        lambda d: -10 * d + 100 * d**2 + 1e-15 * d, lambda d: -10 + 200 * d + 1e-15, maximum_distance=0.05
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LAWFUL)
+def test_a_curve_that_is_good_enough_up_to_where_encounters_start_is_used(name: str) -> None:
+    found = find_contact(encounter(), LAWFUL[name], -0.1)
+    assert found.contact.relative_velocity > -0.3
+
+
+def test_a_curve_is_looked_at_again_only_where_an_encounter_starts_farther_away() -> None:
+    asked: list[float] = []
+
+    def log_output(d: np.ndarray) -> np.ndarray:
+        asked.append(float(np.max(d)))
+        return -50 * d + 400 * d**2
+
+    sensor = _custom(log_output, lambda d: -50 + 800 * d)
+    find_contact(encounter(0.05), sensor, -0.7)
+    count = len(asked)
+    assert count > 3
+    find_contact(encounter(0.05), sensor, -0.6)
+    find_contact(encounter(0.03), sensor, -0.7)
+    assert len(asked) == count
+    with pytest.raises(InvalidInputError, match=r"found a slope of 6 1/m at 0\.07 m, which must not be positive"):
+        find_contact(encounter(0.07), sensor, -0.7)
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_the_curves_of_pretouch_are_not_verified_reach(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    sensor = CURVES[name]
+    ours = name != "custom"
+    monkeypatch.setattr("pretouch.motion.curve.refuse_unlawful", lambda *_: asked.append(name))
+    asked: list[str] = []
+    low = max(sensor.valid_range[0], 0.0)
+    find_contact(encounter(low + 0.01), sensor, -0.1)
+    assert asked == ([] if ours else [name])

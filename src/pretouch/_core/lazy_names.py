@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable
 from functools import lru_cache
 from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import Any
 
 
@@ -21,6 +23,8 @@ def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str
     Returns:
         Both functions.
     """
+    if hasattr(sys.modules[module], "__path__"):
+        sys.meta_path.append(_Rooms(module))  # at the end: asked for what no folder has
 
     def load(name: str) -> Any:
         if name == "__all__":
@@ -37,6 +41,37 @@ def lazy_names(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str
         return sorted(listed(module))
 
     return load, names
+
+
+class _Rooms:
+    """Lets `import package.name` work for a module that the package lists under another name than its folder's.
+
+    It is the same module: `import pretouch.robust` gives `pretouch.design.robust`.
+
+    Args:
+        package: the package that lists names.
+    """
+
+    def __init__(self, package: str) -> None:
+        self._package = package
+
+    def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:  # noqa: ARG002
+        """Return a spec for a listed module; None for any other name."""
+        package, _, name = fullname.rpartition(".")
+        if package != self._package or name not in listed(package):
+            return None
+        room = getattr(sys.modules[package], name)
+        loader: Any = self  # without a base from importlib.abc, which loads slowly
+        return ModuleSpec(fullname, loader, loader_state=room.__spec__) if isinstance(room, ModuleType) else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """Return the module, which is loaded."""
+        return import_module(spec.loader_state.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Give the module back the spec that the import system has just replaced."""
+        replaced: Any = module.__spec__
+        module.__spec__ = replaced.loader_state
 
 
 @lru_cache

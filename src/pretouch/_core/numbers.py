@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import lru_cache
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -82,10 +84,43 @@ def finite_or_none(value: Any) -> float | None:
     return number if math.isfinite(number) else None
 
 
+def is_number(value: Any) -> bool:
+    """Tell whether a value is one real number, of Python or NumPy; truth values are none."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
+    return isinstance(value, Real | Decimal) and not isinstance(value, bool)
+
+
+def as_float(value: Any) -> float:
+    """Return a number as a float: infinite where it is beyond all floats, NaN where it is no number."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+    except ValueError:  # a signaling NaN of Decimal
+        return math.nan
+
+
+def is_whole(value: Any) -> bool:
+    """Tell whether a value is a whole number, of Python or NumPy; truth values are none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def are_numbers(value: Any) -> bool:
+    """Tell whether a value is a number, or an array or nested sequence of them, NaN and infinite ones among them."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
+        return True
+    return _numbers(value) is not None
+
+
 def _numbers(value: ArrayLike) -> FloatArray | None:
     """Copy numbers into a float array; None for text, truth values, complex and masked ones, which NumPy converts."""
     try:
+        if isinstance(value, list | tuple) and bool in map(type, value):
+            return None
         given = np.asarray(value)
+        if given.dtype.kind == "O" and any(isinstance(item, str | bytes | bool) for item in given.flat):
+            return None
         if given.dtype.kind in "iufO" and not np.ma.is_masked(value):
             return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):

@@ -11,6 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
+from .arguments import KEPT, rules_of_fields
 from .errors import InvalidInputError
 from .numbers import finite, nonnegative, positive
 
@@ -191,7 +192,7 @@ def units_of_fields(cls: Any) -> dict[str, str]:
 
 
 def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
-    """Check every quantity of a frozen dataclass, and keep it as a float; called in its `__post_init__`.
+    """Check every field of a frozen dataclass, and keep quantities as floats; called in its `__post_init__`.
 
     Args:
         value: the instance.
@@ -200,10 +201,31 @@ def check_declared(value: Any, *, arrays: bool = False, before: str = "", instea
         instead: why an array will not do, for the message.
     """
     kind: Any = type(value)
+    if kind.__dict__.get(KEPT) != {}:  # where nothing else is to be checked
+        check_types(value, before)
     for name, least, above, full in _quick(kind):
         given = getattr(value, name)
         if type(given) is not float or not (given > least or (given == least and not above)) or given == math.inf:
             _check_one(value, full, arrays=arrays, before=before, instead=instead)
+
+
+def check_types(value: Any, before: str = "") -> None:
+    """Check the fields of a frozen dataclass that are no quantities by their annotations; called in `__post_init__`.
+
+    Numbers of NumPy and other kinds are kept as those of Python.
+
+    Args:
+        value: the instance.
+        before: what stands before the name in messages.
+    """
+    kind: Any = type(value)
+    rules = kind.__dict__.get(KEPT)
+    for name, rule in (rules_of_fields(kind) if rules is None else rules).items():
+        given = getattr(value, name)
+        if given is not rule.default and type(given) not in rule.quick:
+            kept = rule.check(given, before)
+            if kept is not given:
+                object.__setattr__(value, name, kept)
 
 
 @cache

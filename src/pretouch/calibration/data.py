@@ -12,10 +12,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import MAGNITUDES, WORKABLE
-from pretouch._core.values import Value
+from pretouch._core.values import Value, check_types
 
 from .choice import chosen_labels, read_choice
 from .csv_file import read_table
@@ -80,14 +81,15 @@ class Calibration(Value):
         array([0.  , 0.01])
     """
 
-    distances: FloatArray
-    outputs: FloatArray
+    distances: FloatArray = field(metadata={"checked": False})  # by _column
+    outputs: FloatArray = field(metadata={"checked": False})
     unit: str = ""
-    no_object: FloatArray = field(default_factory=lambda: np.empty(0))
+    no_object: FloatArray = field(default_factory=lambda: np.empty(0), metadata={"checked": False})
     label: str = ""
     source: Provenance | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         for name, unit in (("distances", "m"), ("outputs", self.unit), ("no_object", self.unit)):
             object.__setattr__(self, name, _column(getattr(self, name), name, unit))
         if len(self.distances) != len(self.outputs):
@@ -135,6 +137,7 @@ def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
 NoObject: TypeAlias = "float | Sequence[float] | FloatArray | str | os.PathLike[str] | None"
 
 
+@check_arguments
 def read_calibration(
     path: str | os.PathLike[str],
     *,
@@ -192,6 +195,7 @@ def read_calibration(
     )
 
 
+@check_arguments
 def read_calibrations(
     path: str | os.PathLike[str],
     *,

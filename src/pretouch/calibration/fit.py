@@ -8,9 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family, SensorModel, Table, known_curves
+from pretouch.sensors.conformance import refuse_unlawful
+from pretouch.sensors.model import is_built_in
 
 from .averaging import AveragedCurve
 from .data import Calibration
@@ -165,6 +168,7 @@ def _parameters(
 _TABLE: Final = "table"
 
 
+@check_arguments
 def fit_sensor(
     calibration: Calibration,
     model: str = "inverse-power",
@@ -203,10 +207,10 @@ def fit_sensor(
     """
     check_models((model,))
     prepared = prepare(calibration, offset, saturation, near_field_peak, floor_sigmas)
-    reason = " ".join(prepared.no_signal) or why_not(model, prepared)
-    if reason:
-        raise ResultUnavailableError(f"{calibration.name}: {model} cannot be fitted. {reason}")
-    return fit_prepared(model, prepared)
+    fit = " ".join(prepared.no_signal) or attempt_fit(model, prepared)
+    if isinstance(fit, str):
+        raise ResultUnavailableError(f"{calibration.name}: {model} cannot be fitted. {fit}")
+    return fit
 
 
 def check_models(models: tuple[str, ...]) -> None:
@@ -239,6 +243,21 @@ def model_names() -> tuple[str, ...]:
 def _family(model: str, used: AveragedCurve) -> Family:
     curve = known_curves(foreign=True)[model]
     return curve.family(curve=curve, first=float(used.distance[0]), last=float(used.distance[-1]))
+
+
+def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
+    """Fit one model to prepared readings that carry a signal, or say why it cannot be fitted."""
+    reason = why_not(model, prepared)
+    if reason:
+        return reason
+    try:
+        with np.errstate(all="ignore"):
+            fit = fit_prepared(model, prepared)
+            if not is_built_in(fit.sensor):
+                refuse_unlawful(fit.sensor, fit.window.l_max)
+    except Exception as error:  # a curve that fails in one model must not cost the others their fits
+        return f"Its fit ends in {type(error).__name__}: {error}."
+    return fit if np.isfinite(fit.residuals).all() else "Its fit does not give a finite output at every distance."
 
 
 def fit_prepared(model: str, prepared: Prepared) -> SensorFit:

@@ -12,12 +12,14 @@ from pretouch._core.numbers import BoolArray, FloatArray, positive
 from pretouch._core.units import format_quantity
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
+from .ceilings import CeilingFits, fit_under_ceilings
 from .courses import Courses, find_courses
 from .data import Calibration
-from .family_fits import bad_distances, find_noise, quick_families
-from .flattening import first_steep
+from .family_fits import bad_distances, find_noise
+from .headers import is_length
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
 from .window import NearEnd, declared_offset, end_of_falling, find_near_end, is_rising, window_of
+from .witness import Witness, witness_of
 
 OffsetChoice: TypeAlias = "str | float | tuple[float, float]"
 
@@ -32,7 +34,8 @@ class Prepared:
     """A calibration made ready for models.
 
     `informed_by` counts the distances that the noise was estimated from; `free` are the curves that the readings ask
-    for where an offset is given; `no_signal` says why there is nothing to fit, and is empty where there is.
+    for where an offset is given; `witness` is what the readings say without any fit; `no_signal` says why there is
+    nothing to fit, and is empty where there is.
     """
 
     calibration: Calibration
@@ -47,6 +50,7 @@ class Prepared:
     outliers: tuple[int, ...] = ()
     outlier_distances: tuple[float, ...] = ()
     free: Courses | None = None
+    witness: Witness | None = None
     no_signal: tuple[str, ...] = ()
 
 
@@ -63,6 +67,9 @@ def prepare(
     curve = average(calibration)
     known = reading_noise(calibration, curve)
     given = _given_offset(calibration, offset, known)
+    if is_length(calibration.unit):
+        nothing = NearEnd(index=0, reason="", saturation=None)
+        return _nothing(calibration, curve, nothing, given, _reports_distance(calibration))
     if near_field_peak == "auto" and is_rising(curve, known):
         return _nothing(calibration, curve, NearEnd(index=0, reason="", saturation=None), given, _rising(calibration))
     near = find_near_end(calibration, curve, saturation, near_field_peak)
@@ -96,15 +103,24 @@ def _prepared(
 ) -> Prepared:
     """Go on where the ends of falling are known."""
     place = np.arange(len(curve.distance))
-    out = tuple(near.index + i for i in bad_distances(curve.part(slice(near.index, end)), known, given))
-    good = (place >= near.index) & (place < end) & ~np.isin(place, out)
-    near, flattens = _steep_end(curve, known, given, near, good)
+    good = (place >= near.index) & (place < end)
+    ceilings = fit_under_ceilings(curve.part(good), known, given)
+    steep, flattens = _steep_end(curve, known, given, near=near, good=good, ceilings=ceilings)
+    out = tuple(steep.index + i for i in bad_distances(curve.part(slice(steep.index, end)), known, given))
+    good &= ~np.isin(place, out)
+    if out and good.sum() >= _FEWEST_DISTANCES:  # a bad reading may have looked like a ceiling
+        ceilings = fit_under_ceilings(curve.part(good), known, given)
+        steep, flattens = _steep_end(curve, known, given, near=near, good=good, ceilings=ceilings)
+    near = steep
     good &= place >= near.index
     tail = curve.part(good)
     noise, given, free = _level(calibration, tail, known, given)
     found = given if given is not None or free is None else free.offset("fitted")
     if found is None:  # there are points enough where none is given
         raise AssertionError
+    if found.kind == "fitted":  # no family is quite the sensor's: the interval holds what either kind of fit allows
+        low, high = ceilings.offset_interval()
+        found = replace(found, low=min(found.low, low), high=max(found.high, high))
     last = None
     if end < len(curve.distance):
         at = format_quantity(float(curve.distance[end - 1]), "m")
@@ -131,6 +147,7 @@ def _prepared(
         outliers=tuple(sorted({*curve.bad_readings, *(int(i) for i in readings)})),
         outlier_distances=at_bad,
         free=None if given is None else free,
+        witness=witness_of(curve, found, noise, ceilings, window.l_max) if window.distances else None,
         no_signal=_why_no_signal(tail, window, found, noise, calibration.unit),
     )
 
@@ -152,16 +169,20 @@ def _level(
 
 
 def _steep_end(
-    curve: AveragedCurve, known: ReadingNoise, given: OffsetEstimate | None, near: NearEnd, good: BoolArray
+    curve: AveragedCurve,
+    known: ReadingNoise,
+    given: OffsetEstimate | None,
+    *,
+    near: NearEnd,
+    good: BoolArray,
+    ceilings: CeilingFits,
 ) -> tuple[NearEnd, bool]:
-    """Move the near end to where the output is as steep as a curve, if it flattens toward the sensor."""
+    """Move the near end to the first reading that is as steep as an ideal curve, if the output flattens."""
     part, place = curve.part(good), np.flatnonzero(good)
-    if len(place) < _FEWEST_DISTANCES + 1:
-        return near, False
-    noise = find_noise(part, known, given, quick_families(part))
-    first = first_steep(part, noise, given, flat=near.flat)
+    first = ceilings.first_steep(part.distance)
     if first and given is not None and given.kind == "declared":  # an offset that is wrong bends a curve, too
-        first = min(first, first_steep(part, noise, None, flat=near.flat))
+        first = min(first, fit_under_ceilings(part, known, None).first_steep(part.distance))
+    first = min(first, max(len(place) - _FEWEST_DISTANCES - (given is None), 0))
     if not first:
         return near, False
     at = format_quantity(float(part.distance[first]), "m")
@@ -169,6 +190,14 @@ def _steep_end(
     if near.flat:
         reason = f"{near.reason}, and has too little slope up to {at}"
     return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True
+
+
+def _reports_distance(calibration: Calibration) -> str:
+    """Say what to do with a sensor that measures the distance itself."""
+    return (
+        f"The output is a distance in {calibration.unit}: this sensor reports a distance, not a signal that falls with "
+        "it. Give the curve of the law by hand, and set chain.reports_distance = true; nothing is fitted."
+    )
 
 
 def _rising(calibration: Calibration) -> str:

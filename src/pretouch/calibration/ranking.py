@@ -12,11 +12,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.units import format_quantity
 
 from .averaging import average, slope_weights
 from .data import Calibration
-from .fit import check_models, fit_prepared, model_names, why_not
+from .fit import attempt_fit, check_models, model_names
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import CalibrationReport, SensorFit, SlopeKnowledge
 
@@ -110,6 +111,7 @@ def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[floa
 
 
 _FEW_POINTS = 6
+_MORE_THAN_UNKNOWNS = 3  # distances by which a fit is judged
 _LARGE_MISFIT = 0.1  # of ln xi: the virtual force is wrong by as much over one step of the calibration
 _FEW_EMPTY = 4  # readings without an object, which tell the noise as repeats do
 _DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # times the interval of what the readings ask for instead
@@ -117,6 +119,7 @@ _MOST_NAMED = 5  # distances, one by one
 _SMALL_FALL = 0.3  # of ln xi over the window: less tells hardly more than a slope
 
 
+@check_arguments
 def rank_models(
     calibration: Calibration,
     models: tuple[str, ...] | None = None,
@@ -154,8 +157,9 @@ def rank_models(
     fits: list[SensorFit] = []
     not_fitted: dict[str, str] = {}
     if not prepared.no_signal:
-        not_fitted = {model: reason for model in models if (reason := why_not(model, prepared))}
-        fits = sorted((fit_prepared(model, prepared) for model in models if model not in not_fitted), key=_rank)
+        attempts = {model: attempt_fit(model, prepared) for model in models}
+        not_fitted = {model: reason for model, reason in attempts.items() if isinstance(reason, str)}
+        fits = sorted((fit for fit in attempts.values() if isinstance(fit, SensorFit)), key=_rank)
     slope = slope_knowledge(prepared)
     reservations = prepared.no_signal or tuple(_reservations(prepared, fits, slope))
     usable = "usable with reservations" if reservations else "usable"
@@ -170,7 +174,7 @@ def rank_models(
         not_fitted=not_fitted,
         slope=slope,
         left_out=_left_out(prepared),
-        curves=prepared.courses,
+        curves=prepared.witness,
     )
 
 
@@ -233,8 +237,10 @@ def _reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeKnowled
     count, bad = len(used.distance), len(prepared.outlier_distances)
     dropped = calibration.source.dropped if calibration.source else 0
     once = "Every distance was read once, so the noise is inferred from the curve itself"
-    few = f"The window from {low} to {high} holds only {count} distinct distances"
-    found = [f"{few}: measure at 8 or more inside it."] if count < _FEW_POINTS else []
+    unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
+    few = f"The window from {low} to {high} holds only {count} distinct distances for {unknowns} unknowns of the curve"
+    lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
+    found = [f"{few}: measure at 8 or more inside it."] if lacking else []
     if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
         found.append(f"{once}: read each distance 3 times or more.")
     found += _offset_reservations(prepared)

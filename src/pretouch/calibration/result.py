@@ -48,10 +48,13 @@ class DrawnCurve(Value):
 
 
 class AllowedCurves(Protocol):
-    """All curves that the readings allow."""
+    """Curves that the readings allow."""
+
+    def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
+        """Return curves through all readings, monotone between neighbors, whatever family was fitted."""
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw some, each as likely as the readings make it."""
+        """Draw curves of ideal families under soft ceilings, each as probable as the readings make it."""
 
 
 _FINEST: Final = 1e-4  # of xi: nothing is known better; exact numbers are weighed as their logarithms
@@ -256,7 +259,7 @@ class CalibrationReport(Described, Value):
         not_fitted: models that were asked for and not fitted, with the reason.
         slope: how well g is known, whatever the model; None where there are too few readings.
         left_out: readings that no model saw, in groups, in sentences.
-        curves: all curves that the readings allow, over families, offsets and parameters; None where there are too few.
+        curves: curves that the readings allow, on which answers are tried; None where there is no usable signal.
     """
 
     calibration: Calibration

@@ -40,6 +40,7 @@ def end_of_falling(curve: AveragedCurve, known: ReadingNoise) -> int:
     What comes before it is free of most of the rise, too.
     """
     steady = curve.steady
+    steady[-1] = max(steady[-1], np.median(curve.output[-3:]))  # one low reading at the end is no trend
     lowest = int(np.argmin(steady))
     later = steady[lowest + 1 :]
     if len(later) < 2:

@@ -120,7 +120,16 @@ def _sweep(
         if shown.output is not None:
             print_message("interrupted; the same command goes on from here")
         raise
-    _present(found, reservations_about(task, task.replace(gain=None)), shown, figure)
+    _present(found, reservations_about(task, _nominal(task)), shown, figure)
+
+
+def _nominal(task: Task) -> Any:
+    """Return the answer to the nominal encounter: with the given gain, or the optimal one where one is designed."""
+    if task.gain is not None or task.objective is None or task.bounds is None or task.scenario.obstacle.course:
+        return task
+    from pretouch.design import design_gain  # noqa: PLC0415 - `pretouch --help` stays quick
+
+    return design_gain(task.replace(evaluate=None))
 
 
 def _axes(task: Task, texts: list[str]) -> dict[str, Any]:
@@ -193,4 +202,4 @@ def _present(found: xr.Dataset, reservations: Reservations | None, shown: Presen
         if path is not None:
             print_text(f"{what}: {path}")
     found.close()
-    end(good=ends_well)
+    end(good=ends_well and not (reservations is not None and reservations.is_refuted))

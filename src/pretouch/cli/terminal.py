@@ -257,7 +257,8 @@ class Presentation:
         """
         target = self.output or Path(default)
         inputs = (*inputs, *getattr(None if task is None else task.source, "inputs", ()))
-        text = self.told(None if task is None else reservations_about(task, result), result.to_dict, result.__str__)
+        reservations = None if task is None else reservations_about(task, result)
+        text = self.told(reservations, result.to_dict, result.__str__)
         if self.json and self.output is not None:
             self._write(result, target, task, inputs)
         try:
@@ -267,7 +268,7 @@ class Presentation:
                 self._write(result, target, task, inputs)
         if self.report and not self.json:
             print_text(f"\nReport with figures: {target}")
-        end(good=good)
+        end(good=good and not (reservations is not None and reservations.is_refuted))
 
     def told(
         self, reservations: Reservations | None, as_dict: Callable[[], dict[str, Any]], as_text: Callable[[], str]

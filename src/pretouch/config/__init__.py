@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
 from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
@@ -45,6 +46,7 @@ _ROUNDING: Final = 1e-9  # of a distance that is added and taken away again
 _PHYSICAL: Final = ("impact_force", "drive_force")
 
 
+@check_arguments
 def load_scenario(path: str | os.PathLike[str]) -> Task:
     """Read a scenario file (TOML); docs/scenario-file.md lists its sections and keys.
 

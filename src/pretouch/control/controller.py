@@ -25,7 +25,7 @@ from .components import (
     output_in_words,
     stopping_distance,
 )
-from .laws import PROTOTYPE, CompiledStep, Law, Parts, as_step, start_drive, start_sensing
+from .laws import PROTOTYPE, CompiledStep, Law, Parts, SteppedLaw, as_step, start_drive, start_sensing
 from .structures import (
     ControllerNumbers,
     ControllerState,
@@ -74,7 +74,7 @@ class Controller:
 
     period: float = quantity("s", sign="positive")
     conditioning: Conditioning = field()
-    law: Law = field()
+    law: Law = field(metadata={"takes": SteppedLaw})  # a design needs the rest of a Law
     admittance: VirtualAdmittance = field()
     limits: Limits = field(default_factory=Limits)
     contact_gain: float = quantity("", 0.0, sign="nonnegative")

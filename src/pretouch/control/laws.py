@@ -72,7 +72,28 @@ class Setting(Protocol):
         """The virtual dynamics of L(1)."""
 
 
-class Law(Protocol):
+class SteppedLaw(Protocol):
+    """What a controller runs: a law without a number to be chosen; see `Law`."""
+
+    @property
+    def step(self) -> Any:
+        """The whole step of the controller with this law, of Python or compiled; run once per period."""
+
+    def numbers(self, controller: Setting) -> Any:
+        """Return the law's parameters in a controller; a ctypes structure where the step is compiled.
+
+        Called whenever `Controller.parameters` is, before a run; a step finds them in `parameters.law`.
+        """
+
+    def start(self) -> Any:
+        """Return the law's state before the first reading; a ctypes structure where the step is compiled.
+
+        Called whenever `Controller.start` is; a step finds it in `state.law`. States are never changed in place: a
+        step of Python returns the next one.
+        """
+
+
+class Law(SteppedLaw, Protocol):
     """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
 
     A new law is a dataclass with these six, and one function: in Python `state, output = step(parameters, state,
@@ -91,23 +112,6 @@ class Law(Protocol):
     @property
     def value(self) -> float:
         """The one number that a design chooses, in the unit that `continuous` tells: of the damper a gain [N s]."""
-
-    @property
-    def step(self) -> Any:
-        """The whole step of the controller with this law, of Python or compiled; run once per period."""
-
-    def numbers(self, controller: Setting) -> Any:
-        """Return the law's parameters in a controller; a ctypes structure where the step is compiled.
-
-        Called whenever `Controller.parameters` is, before a run; a step finds them in `parameters.law`.
-        """
-
-    def start(self) -> Any:
-        """Return the law's state before the first reading; a ctypes structure where the step is compiled.
-
-        Called whenever `Controller.start` is; a step finds it in `state.law`. States are never changed in place: a
-        step of Python returns the next one.
-        """
 
     def with_value(self, value: float) -> Law:
         """Return the same law with another value of that number: called for each that a design tries."""

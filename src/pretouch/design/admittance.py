@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray
 from pretouch.motion import Scenario
@@ -32,6 +33,7 @@ _ZOOMS: Final = 3
 _ONE: Final = np.ones(1)
 
 
+@check_arguments
 @placed
 def design_admittance(task: Task) -> AdmittanceDesign:
     """Find the gain D_p together with the natural frequency, the damping ratio or both that minimize an objective.

@@ -11,9 +11,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite, float_or_array, positive
+from pretouch._core.values import check_types
 from pretouch._core.vocabulary import unit_of
 from pretouch.motion.contact import ContactState
 
@@ -36,6 +38,7 @@ class ImpactModel(ABC):
     obstacle_mass: float = math.inf
 
     def __post_init__(self) -> None:
+        check_types(self)
         positive(self.robot_mass, "robot_mass", "kg")
         if not math.isinf(self.obstacle_mass):
             positive(self.obstacle_mass, "obstacle_mass", "kg")
@@ -144,6 +147,7 @@ class HertzImpact(ElasticImpact):
     exponent: float = field(default=1.5, init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_types(self)
         modulus = positive(self.effective_modulus, "effective_modulus", "Pa")
         object.__setattr__(self, "stiffness", 4 / 3 * modulus * math.sqrt(positive(self.radius, "radius", "m")))
         ElasticImpact.__post_init__(self)
@@ -164,6 +168,7 @@ QUANTITY_UNITS: Final[dict[str, str]] = {
 """SI unit of every quantity: the fields of ContactState, two that need the robot's physical mass, and the gain."""
 
 
+@check_arguments
 def quantity_of(name: str, state: ContactState, impact: ImpactModel | None = None) -> Any:
     """Read a quantity from the state at contact.
 
@@ -231,6 +236,7 @@ class Constraint:
     limit: float
 
     def __post_init__(self) -> None:
+        check_types(self)
         if self.name not in CONSTRAINT_NAMES:
             raise InvalidInputError(f"constraint: found {self.name!r}, expected one of {', '.join(CONSTRAINT_NAMES)}")
         if not finite(self.limit, f"constraint {self.name}", self.unit) > 0:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.files import plain
 from pretouch._core.numbers import float_or_array
 from pretouch._core.units import format_quantity
@@ -233,6 +234,7 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         yield "without mitigation the encounter would not end in contact at all"
 
 
+@check_arguments
 @placed
 def design_gain(task: Task) -> GainDesign:
     """Find the gain D_p that minimizes an objective like L(20) or L(22) at contact, L(21), L(23), within constraints.

@@ -9,8 +9,10 @@ from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite, nonnegative
+from pretouch._core.values import check_types
 from pretouch.motion.contact import ContactState
 
 from .constraints import QUANTITY_UNITS, ImpactModel, quantity_of
@@ -35,6 +37,7 @@ class Term:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         if self.quantity not in QUANTITY_UNITS:
             raise InvalidInputError(f"quantity: found {self.quantity!r}, expected one of {', '.join(QUANTITY_UNITS)}")
         nonnegative(self.weight, "weight")
@@ -80,6 +83,7 @@ class Objective:
     name: str = "custom"
 
     def __post_init__(self) -> None:
+        check_types(self)
         own = type(self).value is not Objective.value or type(self).parts is not Objective.parts
         if not own and not any(term.weight > 0 for term in self.terms):
             raise InvalidInputError("terms: found none with a positive weight, expected one or more")
@@ -106,6 +110,7 @@ class Objective:
         return found
 
 
+@check_arguments
 def excursion_objective(
     *, position_scale: float, velocity_scale: Scale, position_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:
@@ -131,6 +136,7 @@ def excursion_objective(
     return Objective(terms=(price, speed), name="excursion")
 
 
+@check_arguments
 def time_objective(
     *, time_scale: float, velocity_scale: Scale, time_weight: float = 1.0, velocity_weight: float = 1.0
 ) -> Objective:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar, cast
 
+from pretouch._core.arguments import Rule, rules_of_fields
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContinuousLaw, Scenario
@@ -55,14 +56,23 @@ def _sparing(cls: type[R]) -> type[R]:
     """Let a task store what it is given only, since a design takes a few microseconds; the rest is its class's."""
     complete: Any = cls.__init__
     known = {name for name in cls.__annotations__ if name != "_"}
+    rules: dict[str, Rule] = {}
 
     @wraps(complete)
     def __init__(self: Any, scenario: Any, sensor: Any, objective: Any = None, **asked: Any) -> None:  # noqa: N807
         if not known >= asked.keys():
             complete(self, scenario, sensor, objective, **asked)  # which refuses the name
         kept = self.__dict__
+        if not rules:
+            rules.update(rules_of_fields(cls))
+        if type(scenario) not in rules["scenario"].quick:
+            rules["scenario"].check(scenario)
+        if type(sensor) not in rules["sensor"].quick:
+            rules["sensor"].check(sensor)
         kept["scenario"], kept["sensor"], kept["uncertainty"] = scenario, sensor, {}
-        kept.update(asked)
+        for name, value in asked.items():
+            rule = rules.get(name)
+            kept[name] = value if rule is None or type(value) in rule.quick else rule.check(value)
         if "law" in asked:
             kept["law"] = continuous_law(asked["law"])
         elif (own := getattr(asked.get("loop"), "continuous", None)) is not None:
@@ -149,14 +159,14 @@ class Task(Value):
 
     scenario: Scenario
     sensor: SensorModel
-    objective: AnyObjective | None = None
+    objective: AnyObjective | None = field(default=None, metadata={"checked": False})
     _: KW_ONLY
     bounds: tuple[float, float] | None = None
     constraints: Sequence[Constraint | Required] = ()
     impact: ImpactModel | None = None
     method: str = "auto"
     horizon: float = 600.0
-    law: ContinuousLaw = DAMPER
+    law: ContinuousLaw = field(default=DAMPER, metadata={"checked": False})
     effect: DragEffect | None = None
     evaluate: Evaluator | None = None
     natural_frequency: tuple[float, float] | None = None
@@ -171,7 +181,7 @@ class Task(Value):
     seed: int | None = None
     sampling: str = "sobol"
     confidence: float = 0.95
-    loop: Any = None
+    loop: Any = field(default=None, metadata={"takes": "ClosedLoop | None"})
     runs: int = 1000
     stability_margin: float | None = None
     calibration: CalibrationReport | None = None
@@ -228,8 +238,9 @@ class Task(Value):
 def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task, P], R]:
     """Make a verb that names line and key of what it refuses, where its task comes from a file."""
 
+    # by its name as well, which `Concatenate` cannot say
     @wraps(verb)
-    def told(task: Task, /, *args: P.args, **options: P.kwargs) -> R:
+    def told(task: Task, *args: P.args, **options: P.kwargs) -> R:
         try:
             return verb(task, *args, **options)
         except InvalidInputError as error:
@@ -238,4 +249,4 @@ def placed(verb: Callable[Concatenate[Task, P], R]) -> Callable[Concatenate[Task
                 raise
             raise found from error
 
-    return told
+    return cast("Callable[Concatenate[Task, P], R]", told)

@@ -9,6 +9,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, 
 from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Chapter, Rows
 from pretouch._core.described import Described
 from pretouch._core.errors import InvalidInputError
@@ -232,6 +233,7 @@ class LetterReport(Described, Value):
         return f"<LetterReport {names}: {'holds' if self.holds else 'DOES NOT HOLD'}>"
 
 
+@check_arguments
 def reproduce(ids: Sequence[str] = (), *, progress: Callable[[str], None] | None = None) -> LetterReport:
     """Compute tables, figures and sections of the letter again, and compare each printed number with ours.
 

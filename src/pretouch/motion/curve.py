@@ -12,14 +12,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
-from pretouch.sensors.model import kept_by_curve
+from pretouch.sensors.conformance import refuse_unlawful
+from pretouch.sensors.model import is_built_in, kept_by_curve
 
 from .scenario import Scenario
 
@@ -37,7 +38,9 @@ TOLERANCE: Final = 1e-13
 """Of the largest slope on a window or a piece."""
 
 _OVERLAP: Final = 0.4
-_SLACK: Final = 2e-7  # of a window: how far it is used beyond its border; the error is of second order in it
+SLACK: Final = 2e-7
+"""Of a window: how far it is used beyond its border; the error is of second order in it."""
+
 _MOST: Final = 2_000
 _SMALLEST: Final = 1e-9
 
@@ -48,6 +51,12 @@ _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0
 _FARTHEST: Final = 1e12
 
+FOLLOWED: Final = 2.0**43
+"""Largest distance [m] at the start from which an encounter is integrated; the pieces of a curve reach 4 times as far.
+
+Beyond it a distance has fewer digits than a millimeter needs. Such an encounter is unresolved.
+"""
+
 _NODES: Final = chebyshev_nodes(_DEGREE + 1)
 _PROBES: Final = chebyshev_extremes(_DEGREE + 1)[1:-1]
 _TO_COEFFICIENTS: Final = np.linalg.inv(np.vander(_NODES, increasing=True))
@@ -55,10 +64,27 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
-    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two."""
+    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two.
+
+    Encounters that start beyond FOLLOWED do not count among others: they must not change how those are solved.
+    """
     distance = scenario.distance
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
+    if largest > FOLLOWED:
+        largest = _largest_followed(distance) or largest
     return 2.0 ** math.frexp(largest)[1]
+
+
+def _largest_followed(distance: Any) -> float:
+    """Return the largest of some distances [m] up to FOLLOWED; 0 where there is none."""
+    return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= FOLLOWED))
+
+
+def check_curve(sensor: SensorModel, distance: Any) -> None:
+    """Refuse a user's curve that breaks a law of sensors nearer than where encounters start [m], of any shape."""
+    if not is_built_in(sensor):
+        near = type(distance) is float and distance <= FOLLOWED
+        refuse_unlawful(sensor, distance if near else _largest_followed(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
@@ -156,7 +182,7 @@ def polynomial_windows(
                 if size < smallest:
                     return None
                 continue
-            slack = _SLACK * (top - bottom)
+            slack = SLACK * (top - bottom)
             last = bottom == left
             following = left if last else bottom + _OVERLAP * (top - bottom)
             edge = bottom if last and left == low else bottom - slack

@@ -13,6 +13,7 @@ from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, Motion, motion_of
+from .curve import check_curve
 from .drag_demands import (
     DragGradients,
     impulse_residual,
@@ -237,6 +238,7 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     """
     given = np.asarray(positive(distance, "distance", "m"))
     flat = given.reshape(-1)
+    check_curve(sensor, flat)
     grid = np.linspace(max(sensor.valid_range[0], 0.0), flat.max(initial=0.0), _PROBES)
     steepest = float(np.abs(sensor.log_slope(grid)).max())
     strength = 1.0 / (steepest**2 * flat)  # so that its exponential is resolved where g^2 is

@@ -14,6 +14,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, nonnegative, positive
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
+from .curve import check_curve
 from .scenario import Scenario
 
 _PROBES: Final = 257
@@ -124,6 +125,7 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
             f"{high:g} m in which the {sensor.name} curve holds: the encounter starts when the object enters the "
             "detection range"
         )
+    check_curve(sensor, request.farthest)
     _check_plant(request)
     _check_curve(sensor, max(low, 0.0), float(min(high, request.farthest.max(initial=0.0))))
     return request

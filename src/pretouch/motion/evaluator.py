@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch.sensors import SensorModel
 
@@ -50,6 +51,7 @@ def _asked(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
     return continuous_law(law), value
 
 
+@check_arguments
 def find_contact(
     scenario: Scenario,
     sensor: SensorModel,
@@ -100,6 +102,7 @@ def find_contact(
     return own.contact(scenario, sensor, value, method=method, horizon=horizon)
 
 
+@check_arguments
 def solve_motion(
     scenario: Scenario,
     sensor: SensorModel,

@@ -43,6 +43,9 @@ _MOST_FOLLOWED: Final = 256
 _STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
 _TOLERANCE: Final = 1e-10  # of the largest change of slope: one taken by differences is not smoother
 _HALVINGS: Final = 12
+_SHRINKS: Final = 0.75  # of an error, by halving: that of rounding does not, that of a corner is halved
+_IN_VAIN: Final = 3  # halvings
+_ROUNDING: Final = 1e-3  # of the largest change: a larger error is one of the polynomial
 _COUNT: Final = 10  # coefficients of a piece
 
 
@@ -83,10 +86,8 @@ class GradientRows(Travels):
 
     def _find(self, kept: list[int]) -> FloatArray:
         request = self._solution.request
-        rows = np.empty((2, len(kept), request.size))
+        rows = np.full((2, len(kept), request.size), np.nan)
         left = self._differentiable()
-        if not left.all():
-            rows[:, :, ~left] = np.nan
         if request.method == "closed-form" and left.any():
             left = self._linear(kept, left, rows)
         decays = self._decays()
@@ -146,7 +147,7 @@ class GradientRows(Travels):
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
-        found = np.empty((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)))
+        found = np.full((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)), np.nan)
         status = np.ones(len(where), dtype=np.int8)
         r = request.some(where)
         tops = curve_tops(sensor, 0.0, float(np.max(r.p - r.x0, initial=0.0)), 4 * reach_of(request.scenario))
@@ -171,7 +172,8 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeChange | None, high: float)
 
     Returns:
         Pieces as `curve_pieces` has them, and the coefficients of the change in the same variable, shape (pieces, 1,
-        10), or (pieces, 0, 10) where there is none; they meet the change to 1e-10 of its largest value.
+        10), or (pieces, 0, 10) where there is none; they meet the change to 1e-10 of its largest value, or as well as
+        the change itself rounds.
     """
     pieces = curve_pieces(sensor, 0.0, high)
     if slope is None:
@@ -180,24 +182,30 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeChange | None, high: float)
     def look(distance: FloatArray) -> FloatArray:
         return np.asarray(slope(np.clip(distance, *sensor.valid_range)), dtype=np.float64)[:, None]
 
-    for _ in range(_HALVINGS):
-        values, terms, error = interpolate(look, pieces[:, 0], pieces[:, 1])
-        poor = error[:, 0] > _TOLERANCE * np.abs(values).max()
-        if not poor.any():
+    before, in_vain = np.full(len(pieces), np.inf), np.zeros(len(pieces))
+    for halvings in range(_HALVINGS + 1):
+        values, terms, errors = interpolate(look, pieces[:, 0], pieces[:, 1])
+        error, largest = errors[:, 0], np.abs(values).max()
+        in_vain += error > _SHRINKS * before
+        rounded = (in_vain >= _IN_VAIN) & (error <= _ROUNDING * largest)
+        poor = (error > _TOLERANCE * largest) & ~rounded
+        if halvings == _HALVINGS or not poor.any():  # what still is poor is a corner, on a 4,096th of a piece
             break
-        pieces = _halved(pieces, poor)
+        pieces, (before, in_vain) = _halved(pieces, poor, (error, in_vain))
     return pieces, np.ascontiguousarray(terms)
 
 
-def _halved(pieces: FloatArray, poor: BoolArray) -> FloatArray:
-    """Cut pieces in two; their polynomials stay what they are."""
-    parts = [pieces[~poor]]
+def _halved(
+    pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
+) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    """Cut pieces in two, with columns that both halves inherit; their polynomials stay what they are."""
+    old, parts = pieces[poor], [pieces[~poor]]
     for side in (-0.5, 0.5):
         change = np.array([[comb(j, i) * side ** (j - i) * 0.5**i for j in range(_COUNT)] for i in range(_COUNT)])
-        old = pieces[poor]
         parts.append(np.column_stack([old[:, 0] + side * old[:, 1], old[:, 1] / 2, old[:, 2:] @ change.T]))
     both = np.concatenate(parts)
-    return both[np.argsort(both[:, 0])]
+    order = np.argsort(both[:, 0])
+    return both[order], tuple(np.concatenate([c[~poor], c[poor], c[poor]])[order] for c in columns)
 
 
 def bend_at_contact(sensor: SensorModel) -> float:

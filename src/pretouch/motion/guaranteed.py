@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.numbers import FloatArray, IntArray
+from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.progress import note_solved
 from pretouch.sensors import SensorModel
 
-from .curve import curve_pieces, curve_tops
+from .curve import FOLLOWED, curve_pieces, curve_tops
 from .kernels import respond_many, solve_linear, solve_series
 from .layout import COLUMNS, ContactStatus, named
 from .many_curves import ManyCurves
@@ -38,7 +38,7 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
     if request.many is not None:
         return _curve_by_curve(request, request.many, np.arange(request.size) if which is None else which)
     count = request.size if which is None else len(which)
-    rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
+    rows, status = _unresolved(count)
     solve = _WAYS[request.method][0]
 
     def run(start: int, stop: int) -> None:
@@ -50,6 +50,14 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
     return rows, status.astype(np.int8)
 
 
+def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
+    """Return rows of layout.COLUMNS without numbers, and their statuses: what no kernel has solved is unresolved."""
+    rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
+    rows.fill(np.nan)
+    status.fill(ContactStatus.UNRESOLVED)
+    return rows, status
+
+
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
     """Fill trace with layout.TRACE_COLUMNS at ascending times until each run's end, shape (n, times, 4)."""
     _WAYS[request.method][1](request, times, trace)
@@ -57,12 +65,12 @@ def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> 
 
 def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
     """Solve encounters of which each has a curve of its own."""
-    rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int8)
+    rows, status = _unresolved(len(which))
     place, curve = np.divmod(which, len(many))
     for index in np.unique(curve):
         own = np.flatnonzero(curve == index)
         rows[own], status[own] = solve_guaranteed(request.alone(int(index)), place[own])
-    return rows, status
+    return rows, status.astype(np.int8)
 
 
 def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
@@ -102,10 +110,16 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
     """Integrate L(1) with L(2) for some encounters, again with more pieces of the curve for those that outgrow them.
 
-    With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14).
+    With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away are left as
+    they are, unresolved.
     """
     values, gain = given = request.part(which)
-    out, ended, again = rows, status, np.arange(0)
+    out, ended, again = rows, status, np.flatnonzero(_is_followed(values))
+    if len(again) < len(rows):
+        if not len(again):
+            return
+        values, gain = (x[again] for x in given)
+        out, ended = _unresolved(len(again))
     for top, pieces, limits in _stages(request):
         for start in range(0, len(out), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
             part = slice(start, start + _BLOCK)
@@ -115,20 +129,30 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
             rows[again], status[again] = out, ended
         if not limits[-1]:
             return
-        again = np.flatnonzero((status == ContactStatus.UNRESOLVED) & (rows[:, _DISTANCE] >= top))
+        again = again[(ended == ContactStatus.UNRESOLVED) & (out[:, _DISTANCE] >= top)]
         if not len(again):
             return
         values, gain = (x[again] for x in given)
-        out, ended = np.empty((len(again), len(COLUMNS))), np.empty(len(again), dtype=np.int64)
+        out, ended = _unresolved(len(again))
+
+
+def _is_followed(values: FloatArray) -> BoolArray:
+    """Tell which encounters start near enough to be integrated, from the quantities of Scenario.relative, (n, 10)."""
+    followed: BoolArray = values[:, 5] - values[:, 3] <= FOLLOWED  # p - x~(0)
+    return followed
 
 
 def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    which = np.arange(request.size)
-    trace[...] = np.nan
+    values, _ = request.part(slice(None))
+    trace[..., 0], trace[..., 1] = (values[:, 5] - values[:, 3])[:, None], values[:, 3, None]
+    trace[..., 2], trace[..., 3] = values[:, 4, None], 0.0
+    which = np.flatnonzero(_is_followed(values))
+    trace[which] = np.nan
+    if not len(which):
+        return
     for _, pieces, limits in _stages(request):
         part = np.full((len(which), *trace.shape[1:]), np.nan)
-        rows, status = np.empty((len(which), len(COLUMNS))), np.empty(len(which), dtype=np.int64)
-        solve_series(*request.part(which), pieces, limits, rows, status, (times[which], part))
+        solve_series(*request.part(which), pieces, limits, *_unresolved(len(which)), (times[which], part))
         trace[which] = part
         which = which[np.isnan(part).any(axis=(1, 2))]  # the others would end a rounding earlier on other pieces
         if not len(which):
@@ -139,7 +163,10 @@ def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, 
     """Yield how far the curve is known, its pieces and the limits that go with them, each time farther out."""
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
-    farthest = float(np.max(r.p - r.x0, initial=0.0))
+    distance = r.p - r.x0
+    farthest = float(np.max(distance, initial=0.0))
+    if farthest > FOLLOWED:
+        farthest = float(np.max(distance, initial=0.0, where=distance <= FOLLOWED))
     for top, goes_on in curve_tops(sensor, bottom, farthest, 2.0 ** math.ceil(math.log2(4 * farthest))):
         yield top, curve_pieces(sensor, bottom, top), (request.horizon, low <= 0, goes_on)
 

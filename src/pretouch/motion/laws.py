@@ -146,7 +146,7 @@ class Damper:
         end = np.atleast_1d(np.asarray(result.end.time)).ravel()
         times = end[:, None] * np.linspace(0.0, 1.0, samples)
         times[:, -1] = end
-        trace = np.empty((len(end), samples, len(TRACE_COLUMNS)))
+        trace = np.full((len(end), samples, len(TRACE_COLUMNS)), np.nan)
         trace_guaranteed(request, times, trace)
         trace[:, -1, 0] = np.ravel(result.end.distance)
         return traced(request, times, trace, result)

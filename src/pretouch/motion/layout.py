@@ -109,6 +109,6 @@ _ENDINGS: Final = (
     ("never-in-contact", "The distance never reaches zero, however long one waits."),
     ("not-within-horizon", "The distance did not reach zero within the horizon."),
     ("left-valid-range", "The distance left the range in which the sensor curve holds."),
-    ("unresolved", "The motion is too fast beside its duration to be followed to its end."),
+    ("unresolved", "The motion cannot be followed to its end: it is too fast, or starts beyond 8.8e12 m."),
     ("no-uniform-motion", "L(17) has no root with 0 <= |A| <= |v_o| that approaches."),
 )

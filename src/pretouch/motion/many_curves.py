@@ -55,14 +55,14 @@ class ManyCurves:
             OutOfRangeError: one does.
         """
         low, high = np.array([sensor.valid_range for sensor in self.sensors]).T
-        distance = np.broadcast_to(scenario.distance, (len(self),))
-        outside = np.flatnonzero(~((low <= distance) & (distance <= high)))
+        distance = np.asarray(scenario.distance) + np.zeros(len(self))
+        outside = np.argwhere(~((low <= distance) & (distance <= high)))
         if len(outside):
-            i = int(outside[0])
+            i = int(outside[0][-1])
             raise OutOfRangeError(
-                f"obstacle position: found a distance of {distance[i]:g} m at the start, outside the {low[i]:g} m to "
-                f"{high[i]:g} m in which the {self.sensor.name} curve of encounter {i} holds: the encounter starts "
-                "when the object enters the detection range"
+                f"obstacle position: found a distance of {distance[tuple(outside[0])]:g} m at the start, outside "
+                f"the {low[i]:g} m to {high[i]:g} m in which the {self.sensor.name} curve of encounter {i} holds: the "
+                "encounter starts when the object enters the detection range"
             )
 
     def falls(self, scenario: Scenario) -> bool:

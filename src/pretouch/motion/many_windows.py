@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray, chebyshev_basis, chebyshev_extremes, chebyshev_nodes
-from pretouch.sensors import SensorModel
+from pretouch.sensors import PiecewiseCubic, SensorModel
 from pretouch.sensors.change import curve_change
 
 from .curve import (
@@ -24,6 +24,8 @@ from .curve import (
     LOW,
     LOW_DEGREE,
     MIDDLE,
+    SLACK,
+    SWITCH,
     TERMS,
     TOLERANCE,
     TOP,
@@ -66,6 +68,8 @@ class Images:
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
     """Find the one curve of which many that differ in parameters, (n,) each, are images; None where there is none."""
+    if not values:  # curves that differ in their points
+        return None
     curve, own = sensor.bare
     recess = np.atleast_1d(values.get("recess", own))
     values = {name: value for name, value in values.items() if name != "recess"}
@@ -132,6 +136,8 @@ def windows_side_by_side(
     Returns:
         Their windows, from l = 0 up to where those of each end [m].
     """
+    if all(isinstance(sensor, PiecewiseCubic) for sensor in sensors):
+        return _joined([_of_cubics(sensor) for sensor in sensors if isinstance(sensor, PiecewiseCubic)])
     places = [place for value in values.values() for place in (np.argmin(value), np.argmax(value))]
     chosen = [sensors[i] for i in dict.fromkeys([len(sensors) // 2, *map(int, places)])]
     top = float(tops.min())
@@ -215,6 +221,18 @@ def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: Float
     powers = np.arange(1, degree + 1)
     terms = terms / powers / half ** (powers - 1.0)
     return np.concatenate([np.zeros((*terms.shape[:-1], 1)), terms], axis=-1), np.asarray(met)
+
+
+def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
+    """Return one window for each interval of a curve that consists of cubic polynomials."""
+    edges = np.array(sensor.distances)
+    low, top = edges[:-1], edges[1:]
+    slack = SLACK * (top - low)
+    table = np.zeros((len(low), TERMS + LOW_DEGREE + 1))
+    table[:, EDGE], table[:, LOW], table[:, TOP], table[:, SWITCH] = low - slack, low, top, low + slack
+    table[0, EDGE] = low[0]
+    table[:, MIDDLE], table[:, TERMS:-1] = (low + top) / 2, sensor.coefficients()
+    return table
 
 
 def _own(sensor: SensorModel, top: float, degree: int) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
-from pretouch._core.values import Value
+from pretouch._core.values import Value, check_types
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, ContactState, KnownColumns, Motion, motion_of
@@ -81,12 +81,11 @@ class OwnLaw(Value):
     number: LawNumber
     degree: ClassVar[int | None] = None
     force: Callable[[float, float, float], float]
-    damping: Any = None
+    damping: Any = field(default=None, metadata={"takes": "Callable | None"})
     holds_off: bool = False
 
     def __post_init__(self) -> None:
-        if not callable(self.force):
-            raise InvalidInputError(f"force: found {self.force!r}, expected a function of the value, s and s'")
+        check_types(self)
         if self.damping is None:
             object.__setattr__(self, "damping", _not_known)
 

@@ -24,6 +24,7 @@ from pretouch._core.numbers import FloatArray, IntArray, finite, positive
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
+from .curve import check_curve
 from .layout import Relative
 from .many_curves import ManyCurves
 from .scenario import Scenario, map_fields
@@ -89,7 +90,7 @@ class Request(Value):
         """Return the encounters of one of many curves, that at an index along the last axis."""
         if self.many is None:
             return self
-        scenario = map_fields(self.scenario, lambda v: v[index] if np.ndim(v) else v)
+        scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
         gain = self.gain.reshape(self.shape)[..., index]
         return make_request(scenario, self.many.sensors[index], gain, self.method, self.horizon)
 
@@ -141,6 +142,7 @@ def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
             f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
             "enters the detection range"
         )
+    check_curve(sensor, distance)
     return method
 
 
@@ -156,6 +158,7 @@ def make_request(
     """Check a call and flatten it; choose its method where that is left open."""
     if many is not None:
         many.check(scenario)
+        check_curve(sensor, scenario.distance)
     gains = finite(gain, "gain", "N*s")
     shape: tuple[int, ...] = ()
     if scenario.shape != () or type(gains) is not float:

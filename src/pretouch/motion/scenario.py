@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, float_or_array, nonnegative, positive
-from pretouch._core.values import Value, check_declared, quantity, units_of_fields
+from pretouch._core.values import Value, check_declared, check_types, quantity, units_of_fields
 from pretouch.sensors import SensorModel
 
 from .bodies import Obstacle, Plant, Reference
@@ -110,6 +110,7 @@ class Scenario(Value):
     shape: tuple[int, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        check_types(self)
         values = self._values()
         try:
             shape = () if all(type(v) is float for v in values) else np.broadcast_shapes(*map(np.shape, values))

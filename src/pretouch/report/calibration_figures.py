@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import BoolArray, FloatArray
 
 from .labels import label_inside, label_near
@@ -33,6 +34,7 @@ class _Points(NamedTuple):
     deviation: FloatArray
 
 
+@check_arguments
 def calibration(report: CalibrationReport) -> Figure:
     """Draw a calibration with its fitted models.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import unit_of, words_for
@@ -34,6 +35,7 @@ _ROUND: Final = (-0.1, -1.0, -10.0, -100.0, -0.01, 0.1, 1.0, 10.0)  # gains that
 _CLOSE: Final = 0.06  # of the panel, between marks that would hide each other
 
 
+@check_arguments
 def trade_off(design: GainDesign) -> Figure:
     """Draw the objective over all gains, and the trade-off between the speed at contact and its price.
 
@@ -234,6 +236,7 @@ def _round_gains(design: GainDesign, x: FloatArray, y: FloatArray, marks: list[M
     return found
 
 
+@check_arguments
 def sensitivity(design: GainDesign) -> Figure:
     """Draw how far the optimal gain moves when each input grows by 1 %.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch.design.drag import DragDesign, drag_trade_off
 from pretouch.design.drag.page import at_speeds, letters_optimum, speeds_of
 from pretouch.design.gain import GainDesign
@@ -24,6 +25,7 @@ _POINTS: Final = 60
 _RATIOS: Final = np.exp(-np.linspace(1e-3, 6.0, 121))
 
 
+@check_arguments
 def drag(design: DragDesign) -> Figure:
     """Draw what a drag trades, and what it does at every approach speed.
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Chapter, Code, Page, Paragraph, Picture
 from pretouch._core.described import Described, blocks_as_html, page_of, page_top
 from pretouch._core.errors import InvalidInputError
@@ -32,6 +33,7 @@ _METHOD: Final = (
 )
 
 
+@check_arguments
 def write_report(
     result: Any,
     path: str | os.PathLike[str],
@@ -56,6 +58,7 @@ def write_report(
     return write_text(path, report_html(result, calibration=calibration, source=source), overwrite=overwrite)
 
 
+@check_arguments
 def report_html(result: Any, *, calibration: CalibrationReport | None = None, source: object = None) -> str:
     """Write the report of a result as one self-contained HTML page.
 
@@ -104,7 +107,10 @@ def _with_calibration(page: Page, calibration: CalibrationReport, answer: Any) -
     told = fitted_blocks(calibration, () if left is None else left.lines)
     section = Chapter(title=f"The calibration of its sensor: {calibration.calibration.name}", blocks=told)
     opening = (left.headline,) if left is not None and left.headline else ()
-    return replace(page.with_blocks(section), open=(*opening, *page.open))
+    page = replace(page.with_blocks(section), open=(*opening, *page.open))
+    if left is not None and left.is_refuted:
+        return replace(page, status=f"status: not supported by the readings ({page.status})", good=False)
+    return page
 
 
 def _provenance(given: dict[str, str] | None) -> Chapter:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import FloatArray
 from pretouch.design.gain import GainDesign
 from pretouch.motion import ContactResult, Motion, Scenario
@@ -94,6 +95,7 @@ class DrawnMotion(NamedTuple):
     style: int
 
 
+@check_arguments
 def motion(design: GainDesign) -> Figure:
     """Draw the motion until contact with the chosen gain and without mitigation.
 

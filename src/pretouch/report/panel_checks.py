@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
+from pretouch._core.vocabulary import short_repr
 
 from .style import CURVES
 
@@ -60,6 +61,8 @@ def as_values(values: Any, kind: type, name: str) -> tuple[Any, ...]:
     """Check that a sequence holds values of one class only."""
     if isinstance(values, kind):
         raise InvalidInputError(f"{name}: found one {kind.__name__}, expected a list; try [{kind.__name__}(...)]")
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise InvalidInputError(f"{name}: found {short_repr(values)}, expected a list of {kind.__name__}s")
     every = tuple(values)
     for value in every:
         if not isinstance(value, kind):

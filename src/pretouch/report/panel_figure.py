@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import unit_of, words_for
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@check_arguments
 def panel_figure(*panels: Panel, columns: int = 2, height: float = 3.3) -> Figure:
     """Draw panels beside each other, with the name of every curve beside the curve.
 

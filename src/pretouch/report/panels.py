@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
-from pretouch._core.values import Value
+from pretouch._core.values import Value, check_types
 
 from .panel_checks import (
     as_column,
@@ -84,6 +84,7 @@ class Curve(Value):
             )
         check_ends(self.low, self.high, who)
         check_choice(self.kind, _KINDS, f"{who}: kind")
+        check_types(self)
         check_style(self.style, who)
 
     def columns(self) -> Iterator[tuple[str, FloatArray]]:
@@ -128,6 +129,7 @@ class Mark(Value):
         for name in ("x", "y"):
             object.__setattr__(self, name, as_number(getattr(self, name), f"{who}: {name}"))
         check_choice(self.shape, _SHAPES, f"{who}: shape")
+        check_types(self)
         check_style(self.style, who)
 
 
@@ -153,10 +155,13 @@ class Span(Value):
 
     def __post_init__(self) -> None:
         who = called("span", self.label)
+        for name in ("start", "end"):
+            as_number(getattr(self, name), f"{who}: {name}")
         start, end = as_limits((self.start, self.end), who) or (0.0, 0.0)
         object.__setattr__(self, "start", start)
         object.__setattr__(self, "end", end)
         check_choice(self.kind, _STRETCHES, f"{who}: kind")
+        check_types(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,6 +182,7 @@ class Map(Value):
     values: ArrayLike
 
     def __post_init__(self) -> None:
+        check_types(self)
         x, y = (as_column(getattr(self, name), f"map: {name}") for name in ("x", "y"))
         values = np.asarray(self.values, dtype=np.float64)
         if values.shape != (len(y), len(x)) or min(values.shape) < 2 or not np.isfinite(values).any():
@@ -215,11 +221,11 @@ class Panel(Value):
 
     x_label: str
     y_label: str
-    curves: Sequence[Curve] = ()
+    curves: Sequence[Curve] = field(default=(), metadata={"checked": False})  # by as_values
     map: Map | None = None
     title: str = ""
-    marks: Sequence[Mark] = ()
-    spans: Sequence[Span] = ()
+    marks: Sequence[Mark] = field(default=(), metadata={"checked": False})
+    spans: Sequence[Span] = field(default=(), metadata={"checked": False})
     levels: Mapping[str, float] = field(default_factory=dict)
     positions: Mapping[str, float] = field(default_factory=dict)
     x_log: bool = False
@@ -228,6 +234,7 @@ class Panel(Value):
     y_limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         for name in ("x_label", "y_label", "title")[: 2 if self.map is None else 3]:
             if not _UNIT.search(getattr(self, name)):
                 raise InvalidInputError(

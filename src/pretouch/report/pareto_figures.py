@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import pretty_unit
@@ -33,6 +34,7 @@ _CHOSEN: Final = {
 }
 
 
+@check_arguments
 def pareto(front: ParetoFront) -> Figure:
     """Draw a Pareto front, what is chosen along it, and how far it is from the physical bound.
 
@@ -57,6 +59,7 @@ def pareto(front: ParetoFront) -> Figure:
     return panel_figure(*panels, columns=2)
 
 
+@check_arguments
 def admittance(design: AdmittanceDesign) -> Figure:
     """Draw the best objective over the admittance, as `design_admittance` found it on its grid.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.design.robust.beside import Price, RobustOutcomes
@@ -25,6 +26,7 @@ _MOST_PRICES: Final = 4
 _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # places in the palette: the same gain looks the same in every picture
 
 
+@check_arguments
 def robust(design: RobustDesign) -> Figure:
     """Draw the measure over the gain, and how the objective is distributed at the gains that matter.
 
@@ -41,6 +43,7 @@ def robust(design: RobustDesign) -> Figure:
     return panel_figure(_measure_panel(design), _objective_panel(design))
 
 
+@check_arguments
 def outcome(design: RobustDesign) -> Figure:
     """Draw how the quantities of the contact are distributed over fresh encounters.
 
@@ -61,6 +64,7 @@ def outcome(design: RobustDesign) -> Figure:
     return panel_figure(*(_outcome_panel(design, name, runs) for name in _quantities(design)))
 
 
+@check_arguments
 def price(design: RobustDesign) -> Figure:
     """Draw what knowing one input exactly would have gained.
 

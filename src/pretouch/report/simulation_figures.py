@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult, ContactStatus
 from pretouch.simulation import LoopTrace, SimulationResult
@@ -38,6 +39,7 @@ class _Course(NamedTuple):
     columns: dict[str, tuple[FloatArray, FloatArray]]
 
 
+@check_arguments
 def simulation(encounter: SimulatedEncounter) -> Figure:
     """Draw one run of the loop beside the prediction and beside the run without mitigation.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import QUANTITIES, words_for
@@ -24,6 +25,7 @@ _MOST_POINTS: Final = 1000  # along a curve
 _MOST_CELLS: Final = 300  # along an axis of a map
 
 
+@check_arguments
 def sweep(dataset: xr.Dataset, results: Sequence[str] | None = None) -> Figure:
     """Draw the results of a sweep over its axes.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import ContactResult
@@ -32,6 +33,7 @@ _SYMBOLS: Final = {
 }
 
 
+@check_arguments
 def verdict(verdict: Verdict) -> Figure:
     """Draw what the runs of a verdict come to, beside what was predicted and what is allowed.
 
@@ -118,6 +120,7 @@ class _Shown(NamedTuple):
     touched: bool
 
 
+@check_arguments
 def verdict_run(verdict: Verdict) -> Figure:
     """Draw the median and the worst run, by their speed at contact, beside the prediction.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import ResultUnavailableError
 from pretouch._core.numbers import BoolArray, FloatArray
 from pretouch.verification import StabilityCheck, Verdict
@@ -26,6 +27,7 @@ _AROUND: Final = 1.4  # times, beyond what is shown on a logarithmic axis
 _HEADROOM: Final = 6.0  # times the smallest objective, up to where it is shown
 
 
+@check_arguments
 def verdict_stability(verdict: Verdict) -> Figure:
     """Draw the strongest stable gain at each distance, and the verified gain.
 
@@ -70,6 +72,7 @@ def _weakest_place(check: StabilityCheck, scale: Scale) -> Mark:
     return Mark(x=check.critical_distance / scale.factor, y=abs(check.strongest), label=text, style=_STRONGEST)
 
 
+@check_arguments
 def verdict_gain(verdict: Verdict) -> Figure:
     """Draw the objective over the gain, in the ideal world and on the loop.
 

@@ -5,7 +5,7 @@ from .exponential import ExponentialFirstOrder, ExponentialSecondOrder
 from .family import Family
 from .inverse_power import InversePower
 from .known import known_curves
-from .made import CustomSensor, Recessed, Table
+from .made import CustomSensor, PiecewiseCubic, Recessed, Table
 from .mittag_leffler import MittagLeffler, mittag_leffler
 from .model import SensorModel, parameter
 
@@ -17,6 +17,7 @@ __all__ = [
     "InversePower",
     "LawCheck",
     "MittagLeffler",
+    "PiecewiseCubic",
     "Recessed",
     "SensorConformance",
     "SensorModel",

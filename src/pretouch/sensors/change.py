@@ -30,6 +30,7 @@ SlopeChange: TypeAlias = Callable[[FloatArray], FloatArray]
 
 _WINDOW: Final = 0.05  # of a parameter, to either side: where a curve is sampled for a derivative by it
 _NODES: Final = chebyshev_extremes(10)
+_ROUNDING: Final = 1e-15  # of the slopes: what is left of those that are alike
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +84,11 @@ def _by_differences(sensor: Any, name: str) -> SlopeChange:
         weights = chebyshev_sum(chebyshev_basis(tuple(_NODES)).to_slope, (value - middle) / half) / half
 
         def slope(distance: FloatArray, curves: Any = curves, weights: FloatArray = weights) -> FloatArray:
-            return np.asarray(np.tensordot(weights, [c._log_slope(distance) for c in curves], axes=1))
+            slopes = np.array([c._log_slope(distance) for c in curves])
+            change = np.tensordot(weights, slopes, axes=1)
+            rounding = np.tensordot(np.abs(weights), np.abs(slopes), axes=1)
+            # a scale changes no slope: what its differences leave is rounding, which no polynomial meets
+            return np.where(np.abs(change) <= _ROUNDING * rounding, 0.0, change)
 
         return slope
     raise InvalidInputError(f"{name}: found {value:g}, beside which the curve has no derivative: {error}")

@@ -8,17 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .model import SensorModel
+from .model import SensorModel, innermost, kept_by_curve
 
 _REACH = 0.2  # how far beyond its start an unbounded valid range is probed [m]
 _ROUNDING = 1e-12  # relative
 _SLOPE_TOLERANCE = 1e-6  # of the largest slope
 _HALVINGS = 20
 _FEW = 64
+_PROBES = 257
+_ROUNDED = 1e-9  # of the largest value: what rounding may leave
+_CONTRADICTION = 1e-3  # of the whole change of ln xi: less changes a contact by less than a calibration is known to
+_MANY = 1000  # intervals, none of which may miss more than a share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +63,7 @@ class SensorConformance(Value):
         return "\n".join([f"{self.sensor}: {'conforms' if self.conforms else 'does not conform'}", *lines])
 
 
+@check_arguments
 def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance:
     """Check a sensor curve, a user's own above all, against the laws that the rest of pretouch relies on.
 
@@ -76,8 +82,6 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
         >>> check_sensor(InversePower(scale=1.3e-5, distance_offset=0.0419, exponent=3.32)).conforms
         True
     """
-    if not isinstance(sensor, SensorModel):
-        raise InvalidInputError(f"sensor: found {type(sensor).__name__}, expected a class that inherits SensorModel")
     if probes < 16:
         raise InvalidInputError(f"probes: found {probes}, which must be at least 16")
     low, high = sensor.valid_range
@@ -115,6 +119,131 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
     value = _is_value(sensor)
     found = f"{type(sensor).__name__} is {'one' if value else 'none, so it can change after it was used'}"
     yield "the curve is a value: a frozen dataclass with fields that can be hashed", value, found
+
+
+def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
+    """Refuse a user's curve that breaks a law between its nearest distance and one where an encounter starts.
+
+    A curve is looked at when it is first used, and again where an encounter starts farther away. What it does beyond
+    the start of every encounter does not matter here: a motion that goes there says so by its status.
+
+    Args:
+        sensor: the curve.
+        farthest: the largest distance at which an encounter starts [m].
+
+    Raises:
+        InvalidInputError: ln xi or g cannot be evaluated, is not finite or not the same each time, the output does not
+            fall with the distance, or g is not the derivative of ln xi: the change of ln xi between two distances
+            differs from the integral of g by more than 0.1 % of the whole change.
+    """
+    try:
+        verified = _verified_reach(sensor)
+    except TypeError:  # it cannot be hashed
+        raise InvalidInputError(
+            f"sensor: found a {type(innermost(sensor)).__name__} with a field that cannot be hashed, such as a list, "
+            "expected a frozen dataclass of numbers, texts and tuples"
+        ) from None
+    low, high = sensor.valid_range
+    low, high = max(low, 0.0), min(farthest, high)
+    if not (high > low and high > verified[0]):
+        return
+    with np.errstate(all="ignore"):
+        fault = _fault(sensor, np.linspace(low, high, _PROBES))
+    if fault is not None:
+        name = sensor.name or type(sensor).__name__
+        raise InvalidInputError(f"sensor: the {name} curve is no curve of a sensor: {fault}")
+    verified[0] = high
+
+
+@kept_by_curve(256)
+def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - it is kept by the curve
+    """Return a place to note up to which distance [m] a curve was found to obey the laws."""
+    return [-np.inf]
+
+
+def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
+    """Say which law a curve breaks, at which of some distances, and what is allowed; None where it breaks none."""
+    obstacle = _evaluation_obstacle(sensor, distance)
+    if obstacle is not None:
+        return f"found {obstacle}, expected functions that take distances of any shape and return as many numbers"
+    log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
+    functions = (("ln xi", "", log_output, sensor.log_output), ("a slope", " 1/m", slope, sensor.log_slope))
+    for what, unit, values, function in functions:
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if len(wrong):
+            i = wrong[0]
+            return (
+                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, which must be finite; end the curve by "
+                "maximum_distance, or start it by minimum_distance, where it ceases to hold"
+            )
+        again = function(distance)
+        i = int(np.abs(again - values).argmax())
+        if abs(again[i] - values[i]) > _ROUNDED * np.abs(values).max():
+            return (
+                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, and {again[i]:g}{unit} when asked again; "
+                "the same distance must give the same number"
+            )
+    return _wrong_direction(sensor, distance, slope) or _contradiction(sensor, distance)
+
+
+def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> str | None:
+    """Say where the output does not fall with the distance, or not by the slope that is declared for all distances."""
+    steepest, i = float(np.abs(slope).max()), int(slope.argmax())
+    if steepest == 0:
+        return "found a slope of 0 1/m at every distance, which must be negative: its output says nothing of an object"
+    if slope[i] > _ROUNDED * steepest:
+        return (
+            f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must not be positive: the output of a "
+            "sensor falls with the distance; end the curve where it turns by minimum_distance or maximum_distance, or "
+            "sink the sensor behind the surface by Recessed"
+        )
+    constant = sensor.constant_log_slope
+    if constant is None:
+        return None
+    i = int(np.abs(slope - constant).argmax())
+    if abs(slope[i] - constant) <= _ROUNDED * steepest:
+        return None
+    return (
+        f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must be the constant_log_slope of "
+        f"{constant:g} 1/m that the curve declares"
+    )
+
+
+def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
+    """Say where the slope is not the derivative of ln xi; None where both give the same impulses."""
+    edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
+    left, right, limit = edges[:-1], edges[1:], 0.0
+    parts: list[FloatArray] = []
+    for _ in range(_HALVINGS):  # where g is steep, the rule needs short intervals
+        change, integral = _changes(sensor, left, right)
+        limit = limit or _CONTRADICTION * float(np.abs(integral).sum() + np.abs(change).sum()) / 2
+        poor = np.abs(change - integral) > limit / _MANY
+        parts.append(np.stack([left, right, change, integral])[:, ~poor])
+        left, right = left[poor], right[poor]
+        if not 0 < len(left) <= len(distance):
+            break
+        middle = (left + right) / 2
+        left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
+    found = np.concatenate([*parts, np.stack([left, right, *_changes(sensor, left, right)])], axis=1)
+    left, right, change, integral = found[:, np.argsort(found[0])]
+    if np.ptp(np.cumsum(np.append(0.0, change - integral))) <= limit:
+        return None
+    i = int(np.abs(change - integral).argmax())
+    width = right[i] - left[i]
+    return (
+        f"found a slope of {integral[i] / width:.5g} 1/m from {left[i]:.5g} m to {right[i]:.5g} m, where ln xi changes "
+        f"by {change[i] / width:.5g} 1/m; the slope must be the derivative of ln xi, to 0.1 %"
+    )
+
+
+def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the change of ln xi over intervals, and the integral of g by Gauss's rule."""
+    if not len(left):
+        return left, left
+    offset, weight = np.polynomial.legendre.leggauss(8)
+    width = right - left
+    mean = sensor.log_slope(left[:, None] + width[:, None] * (offset + 1) / 2) @ (weight / 2)
+    return np.asarray(sensor.log_output(right) - sensor.log_output(left)), np.asarray(mean * width)
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
@@ -167,7 +296,5 @@ def _slope_error(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -
 
 
 def _mean_slope_error(sensor: SensorModel, left: FloatArray, right: FloatArray) -> FloatArray:
-    offset, weight = np.polynomial.legendre.leggauss(8)
-    width = right - left
-    mean_slope = sensor.log_slope(left[:, None] + width[:, None] * (offset + 1) / 2) @ (weight / 2)
-    return np.asarray(np.abs((sensor.log_output(right) - sensor.log_output(left)) / width - mean_slope))
+    change, integral = _changes(sensor, left, right)
+    return np.asarray(np.abs(change - integral) / (right - left))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from .made import CustomSensor, Recessed
+from .made import CustomSensor, PiecewiseCubic, Recessed
 from .model import SensorModel
 
 _HOME: Final = "pretouch."
@@ -34,7 +34,7 @@ def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, ty
         if vars(curve).get("name") and (own or (foreign and curve.name not in ours)):
             found[curve.name] = curve
             ours |= {curve.name} if own else set()
-    for composed in (CustomSensor, Recessed):
+    for composed in (CustomSensor, PiecewiseCubic, Recessed):
         found.pop(composed.name, None)
     return {name: curve for name, curve in found.items() if not fitted or _is_fitted(curve)}
 

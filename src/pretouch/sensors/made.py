@@ -131,6 +131,94 @@ def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> An
     return PchipInterpolator(np.array(distances), np.log(outputs), extrapolate=True)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PiecewiseCubic(SensorModel):
+    """Curve through points, with a slope at both ends of each interval: ln xi is a cubic polynomial in between.
+
+    The slope may jump at a point, and ln xi may rise: the curve says what the points say, right or wrong. It is valid
+    between its first and its last distance.
+
+    Args:
+        distances: l of the points [m], at least two, strictly increasing, shape (N,).
+        log_outputs: ln xi of the points, shape (N,).
+        slopes: g [1/m] at the nearer and the farther end of each interval, shape (N - 1, 2).
+
+    Examples:
+        >>> line = PiecewiseCubic(distances=(0.0, 0.01), log_outputs=(1.0, 0.0), slopes=((-100.0, -100.0),))
+        >>> round(line.log_output(0.004), 12), round(line.log_slope(0.004), 9)
+        (0.6, -100.0)
+    """
+
+    distances: tuple[float, ...]
+    log_outputs: tuple[float, ...]
+    slopes: tuple[tuple[float, float], ...]
+    minimum_distance: float = -np.inf
+
+    name: ClassVar[str] = "piecewise-cubic"
+
+    def __post_init__(self) -> None:
+        distances, levels = (
+            _column(finite(getattr(self, n), n, unit), n) for n, unit in (("distances", "m"), ("log_outputs", ""))
+        )
+        slopes = np.asarray(finite(self.slopes, "slopes", "1/m"))
+        if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
+            raise InvalidInputError(
+                f"distances: found {len(distances)} with {len(levels)} log_outputs and slopes of shape {slopes.shape}; "
+                "expected strictly increasing distances, as many log_outputs, and two slopes for each interval"
+            )
+        object.__setattr__(self, "distances", tuple(distances.tolist()))
+        object.__setattr__(self, "log_outputs", tuple(levels.tolist()))
+        object.__setattr__(self, "slopes", tuple(map(tuple, slopes.tolist())))
+        object.__setattr__(self, "minimum_distance", max(self.minimum_distance, self.distances[0]))
+        object.__setattr__(self, "maximum_distance", min(self.maximum_distance, self.distances[-1]))
+        SensorModel.__post_init__(self)
+
+    def _knots(self) -> Iterable[float]:
+        return self.distances
+
+    def coefficients(self) -> FloatArray:
+        """Return c_k of ln xi = sum c_k z^k on each interval, with z = l minus its middle [m], shape (N - 1, 4)."""
+        width = np.diff(self.distances)
+        (near, far), slopes = np.array([self.log_outputs[:-1], self.log_outputs[1:]]), np.array(self.slopes)
+        first, last = slopes[:, 0], slopes[:, 1]
+        return np.column_stack(
+            [
+                (near + far) / 2 + width * (first - last) / 8,
+                1.5 * (far - near) / width - (first + last) / 4,
+                (last - first) / (2 * width),
+                (first + last) / width**2 - 2 * (far - near) / width**3,
+            ]
+        )
+
+    def part(self, low: float, high: float) -> PiecewiseCubic:
+        """Return the curve between two distances [m] inside its own."""
+        inside = [d for d in self.distances if low < d < high]
+        edges = np.array([low, *inside, high])
+        _, c1, c2, c3 = (c := self.coefficients()).T
+        knots = np.array(self.distances)
+        at = np.clip(np.searchsorted(knots, (edges[:-1] + edges[1:]) / 2, side="right") - 1, 0, len(c) - 1)
+        middle = (knots[at] + knots[at + 1]) / 2
+        near, far = (c1[at] + z * (2 * c2[at] + z * 3 * c3[at]) for z in (edges[:-1] - middle, edges[1:] - middle))
+        return PiecewiseCubic(
+            distances=tuple(edges),
+            log_outputs=tuple(np.atleast_1d(self.log_output(edges))),
+            slopes=tuple(zip(near, far, strict=True)),
+        )
+
+    def _terms(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        edges = np.array(self.distances)
+        at = np.clip(np.searchsorted(edges, distance, side="right") - 1, 0, len(edges) - 2)
+        return np.moveaxis(self.coefficients()[at], -1, 0), distance - (edges[at] + edges[at + 1]) / 2
+
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        (c0, c1, c2, c3), z = self._terms(distance)
+        return np.asarray(c0 + z * (c1 + z * (c2 + z * c3)))
+
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        (_, c1, c2, c3), z = self._terms(distance)
+        return np.asarray(c1 + z * (2 * c2 + z * 3 * c3))
+
+
 _ROUNDING: Final = 1e-12  # of a recess as deep as the curve starts: the mean of equal distances is not quite theirs
 
 

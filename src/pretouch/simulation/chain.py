@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity
@@ -159,6 +160,7 @@ class SensorChain:
             yield "readings that are missing", _percent(self.dropout)
 
 
+@check_arguments
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
     """Make a chain whose noise, misfit, offset, resolution and saturation are those of a fitted calibration.
 
@@ -212,7 +214,7 @@ class LoopTiming:
     delay: float = quantity("s", 0.0, sign="nonnegative")
     hold: float | None = quantity("s", None, sign="positive")
     exposure: float = quantity("s", 0.0, sign="nonnegative")
-    sections: Any = ()
+    sections: Any = field(default=(), metadata={"takes": "tuple[tuple[float, ...], ...]"})
     smoothing: float = quantity("s", 0.0, sign="nonnegative")
 
     def __post_init__(self) -> None:
@@ -247,6 +249,7 @@ class LoopTiming:
         return (*self.sections, (1 - kept, 0.0, 0.0, 1.0, -kept, 0.0))
 
 
+@check_arguments
 def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
     """Tell when a loop of this chain and this controller samples and acts.
 

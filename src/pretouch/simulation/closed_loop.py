@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.blocks import Cell, Chapter, Measured, Rows, cell_as_text
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, finite
+from pretouch._core.values import check_types
 from pretouch.control import Controller
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Scenario
 from pretouch.motion.contact import KnownColumns
@@ -73,7 +74,7 @@ class ClosedLoop:
         array([-0.082, -0.069])
     """
 
-    law: TunableLaw
+    law: TunableLaw = field(metadata={"takes": SampledLaw})  # for one run no other value of its number is needed
     chain: SensorChain
     plant: PlantModel = field(default_factory=IdealPlant)
     contact: ContactModel | None = None
@@ -83,6 +84,7 @@ class ClosedLoop:
     follow: float = FOLLOW
 
     def __post_init__(self) -> None:
+        check_types(self)
         whole(self.first_run, "first_run", 0, 2**62)
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike) -> ContactResult:

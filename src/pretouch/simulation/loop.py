@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import cast
 
+from pretouch._core.arguments import check_arguments
 from pretouch.motion import Scenario
 from pretouch.sensors import SensorModel
 
@@ -14,6 +15,7 @@ from .result import FOLLOW, HORIZON, SimulationResult, result_of
 from .robot import ContactModel, IdealPlant, PlantModel
 
 
+@check_arguments
 def simulate(
     scenario: Scenario,
     sensor: SensorModel,

@@ -23,6 +23,7 @@ from pretouch.control import CompiledStep, Output, Sample
 from pretouch.control.laws import as_step
 from pretouch.control.structures import RawOutput, RawSample
 from pretouch.motion import Scenario
+from pretouch.motion.curve import check_curve
 from pretouch.motion.request import for_stretches
 from pretouch.sensors import SensorModel
 from pretouch.sensors.model import kept_by_curve
@@ -240,6 +241,7 @@ def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, f
     for index in met:
         sensor = loop.sensors[index]
         low, high = sensor.valid_range
+        check_curve(sensor, distance if len(loop.sensors) == 1 else distance[sensor_of == index])
         farthest = float(distance.max() if len(loop.sensors) == 1 else distance[sensor_of == index].max())
         curves.append((*_curve_table(sensor, _BEYOND * farthest + low), high))
     return curves

@@ -8,6 +8,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Final
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 
 from .chain import SensorChain
@@ -36,6 +37,7 @@ class SensorPart:
     assumptions: tuple[str, ...]
 
 
+@check_arguments
 def sensor_part(name: str) -> SensorPart:
     """Look up a sensor part by its name.
 

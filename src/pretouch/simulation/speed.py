@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.values import Value
 from pretouch.motion import DRAG, Admittance, Obstacle, Scenario
 from pretouch.sensors import SensorModel
@@ -39,6 +40,7 @@ class SpeedLimit(Value):
         return min(self.stable, self.timely)
 
 
+@check_arguments
 def speed_limit(
     sensor: SensorModel,
     admittance: Admittance,

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 from pretouch._core.units import format_quantity, pretty_unit
@@ -128,6 +129,7 @@ def passage(
     return motion.distance, motion.relative_velocity
 
 
+@check_arguments
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
     """Find the largest damping d, as D_p g, for which the loop is stable: L(1) behind a sampler, a delay and a hold.
 
@@ -168,6 +170,7 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
     )
 
 
+@check_arguments
 def gain_limit(
     sensor: SensorModel,
     admittance: Admittance,
@@ -229,6 +232,7 @@ def _frozen(
     return where, np.broadcast_to(each, where.shape), free
 
 
+@check_arguments
 def lowest_rate(
     sensor: SensorModel,
     admittance: Admittance,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, OutOfRangeError, OutputExistsError, require
 from pretouch._core.numbers import finite
 from pretouch.design import Task
@@ -36,6 +37,7 @@ _ZARR: Final = ".zarr"
 _MOVE_THE_LIMIT: Final = ("admittance.", "sensor.", "obstacle.position", "plant.position")
 
 
+@check_arguments
 def sweep(
     task: Task,
     axes: Axes,
@@ -123,7 +125,7 @@ def _held(task: Task, axes: Axes) -> Task:
     """Return what the sweep holds: without an objective where gains are given, else with bounds that are stable."""
     names = [name for axis, values in axes.items() for name in (values if isinstance(values, Mapping) else (axis,))]
     if task.gain is not None or "gain" in names or task.objective is None:
-        gain = None if task.gain is None else _one(task.gain, task.law.number.unit)
+        gain = None if task.gain is None else finite(task.gain, "gain", task.law.number.unit)
         return task.replace(gain=gain, objective=None, source=None, evaluate=None)
     bounds = _stable_bounds(task, names)
     return task.replace(bounds=bounds, constraints=task.limits, stability_margin=None, source=None, evaluate=None)
@@ -139,13 +141,6 @@ def _stable_bounds(task: Task, names: Sequence[str]) -> tuple[float, float]:
             "moves, expected none; leave it out, or sweep with a given gain"
         )
     return task.stable_bounds()
-
-
-def _one(gain: Any, unit: str) -> float:
-    value = finite(gain, "gain", unit)
-    if not isinstance(value, float):
-        raise InvalidInputError(f"gain: found an array of shape {value.shape}, expected one number; arrays go to axes")
-    return value
 
 
 def _complete(

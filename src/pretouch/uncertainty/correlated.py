@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import format_range
+from pretouch._core.values import check_types
 from pretouch.motion.scenario import sensor_with
 
 from .distributions import Distribution, JointDistribution, Normal, normal_in_words
@@ -46,6 +48,7 @@ class CorrelatedNormal(JointDistribution):
     covariance: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
+        check_types(self)
         mean = np.atleast_1d(finite(self.mean, "mean"))
         covariance = np.atleast_2d(finite(self.covariance, "covariance"))
         count = len(self.names)
@@ -107,6 +110,7 @@ class CorrelatedNormal(JointDistribution):
             yield member, f"{text}, together with the others of {name}"
 
 
+@check_arguments
 def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
     """Return how the parameters of a fitted curve may lie: normal, with the covariance of the fit.
 
@@ -190,6 +194,7 @@ class Empirical(Distribution):
     samples: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        check_types(self)
         values = np.atleast_1d(finite(self.samples, "samples"))
         if values.ndim != 1 or len(values) < 2:
             raise InvalidInputError(f"samples: found {np.shape(values)}, expected a row of two values or more")

@@ -10,6 +10,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.values import Value
@@ -28,7 +29,6 @@ Uncertainty: TypeAlias = Mapping[str, JointDistribution]
 """What is known of inputs, by name, such as `obstacle.velocity`; under a free name, of several that go together."""
 
 SAMPLINGS: Final = ("sobol", "latin-hypercube", "random")
-
 MOST_SAMPLES: Final = 1_000_000
 """How many samples are drawn at once."""
 
@@ -50,6 +50,7 @@ def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
     return tuple(names)
 
 
+@check_arguments
 def sample_inputs(
     uncertainty: Uncertainty, count: int, *, seed: int = 0, sampling: str = "sobol"
 ) -> dict[str, FloatArray]:
@@ -74,9 +75,8 @@ def sample_inputs(
         >>> bool(abs(drawn["obstacle.velocity"].mean() + 0.3) < 1e-3)
         True
     """
-    names = names_of(uncertainty)
     check_draw(count, seed=seed, sampling=sampling)
-    points, at = _points(count, len(names), seed, sampling), 0
+    points, at = _points(count, len(names_of(uncertainty)), seed, sampling), 0
     found: dict[str, FloatArray] = {}
     for name, known in uncertainty.items():
         members = known.inputs(name)

@@ -14,6 +14,8 @@ from pretouch._core.values import Value
 from pretouch.motion import DAMPER, ContactStatus, ContinuousLaw, Obstacle, Plant, Reference, Scenario, find_contact
 from pretouch.sensors import SensorModel
 
+from .witness_check import WitnessCheck, check_on_readings
+
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
     from pretouch.calibration.result import OffsetEstimate
@@ -46,6 +48,7 @@ class Reservations(Value):
         speed: the speed at contact on the curve as it is extended [m/s]; None where contact is supported, or unknown.
         speed_without_force: the same where no virtual force acts nearer than any reading: what a sensor that says
             nothing there leaves of the mitigation.
+        witness: the answer tried on the readings; None where it has no gain, or leads to no contact.
     """
 
     report: CalibrationReport
@@ -58,6 +61,12 @@ class Reservations(Value):
     left: bool = False
     speed: float | None = None
     speed_without_force: float | None = None
+    witness: WitnessCheck | None = None
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether readings allow a contact that is harder than without mitigation, where the answer promises less."""
+        return self.witness is not None and self.witness.harder > 0
 
     @property
     def is_contact_supported(self) -> bool:
@@ -66,6 +75,23 @@ class Reservations(Value):
 
     @property
     def headline(self) -> str | None:
+        """What readings contradict, or which distances no data support, and what to measure; None where neither is."""
+        against = None if self.witness is None else self.witness.headline
+        if against is None:
+            return self._extension
+        if self._extension is None:
+            return f"{against} Measure more distances between {' and '.join(self._measured_span)}, each several times."
+        return f"{against} {self._extension}" if self.is_refuted else f"{self._extension} {against}"
+
+    @property
+    def _measured_span(self) -> tuple[str, str]:
+        """The nearest and the farthest distance that matter, from the contact surface."""
+        return format_quantity(max(self.supported[0], 0.0), "m"), format_quantity(
+            min(self.supported[1], self.start), "m"
+        )
+
+    @property
+    def _extension(self) -> str | None:
         """Which decisive distances no data support, and what to measure; None where data support all of them."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         start = format_quantity(self.start, "m")
@@ -126,6 +152,9 @@ class Reservations(Value):
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
                 found.append(f"{100 * share:.2g} % of the {_EFFECTS[self.degree]} are given {where}")
+        if self.witness is not None and self.witness.is_supported:
+            found.append(self.witness.text)
+        found += [f"left out: {text}" for text in self.report.left_out]
         if self.report.offset is not None:
             found.append(_offset_in_words(self.report.offset, self.report.calibration.unit))
         return tuple(found)
@@ -144,6 +173,8 @@ class Reservations(Value):
             "window": [window.l_min, window.l_max],
             "window_reasons": [window.start_reason, window.end_reason],
             **{name: plain(getattr(self, name)) for name in (*own, "speed", "speed_without_force")},
+            "witness": None if self.witness is None else self.witness.to_dict(),
+            "left_out": list(self.report.left_out),
             "output_unit": self.report.calibration.unit,
             "offset": None if offset is None else {name: plain(getattr(offset, name)) for name in told},
         }
@@ -161,6 +192,8 @@ class Reservations(Value):
     def around_dict(self, found: dict[str, Any]) -> dict[str, Any]:
         """Return the JSON object of a result with `calibration` in it, and the headline first where there is one."""
         told = {**found, "calibration": self.to_dict()}
+        if self.is_refuted:
+            told |= {"status": "not-supported", "status_on_fitted_curve": found.get("status")}
         if self.headline is None:
             return told
         own = told.pop("headline", None)
@@ -213,6 +246,9 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         degree=degree,
     )
     gain: Any = getattr(answer, "gain", None)
+    if gain is not None and report.curves is not None and report.offset is not None and not scenario.obstacle.course:
+        witness = check_on_readings(report.curves, report.offset.value, scenario, sensor, gain=gain, law=law)
+        reservations = replace(reservations, witness=witness)
     if scenario.shape or (gain is not None and np.ndim(gain)):
         return reservations
     run = law.contact(scenario, sensor, 0.0 if gain is None else gain)

@@ -7,16 +7,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite_or_none
 from pretouch._core.units import format_quantity
 from pretouch._core.values import Value
 from pretouch.calibration import CalibrationReport
 from pretouch.calibration.result import DrawnCurve
 from pretouch.design import Task
-from pretouch.sensors import Recessed, SensorModel
 from pretouch.simulation import SensorChain
 from pretouch.uncertainty.reservations import recess_in_words
+from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, mount
 
 from .appraisal import simulated_quantity
 
@@ -46,6 +45,8 @@ class CalibrationCheck(Value):
         harder: on how many contact is more than 15 % harder than promised.
         broken: on how many a limit is missed that the fitted curve keeps.
         failing: on how many any of these.
+        witness: the nominal encounter in continuous time, tried on curves through the readings; None where it comes to
+            no contact.
         decisive: what matters most: `offset`, `curve` or `misfit`; empty where the calibration is good enough.
         remedy: what to measure, in words; likewise.
     """
@@ -59,13 +60,14 @@ class CalibrationCheck(Value):
     harder: int
     broken: int
     failing: int
+    witness: WitnessCheck | None = None
     decisive: str = ""
     remedy: str = ""
 
     @property
     def is_good_enough(self) -> bool:
-        """Whether the gain does on 95 % of the sensors what it does on the fitted curve."""
-        return self.failing <= _FAILING * self.draws
+        """Whether the gain does on 95 % of the sensors what it does on the fitted curve, and no reading contradicts."""
+        return self.failing <= _FAILING * self.draws and (self.witness is None or self.witness.is_supported)
 
     @property
     def reason(self) -> str:
@@ -75,11 +77,13 @@ class CalibrationCheck(Value):
             (self.broken, f"a limit is missed on {self.broken}"),
             (self.missing, f"no contact comes on {self.missing}"),
         )
-        found = ", ".join(text for count, text in named if count)
-        return (
-            f"the calibration is not good enough: of {self.draws} sensors that its readings allow, {found} "
-            f"({self._spread}); its {self.decisive} matters most: {self.remedy}"
-        )
+        counts = ", ".join(text for count, text in named if count)
+        parts = [f"of {self.draws} sensors that its readings allow, {counts} ({self._spread})"] if counts else []
+        against = None if self.witness is None else self.witness.headline
+        if against is not None:
+            parts.append(f"{against[:1].lower()}{against[1:-1]}")
+        parts.append(f"its {self.decisive} matters most: {self.remedy}")
+        return f"the calibration is not good enough: {'; '.join(parts)}"
 
     @property
     def text(self) -> str:
@@ -138,7 +142,8 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
     promised = _run(task, gain, replace(chain, misfit=0.0), (nominal,))
     if np.isnan(promised.speed[0]):
         return None
-    drawn = tuple(_mounted(curve, task.sensor) for curve in report.curves.draw(_DRAWS, _SEED))
+    drawn = tuple(_mounted(curve, task) for curve in report.curves.draw(_DRAWS, _SEED))
+    witness = check_on_readings(report.curves, report.offset.value, task.scenario, task.sensor, gain=gain, law=task.law)
     found = _run(task, gain, chain, drawn)
     missing, harder, broken = found.failures(promised)
     ends = [finite_or_none(v) for v in np.quantile(found.speed, (0.05, 0.5, 0.95))]
@@ -152,6 +157,7 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
         harder=int(harder.sum()),
         broken=int(broken.sum()),
         failing=int((missing | harder | broken).sum()),
+        witness=witness,
     )
     if check.is_good_enough:
         return check
@@ -166,24 +172,18 @@ def _quiet(chain: SensorChain) -> SensorChain:
     )
 
 
-def _mounted(drawn: DrawnCurve, like: SensorModel) -> DrawnCurve | None:
-    """Extend and sink a curve as the one that was fitted; None where it has no value at a distance that is needed."""
-    try:
-        low, high = (like.sensor if isinstance(like, Recessed) else like).valid_range
-        curve = replace(drawn.sensor, minimum_distance=low, maximum_distance=high)
-        return replace(drawn, sensor=replace(like, sensor=curve) if isinstance(like, Recessed) else curve)
-    except InvalidInputError:
-        return None
+def _mounted(drawn: DrawnCurve, task: Task) -> DrawnCurve:
+    """Extend and sink a curve as the one that was fitted; the controller's offset is a matter of the chain."""
+    start = float(np.max(task.scenario.distance))
+    return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
 
-def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve | None, ...]) -> _Outcome:
+def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve, ...]) -> _Outcome:
     """Run the nominal encounter once on each sensor, the i-th with the misfit of the i-th run."""
     own = 0.0 if task.calibration is None or task.calibration.offset is None else task.calibration.offset.value
     limits = [limit for limit in task.limits if limit.name != "gain"]
     speed, ratios = np.full(len(sensors), np.nan), np.full((len(sensors), len(limits)), np.inf)
     for i, drawn in enumerate(sensors):
-        if drawn is None:
-            continue
         there = replace(chain, offset=chain.offset + drawn.offset - own)
         loop = replace(task.loop.after(i), chain=there)
         result = loop.run(task.scenario, drawn.sensor, gain)
@@ -196,9 +196,7 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve 
     return _Outcome(speed=speed, ratios=ratios)
 
 
-def _decisive(
-    task: Task, gain: float, drawn: tuple[DrawnCurve | None, ...], found: _Outcome, promised: _Outcome
-) -> str:
+def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, promised: _Outcome) -> str:
     """Return what matters most, found by leaving out the misfit, what is open of the offset, and all but the misfit."""
     # offset and curve are open together: a pedestal that is moved bends the curve through the same readings; so what is
     # left where the offset is known is told by those of many draws whose offset is nearest to the fitted one
@@ -209,7 +207,7 @@ def _decisive(
     nearest = sorted(many, key=lambda curve: abs(curve.offset - value))[:_DRAWS]
     fitted = DrawnCurve(sensor=task.sensor, offset=value)
     smooth = _run(task, gain, replace(chain, misfit=0.0), drawn).badness(promised)
-    known = _run(task, gain, chain, tuple(_mounted(curve, task.sensor) for curve in nearest)).badness(promised)
+    known = _run(task, gain, chain, tuple(_mounted(curve, task) for curve in nearest)).badness(promised)
     rest = _run(task, gain, chain, (fitted,) * _DRAWS).badness(promised)
     if chain.misfit and smooth < rest:
         return "misfit"

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
 from pretouch._core.units import format_quantity
@@ -35,6 +36,7 @@ _MARGIN: Final = 2.0  # of the gain to instability: the usual 6 dB
 _ROOM: Final = 0.03  # of a limit
 
 
+@check_arguments
 @placed
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
     """Find out whether a gain designed in continuous time, L(1) and L(2), holds on a loop, and what would help.
@@ -250,6 +252,7 @@ def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     )
 
 
+@check_arguments
 @placed
 def simulate_encounter(task: Task) -> SimulatedEncounter:
     """Run one encounter on the sampled loop, and put it beside the continuous solution of L(1) with L(2).

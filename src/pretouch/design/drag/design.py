@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion import Scenario
@@ -92,6 +93,7 @@ def chosen_drag(task: Task, effect: DragEffect) -> tuple[float, float]:
     return float(drag), kept
 
 
+@check_arguments
 @placed
 def design_drag(task: Task) -> DragDesign:
     """Choose the virtual drag of a task by its effect, which needs no search: it is the same at every speed.

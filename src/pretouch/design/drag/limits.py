@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, positive
-from pretouch._core.values import Value
+from pretouch._core.values import Value, check_types
 from pretouch.motion import Admittance, ContactResult, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import SensorModel
@@ -55,6 +55,7 @@ class DragEffect(Value):
     largest_speed: float | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         given = [name for name in _UNITS if getattr(self, name) is not None]
         if len(given) != 1:
             raise InvalidInputError(f"drag: found {', '.join(given) or 'nothing'}, expected one of {', '.join(_UNITS)}")

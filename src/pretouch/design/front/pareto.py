@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite
 from pretouch.motion import ContactResult, Scenario
@@ -58,6 +59,7 @@ def find_knee(
 _ROUNDING: Final = 1e-9  # of a limit: an encounter that a design put on it, solved another way, still keeps it
 
 
+@check_arguments
 @placed
 def pareto_front(task: Task) -> ParetoFront:
     """Find the Pareto front of two or three contact quantities over the gain D_p, and the admittance where it is free.

@@ -9,9 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, finite, float_or_array, nonnegative, positive
-from pretouch._core.values import Value
+from pretouch._core.values import Value, check_types
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
 
 from ..search.trials import Trials
@@ -62,6 +63,7 @@ class PhysicalBound(Value):
     speed_limit: float = math.inf
 
     def __post_init__(self) -> None:
+        check_types(self)
         positive(self.distance, "distance", "m")
         if not finite(self.velocity, "velocity", "m/s") < 0:
             raise InvalidInputError(
@@ -140,6 +142,7 @@ class PhysicalBound(Value):
         return np.asarray(np.where(short * limit <= top, short, top / limit + (excursion - top**2 / 2 / limit) / top))
 
 
+@check_arguments
 def find_physical_bound(
     scenario: Scenario, *, acceleration_limit: ArrayLike, speed_limit: float = math.inf
 ) -> PhysicalBound:

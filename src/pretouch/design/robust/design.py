@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch.motion.evaluator import with_noise_after
@@ -146,6 +147,7 @@ _SAMPLES: Final = 4096
 _SAMPLES_OF_OTHERS: Final = 256  # where somebody else solves the encounters: a loop takes a hundred times as long
 
 
+@check_arguments
 @placed
 def design_robust_gain(task: Task) -> RobustDesign:
     """Find the gain D_p that minimizes a measure of an objective over encounters that are not known exactly.

@@ -13,6 +13,7 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import with_kind
 from pretouch._core.numbers import FloatArray, finite, float_or_array
+from pretouch._core.values import check_types
 
 from ..constraints import Constraint
 
@@ -120,6 +121,7 @@ class _AtProbability(Measure):
     probability: float
 
     def __post_init__(self) -> None:
+        check_types(self)
         object.__setattr__(self, "probability", _probability(self.probability))
 
 
@@ -234,6 +236,7 @@ class Required:
     probability: float = 1.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         if self.probability != 1:
             object.__setattr__(self, "probability", _probability(self.probability))
 

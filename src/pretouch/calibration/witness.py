@@ -1,0 +1,125 @@
+"""Curves on which an answer is tried: through all readings without any family, and under the ceilings they allow.
+
+The controller subtracts one offset o from every output y. What it feels between two readings is D_p times the change
+of ln(y - o), L(2), whatever the curve does in between and whatever the true offset is. So the readings themselves
+contradict a fit that is wrong between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch._core.values import Value
+from pretouch.sensors import PiecewiseCubic
+
+from .averaging import AveragedCurve
+from .ceilings import CeilingFits
+from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
+
+_LARGEST_ERROR: Final = 0.05  # of a reading relative to its signal: larger scatter would hide what readings say
+_SMALLEST_ERROR: Final = 1e-4
+_SMALLEST_SIGNAL: Final = 0.3  # of what was read: no error moves a reading below it
+_SURE: Final = 3.0  # standard errors: what a rise exceeds that noise does not explain
+_BENDING: Final = 0.35  # standard deviation of ln of a random slope at a reading
+_STEEPEST: Final = 3.0  # times the flatter of both neighboring secants: beyond, a cubic is not monotone (Fritsch 1980)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Witness(Value):
+    """What the readings of a calibration say, whatever curve was fitted.
+
+    Args:
+        distances: where the signal stands above the offset [m], increasing, shape (N,).
+        signals: mean output minus the offset that the controller subtracts, positive, shape (N,).
+        errors: standard error of each signal relative to it, shape (N,).
+        offset: that offset, in the unit of the outputs.
+        ceilings: the fits under soft ceilings.
+    """
+
+    distances: FloatArray
+    signals: FloatArray
+    errors: FloatArray
+    offset: float
+    ceilings: CeilingFits
+
+    def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
+        """Return curves through the readings, monotone between neighbors, valid from the first to the last of them.
+
+        The first is linear in ln xi between neighbors, the second SciPy's PCHIP; the others alternate between linear
+        and random slopes, and move each reading within its error.
+        """
+        rng = np.random.default_rng(seed)
+        level, width = np.log(self.signals), np.diff(self.distances)
+        found = []
+        for number in range(count):
+            moved = level
+            if number > 1:
+                factor = 1 + self.errors * rng.standard_normal(len(level))
+                moved = level + np.log(np.maximum(factor, _SMALLEST_SIGNAL))
+            moved = _without_noisy_rises(moved, self.errors)
+            secants = np.diff(moved) / width
+            slopes = [(secant, secant) for secant in secants]
+            if number % 2:
+                bent = _smooth_slopes(self.distances, moved, secants)
+                if number > 1:
+                    bent = _bounded(bent * np.exp(_BENDING * rng.standard_normal(len(bent))), secants)
+                slopes = list(pairwise(bent))
+            curve = PiecewiseCubic(distances=tuple(self.distances), log_outputs=tuple(moved), slopes=tuple(slopes))
+            found.append(DrawnCurve(sensor=curve, offset=self.offset))
+        return tuple(found)
+
+    def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
+        """Draw curves under soft ceilings, each as probable as the readings make it, with its own offset."""
+        return self.ceilings.draw(count, seed)
+
+
+def witness_of(
+    curve: AveragedCurve, offset: OffsetEstimate, noise: NoiseEstimate, ceilings: CeilingFits, farthest: float
+) -> Witness | None:
+    """Return the witness of all readings up to the end of the window; None where fewer than two carry a signal."""
+    part = curve.part((curve.output > offset.value) & (curve.distance <= farthest))
+    if len(part.distance) < 2:
+        return None
+    signal = part.output - offset.value
+    repeated = part.count > 1
+    relative = np.where(repeated, noise.relative / np.sqrt(part.count), min(ceilings.error, _LARGEST_ERROR))
+    error = np.hypot(noise.output / np.sqrt(part.count) / signal, relative)
+    return Witness(
+        distances=part.distance,
+        signals=signal,
+        errors=np.clip(error, _SMALLEST_ERROR, 1.0),
+        offset=offset.value,
+        ceilings=ceilings,
+    )
+
+
+def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
+    """Return the falling sequence nearest to ln xi; what it was where it surely rises."""
+    if (np.diff(level) <= 0).all():
+        return level
+    from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
+
+    falling = np.asarray(isotonic_regression(level, weights=1 / errors**2, increasing=False).x)
+    return falling if (np.abs(falling - level) <= _SURE * errors).all() else level
+
+
+def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray) -> FloatArray:
+    """Return the slopes of the piecewise cubic that keeps the shape of the points."""
+    if len(distance) == 2:
+        return np.repeat(secants, 2)
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for fits
+
+    return np.asarray(PchipInterpolator(distance, level).derivative()(distance))
+
+
+def _bounded(slopes: FloatArray, secants: FloatArray) -> FloatArray:
+    """Bring slopes at points into the range in which the cubic is monotone on both sides."""
+    near, far = np.concatenate([secants[:1], secants]), np.concatenate([secants, secants[-1:]])
+    size = _STEEPEST * np.minimum(np.abs(near), np.abs(far))
+    same = np.sign(near) == np.sign(far)
+    return np.where(same, np.sign(near) * np.minimum(np.abs(slopes), size), 0.0)

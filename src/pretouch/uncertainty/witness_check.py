@@ -1,0 +1,232 @@
+"""Try an answer on the readings of its calibration: does contact come as the fitted curve promises?"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch.calibration.result import AllowedCurves, DrawnCurve
+from pretouch.motion import DAMPER, ContactResult, ContinuousLaw, Scenario
+from pretouch.motion.many_curves import many_curves
+from pretouch.motion.request import make_request
+from pretouch.motion.scenario import map_fields
+from pretouch.motion.solution import Solution
+from pretouch.sensors import PiecewiseCubic, SensorModel
+
+CLOSE: Final = 0.15
+"""Of the promised speed at contact: a curve on which contact is within that keeps the promise."""
+
+_THROUGH: Final = 40  # curves through the readings
+_UNDER: Final = 60  # curves under ceilings
+_FEW: Final = 4, 6  # the same for a law that is integrated one encounter after the other
+_SEED: Final = 1
+_DISAGREE: Final = 0.25  # of the curves under ceilings: if more of them break the promise, it is not supported
+_QUANTILES: Final = (0.05, 0.95)  # of the curves under ceilings, between which the stated range lies
+_BEYOND: Final = 12  # points on the fitted curve where there are no readings, on either side
+_SMALLEST: Final = 1e-3  # of a drawn signal: less is not left of it where its offset differs
+_MOST: Final = 500  # encounters of an array that are tried
+_HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
+_SAMPLES: Final = 60  # points of a drawn curve that is not made of cubics
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WitnessCheck(Value):
+    """A gain tried on curves that go through the readings, and on curves under ceilings that readings allow.
+
+    Of an array of encounters, the numbers are those of the one that breaks its promise most.
+
+    Args:
+        curves: how many curves.
+        promised: |l'| at contact on the fitted curve [m/s].
+        unmitigated: |l'| at contact without mitigation [m/s].
+        low: the least |l'| at contact on these curves [m/s], without the extreme 5 % of those under ceilings.
+        high: the largest, likewise.
+        outside: the share of the curves under ceilings on which |l'| differs from the promise by more than 15 %.
+        harder: on how many curves contact is harder than without mitigation, which the fitted curve does not say.
+        is_contradicted: whether no curve through the readings comes within 15 % of the promise.
+        encounters: how many encounters were tried.
+        unsupported: on how many of them the readings do not support the promise.
+    """
+
+    curves: int
+    promised: float
+    unmitigated: float
+    low: float
+    high: float
+    outside: float
+    harder: int
+    is_contradicted: bool
+    encounters: int = 1
+    unsupported: int = 0
+
+    @property
+    def is_supported(self) -> bool:
+        """Whether the readings support what the fitted curve promises."""
+        return not (self.is_contradicted or self.harder or self.outside > _DISAGREE)
+
+    @property
+    def headline(self) -> str | None:
+        """What the readings say instead, in a sentence; None where they support the promise."""
+        if self.is_supported:
+            return None
+        low, high, promised, free = (
+            format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.promised, self.unmitigated)
+        )
+        of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
+        if self.harder:
+            return (
+                f"Not supported by the readings: on {self.harder} of {self.curves} curves that they allow, contact is "
+                f"not softer than without mitigation ({free}); the fitted curve promises {promised}{of}."
+            )
+        return (
+            f"Not supported by the readings: the curves that they allow lead to contact at {low} to {high}, the fitted "
+            f"curve promises {promised}{of}."
+        )
+
+    @property
+    def text(self) -> str:
+        """What was found on these curves, in a clause."""
+        low, high, promised = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.promised))
+        return f"on {self.curves} curves that the readings allow, contact is at {low} to {high} ({promised} promised)"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything that JSON can hold, in SI."""
+        return {"is_supported": self.is_supported, **asdict(self)}
+
+
+def check_on_readings(
+    curves: AllowedCurves, offset: float, scenario: Scenario, sensor: SensorModel, *, gain: Any, law: ContinuousLaw
+) -> WitnessCheck | None:
+    """Try a gain on curves that the readings allow; None where the fitted curve leads to no contact.
+
+    Args:
+        curves: what the readings allow.
+        offset: what the controller subtracts, in the unit of the outputs.
+        scenario: the encounters, of any shape.
+        sensor: the fitted curve as it is mounted and extended.
+        gain: the gain of the law, of a shape that broadcasts with the scenario.
+        law: the law in continuous time.
+
+    Returns:
+        The check.
+    """
+    if sensor.valid_range[0] > 0:
+        return None
+    shape = np.broadcast_shapes(scenario.shape, np.shape(gain))
+    flat = map_fields(scenario, lambda v: np.broadcast_to(v, shape).ravel() if np.ndim(v) else v)
+    gains, start = np.broadcast_to(gain, shape).ravel(), float(np.max(scenario.distance))
+    every = np.unique(np.linspace(0, len(gains) - 1, min(len(gains), _MOST)).astype(int)) if shape else np.zeros(1, int)
+    some = map_fields(flat, lambda v: v[every, None] if np.ndim(v) else v)
+    gains = gains[every, None]
+    promised, free = (_speed(law.contact(some, sensor, g))[:, 0] for g in (gains, 0.0 * gains))
+    through, under = (_THROUGH, _UNDER) if law.degree is not None else _FEW
+    drawn = (*curves.through_readings(through, _SEED), *curves.draw(under, _SEED))
+    mounted = tuple(mount(curve, sensor, offset, start) for curve in drawn)
+    found = _speeds(law, some, mounted, gains)
+    known = np.isfinite(promised) & np.isfinite(free)
+    rows = zip(found[known], promised[known], free[known], strict=True)
+    checks = [_judge(row[:through], row[through:], p, f) for row, p, f in rows]
+    if not checks:
+        return None
+    worst = max(checks, key=lambda check: (not check.is_supported, check.harder, check.outside, check.high))
+    unsupported = sum(not check.is_supported for check in checks)
+    return replace(worst, encounters=len(checks), unsupported=unsupported)
+
+
+def _judge(through: FloatArray, under: FloatArray, promised: float, free: float) -> WitnessCheck:
+    """Compare the speeds on curves through the readings and under ceilings with one promise [m/s]."""
+    inner = np.quantile(under[np.isfinite(under)], _QUANTILES) if np.isfinite(under).any() else under[:0]
+    ends = np.concatenate([through[np.isfinite(through)], inner, [np.nan] if not len(inner) else []])
+    kept = np.abs(under - promised) <= CLOSE * promised
+    near = through[np.isfinite(through)]
+    agrees = len(near) > 0 and (1 - CLOSE) * near.min() <= promised <= (1 + CLOSE) * near.max()
+    return WitnessCheck(
+        curves=len(through) + len(under),
+        promised=float(promised),
+        unmitigated=float(free),
+        low=float(np.nanmin(ends)),
+        high=float(np.nanmax(ends)),
+        outside=float(np.mean(~kept)),
+        harder=int((np.concatenate([through, under]) > _HARDER * free).sum()) if promised <= free else 0,
+        is_contradicted=not agrees,
+    )
+
+
+def _speed(result: ContactResult) -> FloatArray:
+    """Return |l'| at contact [m/s], nan where there is none."""
+    return np.where(result.reached, np.abs(result.end.relative_velocity), np.nan)
+
+
+def _speeds(
+    law: ContinuousLaw, scenario: Scenario, curves: tuple[PiecewiseCubic, ...], gains: FloatArray
+) -> FloatArray:
+    """Return |l'| at contact [m/s] of encounters, (n, 1), on each of m curves, shape (n, m)."""
+    if law != DAMPER:
+        return np.column_stack([_speed(law.contact(scenario, curve, gains))[:, 0] for curve in curves])
+    several = map_fields(scenario, lambda v: np.broadcast_to(v, (len(gains), len(curves))) if np.ndim(v) else v)
+    wide = np.broadcast_to(gains, (len(gains), len(curves)))
+    many = many_curves(curves[0], {}, curves, "auto")
+    request = make_request(several, curves[0], wide, "auto", 600.0, many=many)
+    return _speed(ContactResult(Solution(request), request.method))
+
+
+def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -> PiecewiseCubic:
+    """Return what a controller that subtracts an offset sees of a drawn sensor, mounted like the fitted one.
+
+    Args:
+        drawn: the curve, over the distance from the sensor's zero, and its own offset.
+        sensor: the fitted curve as it is mounted; where there are no readings, the drawn curve goes on like it.
+        offset: what the controller subtracts, in the unit of the outputs.
+        start: the distance at which the encounter starts [m].
+
+    Returns:
+        The curve over the distance from the contact surface, from 0 to the start.
+    """
+    recess = sensor.bare[1]
+    low, high = drawn.sensor.valid_range
+    near, far = np.clip([low - recess, high - recess], 0.0, start)
+    pieces = []
+    if near > 0:
+        pieces.append(_sampled(sensor, np.linspace(0.0, near, _BEYOND)))
+    if far > near:
+        inner = np.clip([recess + near, recess + far], low, high)
+        pieces.append(_seen(drawn, float(inner[0]), float(inner[1]), offset, recess))
+    if far < start:
+        pieces.append(_sampled(sensor, np.linspace(far, start, _BEYOND)))
+    distances, levels, slopes = (list(column) for column in pieces[0])
+    for places, values, ends in pieces[1:]:
+        levels += list(values[1:] - values[0] + levels[-1])
+        distances += list(places[1:])
+        slopes += list(ends)
+    distances[0], distances[-1] = 0.0, start
+    return PiecewiseCubic(distances=tuple(distances), log_outputs=tuple(levels), slopes=tuple(slopes))
+
+
+Points: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""Distances [m], ln xi, and g [1/m] at both ends of each interval, as `PiecewiseCubic` has them."""
+
+
+def _sampled(sensor: SensorModel, places: FloatArray) -> Points:
+    slopes = np.asarray(sensor.log_slope(places))
+    return places, np.asarray(sensor.log_output(places)), np.column_stack([slopes[:-1], slopes[1:]])
+
+
+def _seen(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
+    """Return the points of a drawn curve between two distances as the controller sees them."""
+    if isinstance(drawn.sensor, PiecewiseCubic):
+        part = drawn.sensor.part(low, high)
+        places, level, slopes = np.array(part.distances), np.array(part.log_outputs), np.array(part.slopes)
+    else:
+        places, level, slopes = _sampled(drawn.sensor, np.linspace(low, high, _SAMPLES))
+    shift = drawn.offset - offset
+    if shift:
+        signal = np.exp(level)
+        share = signal / np.maximum(signal + shift, _SMALLEST * signal)
+        level = level - np.log(share)
+        slopes = slopes * np.column_stack([share[:-1], share[1:]])
+    return places - recess, level, slopes

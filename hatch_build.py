@@ -26,7 +26,8 @@ class NativeHook(BuildHookInterface[Any]):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:  # noqa: ARG002
         """Build the library and say for which machines it is; no Python.h is used, so it serves every Python."""
         library = native.build(native.library_path(Path(self.root)))
-        build_data["artifacts"].append(str(library.relative_to(self.root)))
+        for path in (library, native.record_path(library)):
+            build_data["artifacts"].append(str(path.relative_to(self.root)))
         build_data["pure_python"] = False
         if native.compilers():
             tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")

@@ -1,9 +1,10 @@
 """Run every benchmark: `python -m benchmarks`."""
 
-from . import accuracy, controller, drag, gradients, loops, solving, starting, verdicts
+from . import accuracy, controller, drag, gradients, loops, reading, solving, starting, verdicts
 
 if __name__ == "__main__":
     starting.main()
+    reading.main()
     solving.main()
     accuracy.main()
     controller.main()

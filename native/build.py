@@ -15,8 +15,10 @@ from __future__ import annotations
 import argparse
 import contextlib
 import hashlib
+import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -90,17 +92,42 @@ def library_path(root: Path) -> Path:
     return root / "src/pretouch/_core" / f"libpretouch{SUFFIXES.get(this_target().split('-')[0], '.so')}"
 
 
+def record_path(library: Path) -> Path:
+    """Return where the record of a library lies: size, hash and interface, which Python checks before it loads it."""
+    return library.with_name(f"{library.name}.json")
+
+
+def interface() -> str:
+    """Return a hash of the declarations that Python relies on: of both headers, without comments and spaces."""
+    texts = [(NATIVE / name).read_text(encoding="utf-8") for name in ("core/pretouch.h", "law/pretouch_law.h")]
+    bare = [" ".join(re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL).split()) for text in texts]
+    return hashlib.sha256("\0".join(bare).encode()).hexdigest()[:16]
+
+
+def check_interface() -> str:
+    """Return the hash of the interface; end where Python's side still names another one."""
+    side, current = NATIVE.parent / "src/pretouch/_core/native.py", interface()
+    named = re.search(r'^INTERFACE: Final = "(\w+)"$', side.read_text(encoding="utf-8"), re.MULTILINE)
+    if named is None or named[1] != current:
+        raise RuntimeError(
+            f"the headers of pretouch's compiled core have changed: check the calls in Python, then set INTERFACE in "
+            f'src/pretouch/_core/native.py to "{current}"'
+        )
+    return current
+
+
 def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Path:
     """Compile every source and link them by the C compiler: no C++ runtime is needed.
 
     Args:
-        library: where it is put.
+        library: where it is put, with its record.
         strict: take a warning for an error.
         sanitize: check addresses and undefined behavior when it runs.
 
     Returns:
         The library. A command that fails ends this with what it printed.
     """
+    version = check_interface()
     system = this_target().split("-", 1)[0]
     compiler = cc, _ = compilers() or _zig()
     common = ["-fvisibility=hidden", *([] if system == "win32" else ["-fPIC"])]
@@ -116,7 +143,12 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
     made = kept / f"{os.getpid()}-{library.name}"  # where a linker may leave more than that
     link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
     _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
+    content = made.read_bytes()
+    record = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest(), "interface": version}
+    noted = made.with_name(f"{made.name}.json")
+    noted.write_text(json.dumps(record) + "\n", encoding="utf-8")
     made.replace(library)  # never a half of it, and a process that has the old one keeps it
+    noted.replace(record_path(library))
     return library
 
 

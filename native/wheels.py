@@ -36,11 +36,12 @@ def build_wheel(target: str, output: Path) -> Path:
 def check(wheel: Path, target: str) -> str:
     """Say what is in a wheel; end where it is too large, or is not what its name says."""
     with zipfile.ZipFile(wheel) as archive:
-        libraries = [i for i in archive.infolist() if Path(i.filename).name.startswith("libpretouch")]
-    if len(libraries) != 1 or wheel.stat().st_size > LARGEST:
-        raise SystemExit(f"{wheel.name}: {wheel.stat().st_size} bytes, libraries {[i.filename for i in libraries]}")
-    size, own = wheel.stat().st_size / 1e3, libraries[0].compress_size / 1e3
-    found = f"{wheel.name}: {size:.0f} kB, of which the library {own:.0f}"
+        own = [i for i in archive.infolist() if Path(i.filename).name.startswith("libpretouch")]
+    libraries = [i for i in own if not i.filename.endswith(".json")]
+    if len(libraries) != 1 or len(own) != 2 or wheel.stat().st_size > LARGEST:
+        raise SystemExit(f"{wheel.name}: {wheel.stat().st_size} bytes, library and record {[i.filename for i in own]}")
+    size, compressed = wheel.stat().st_size / 1e3, libraries[0].compress_size / 1e3
+    found = f"{wheel.name}: {size:.0f} kB, of which the library {compressed:.0f}"
     if target.startswith("linux") and (auditwheel := shutil.which("auditwheel")):
         shown = subprocess.run([auditwheel, "show", str(wheel)], check=True, capture_output=True, text=True).stdout
         found += "\n    auditwheel: " + " ".join(shown.split())

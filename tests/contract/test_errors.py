@@ -47,8 +47,9 @@ def test_every_error_says_what_it_is_for_and_is_caught_by_the_root(name: str) ->
     assert (errors.__doc__ or "").count(f"{name} ") + (errors.__doc__ or "").count(f"{name}\n") == 1
 
 
-def test_what_is_drawn_as_also_a_value_error_is_one() -> None:
-    also = re.findall(r"(\w+Error) \(also a (\w+)\)", errors.__doc__ or "")
-    assert also == [("InvalidInputError", "ValueError")]
+def test_what_is_drawn_as_also_another_error_is_one() -> None:
+    also = re.findall(r"(\w+Error) \(also an? (\w+)\)", errors.__doc__ or "")
+    assert also == [("InvalidInputError", "ValueError"), ("BrokenCoreError", "ImportError")]
+    assert issubclass(errors.BrokenCoreError, ImportError)
     assert issubclass(errors.InvalidInputError, ValueError)
     assert not issubclass(errors.ResultUnavailableError, ValueError)

@@ -11,7 +11,7 @@ import pytest
 
 from pretouch._core import files
 from pretouch._core.errors import InvalidInputError, OutputExistsError
-from pretouch._core.files import is_own_unchanged, sign, write_text
+from pretouch._core.files import is_own_unchanged, read_regular_file, sign, write_text
 
 PAGE = "<!doctype html>\n<html><head>\n<title>ξ(l)</title></head><body>1\r\n2</body></html>\n"
 
@@ -87,6 +87,37 @@ def test_a_missing_folder_and_a_folder_in_the_way_are_refused(tmp_path):
     with pytest.raises(InvalidInputError, match="cannot be written"):
         write_text(tmp_path, "", overwrite=True)
     assert names(tmp_path) == []
+
+
+def test_what_a_killed_write_left_is_removed_by_a_later_one_of_the_same_name(tmp_path):
+    """An hour after its last change nobody writes to it any more; other files and fresh ones are left alone."""
+    old, fresh, other = (
+        tmp_path / f".{name}.tmp" for name in ("a.txt.0123456789ab", "a.txt.ba9876543210", "b.txt.0123456789ab")
+    )
+    folder, foreign = tmp_path / ".a.txt.00000000ffff.tmp", tmp_path / ".a.txt.notes.tmp"
+    folder.mkdir()
+    (folder / "chunk").write_text("half")
+    for path in (old, fresh, other, foreign):
+        path.write_text("half")
+    for path in (old, other, foreign, folder):
+        os.utime(path, (0, 0))
+    write_text(tmp_path / "a.txt", "whole")
+    assert names(tmp_path) == sorted([fresh.name, other.name, foreign.name, "a.txt"])
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX pipes and devices")
+def test_a_device_a_pipe_and_a_file_that_is_too_large_are_not_read(tmp_path):
+    """Each of them would never end: the pipe waits for somebody who writes."""
+    os.mkfifo(tmp_path / "pipe")
+    for path, what in ((tmp_path / "pipe", "found a pipe"), ("/dev/zero", "found a device or a socket")):
+        with pytest.raises(InvalidInputError, match=f"{what}, expected a file; write what comes from it into a file"):
+            read_regular_file(path, most=10, refuse=InvalidInputError)
+    (tmp_path / "large").write_bytes(bytes(2_000_001))
+    with pytest.raises(InvalidInputError, match="large: found a file of more than 2 MB, expected at most that"):
+        read_regular_file(tmp_path / "large", most=2_000_000, refuse=InvalidInputError)
+    assert len(read_regular_file(tmp_path / "large", most=2_000_001, refuse=InvalidInputError)) == 2_000_001
+    with pytest.raises(IsADirectoryError):
+        read_regular_file(tmp_path, most=10, refuse=InvalidInputError)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX permissions and links")

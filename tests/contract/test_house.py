@@ -79,7 +79,7 @@ FILES = 246  # of the package and its compiled core
 LINES = 53_000  # of both; grew with the checks of issue 23: arguments, library, readings, limits of files
 LONGEST_FUNCTION = 60  # lines without its docstring
 ROOMS_OF_DESIGN = 20
-FILES_OF_A_VERDICT = 46
+FILES_OF_A_VERDICT = 47
 
 PASSED = """
 import sys, threading

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import json
 import os
 import struct
 import subprocess
@@ -115,8 +116,92 @@ def test_a_kind_that_is_none_is_named_with_those_that_are():
 
 def test_a_missing_library_says_how_to_make_it(monkeypatch, tmp_path):
     monkeypatch.setattr(native, "__file__", str(tmp_path / "native.py"))
-    with pytest.raises(ImportError, match=r"libpretouch.* is missing .* run python native/build\.py"):
+    with pytest.raises(ImportError, match=r"libpretouch.* is missing.* run python native/build\.py"):
         native._library.__wrapped__()
+
+
+OWN = load_build().library_path(ROOT)
+
+
+def damaged_library(tmp_path, change):
+    """Copy the library and its record, and change one of them or both."""
+    library, record = tmp_path / OWN.name, tmp_path / f"{OWN.name}.json"
+    library.write_bytes(OWN.read_bytes())
+    record.write_bytes(OWN.with_name(f"{OWN.name}.json").read_bytes())
+    change(library, record)
+    return library
+
+
+def flip(library):
+    content = bytearray(library.read_bytes())
+    content[len(content) // 2] ^= 1
+    library.write_bytes(content)
+
+
+def pretend(library, record):
+    """Write a text as a library whose record is right: what a build for another system looks like."""
+    library.write_bytes(b"text")
+    digest = "982d9e3eb996f559e633f4d194def3761d909f5a3b647d1a851fead67c32c9d1"  # SHA-256 of it
+    record.write_text(json.dumps({"size": 4, "sha256": digest, "interface": native.INTERFACE}))
+
+
+DAMAGES = {
+    "truncated": (lambda library, _: os.truncate(library, 4096), "has 4,096 bytes, expected"),
+    "empty": (lambda library, _: os.truncate(library, 0), "has 0 bytes, expected"),
+    "foreign": (
+        lambda library, _: library.write_bytes(b"\0" * OWN.stat().st_size),
+        "is not as it was built: its hash differs",
+    ),
+    "one bit": (lambda library, _: flip(library), "is not as it was built: its hash differs"),
+    "older": (
+        lambda _, record: record.write_text(record.read_text().replace(native.INTERFACE, 16 * "0")),
+        "was built for another version of pretouch",
+    ),
+    "missing": (lambda library, _: library.unlink(), "is missing"),
+    "without a record": (lambda _, record: record.unlink(), "has no record of its build beside it"),
+    "with half a record": (lambda _, record: os.truncate(record, 20), "has a damaged record"),
+    "with a list for a record": (lambda _, record: record.write_text("[1]"), "has a damaged record"),
+    "no library at all": (pretend, "cannot be loaded"),
+    "a folder": (lambda library, _: (library.unlink(), library.mkdir()), "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_library_that_is_not_as_it_was_built_is_refused_in_one_sentence(tmp_path, damage):
+    """A truncated one killed the process by SIGBUS; the others ended in a traceback."""
+    change, what = DAMAGES[damage]
+    library = damaged_library(tmp_path, change)
+    command = [sys.executable, "-m", "pretouch", "design", str(ROOT / "examples/approach.toml"), "--no-report"]
+    done = subprocess.run(
+        command, env=os.environ | {"PRETOUCH_LIBRARY": str(library)}, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"pretouch: pretouch's compiled core, {library.name} in {tmp_path}, {what}")
+    assert done.stderr.endswith("run python native/build.py\n")
+    assert done.stderr.count("\n") == 1
+
+
+def test_an_intact_copy_in_the_place_of_the_own_library_is_taken(tmp_path):
+    library = damaged_library(tmp_path, lambda *_: None)
+    program = "from pretouch._core import native; native.kernel('best_variant')(); print(native._library()._name)"
+    assert shown(program, PRETOUCH_LIBRARY=str(library)).stdout.strip() == str(library)
+
+
+def test_python_names_the_interface_that_the_headers_declare(monkeypatch, tmp_path):
+    """Changed headers end a build until somebody has looked at the calls in Python; changed comments do not."""
+    build = load_build()
+    assert build.check_interface() == native.INTERFACE
+    for name in ("core/pretouch.h", "law/pretouch_law.h"):
+        (tmp_path / "native" / name).parent.mkdir(parents=True)
+        (tmp_path / "native" / name).write_text(f"/* other words */ {(ROOT / 'native' / name).read_text()}")
+    (tmp_path / "src/pretouch/_core").mkdir(parents=True)
+    (tmp_path / "src/pretouch/_core/native.py").write_text(Path(native.__file__).read_text())
+    monkeypatch.setattr(build, "NATIVE", tmp_path / "native")
+    assert build.check_interface() == native.INTERFACE
+    header = tmp_path / "native/core/pretouch.h"
+    header.write_text(header.read_text().replace("int64_t n,", "int32_t n,", 1))
+    with pytest.raises(RuntimeError, match=rf'set INTERFACE .* to "{build.interface()}"'):
+        build.check_interface()
 
 
 def test_a_named_compiler_comes_before_those_that_are_found_and_pip_brings_one_where_none_is(monkeypatch):

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pretouch as pt
 from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.files import write_text
 from pretouch.sweep import stores
+from pretouch.sweep.results import counts
 from sweep_samples import AXES, BLOCKS, CONSTANT, CURVED, RESULTS, SCENARIO, cut_small, note_chunks, noted, sweep_to
 
 pytest.importorskip("zarr", reason="needs the extra 'sweep'")
@@ -196,3 +202,167 @@ def test_a_store_opens_in_xarray_alone_with_its_axes_and_units(small: Path, tmp_
     xr.testing.assert_identical(alone.drop_vars(stores.LEDGER).load(), found.load())
     near = alone["relative_velocity"].sel({"obstacle.velocity": -0.3, "gain": -0.7}, method="nearest")
     assert near.attrs["units"] == "m/s"
+
+
+# --- disks that are full
+
+WIDE = {"obstacle.velocity": np.linspace(-1.0, -0.1, 60), "gain": np.linspace(-2.0, -0.05, 100)}
+LIMITED = """
+import resource, sys, test_sweep_stores as t
+t.cut_small(setattr, encounters=2000)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+try:
+    t.sweep_wide(sys.argv[1])
+except t.InvalidInputError as error:
+    print(error)
+"""
+
+
+def sweep_wide(output: str | Path | None) -> Any:
+    return pt.sweep(pt.Task(SCENARIO, CURVED), WIDE, results=RESULTS, output=output)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX limits of a process")
+@pytest.mark.parametrize(
+    ("suffix", "most"),
+    [(".zarr", 1), (".zarr", 900), (".zarr", 12_000), (".nc", 1), (".nc", 12_000), (".nc", 20_000), (".nc", 140_000)],
+)
+def test_a_disk_that_takes_no_more_is_one_sentence_and_nothing_is_lost(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, suffix: str, most: int
+) -> None:
+    """HDF5 crashed the process where it could not write at its end; what Zarr could not write was a traceback."""
+    output = tmp_path / f"out{suffix}"
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(output), str(most)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([_path(), str(Path(__file__).parent)])},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    assert "cannot be written (File too large)" in done.stdout
+    assert done.stdout.count("\n") == 1
+    assert not output.exists() or suffix == ".zarr"
+    assert not [name for name in names(tmp_path) if name.startswith(".")]
+    cut_small(monkeypatch.setattr, encounters=2000)
+    with sweep_wide(output) as found:
+        xr.testing.assert_equal(found.load(), sweep_wide(None))
+    assert names(tmp_path) == [output.name]
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """Mount a disk of 96 kB in memory; only the administrator of a machine may."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = (
+        subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=96k", "tmpfs", str(disk)], capture_output=True, text=True, check=False
+        )
+        if shutil.which("mount")
+        else None
+    )
+    if mounted is None or mounted.returncode:
+        pytest.skip("this user may not mount a small disk")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
+
+
+@pytest.mark.parametrize("suffix", [".zarr", ".nc"])
+def test_a_real_disk_that_is_full_is_told_so(small_disk: Path, tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(InvalidInputError, match=r"cannot be written \(No space left on device\)"):
+        sweep_wide(small_disk / f"out{suffix}")
+    with pytest.raises(InvalidInputError, match=r"a\.html: cannot be written \(No space left on device\)"):
+        write_text(small_disk / "a.html", 100_000 * "x")
+    assert not [name for name in names(small_disk) if name.startswith(".")]
+
+
+# --- equal sweeps at once
+
+
+@pytest.mark.parametrize("suffix", [".zarr", ".nc"])
+def test_equal_sweeps_at_once_end_well_and_leave_nothing(small: Path, tmp_path: Path, suffix: str) -> None:
+    """The folder of a NetCDF file was removed under the hands of the slower one."""
+    output = tmp_path / f"out{suffix}"
+    code = f"import sweep_samples as s; s.cut_small(setattr); s.sweep_to({str(output)!r}).close()"
+    command = [sys.executable, "-c", code]
+    environment = {**os.environ, "PYTHONPATH": _path()}
+    running = [subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) for _ in range(4)]
+    assert [(process.communicate()[1], process.returncode) for process in running] == [("", 0)] * 4
+    assert names(tmp_path) == [output.name]
+    with sweep_to(output) as found:
+        xr.testing.assert_equal(found.load(), sweep_to(None))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX locks")
+def test_a_sweep_that_is_being_written_is_not_replaced(small: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out.zarr"
+    sweep_to(output).close()
+    with stores.in_use(output) as there:
+        assert there
+        with pytest.raises(OutputExistsError, match="another process writes to this sweep"):
+            sweep_to(output, seed=3, overwrite=True)
+    sweep_to(output, seed=3, overwrite=True).close()
+    with stores.in_use(tmp_path / "gone.zarr") as there:
+        assert not there
+
+
+# --- damage
+
+
+def damage(path: Path, rng: np.random.Generator) -> str:
+    """Truncate, lengthen, remove or change a file."""
+    content, how = path.read_bytes(), str(rng.choice(["cut", "empty", "longer", "gone", "noise"]))
+    if how == "gone":
+        path.unlink()
+    else:
+        at = int(rng.integers(0, max(len(content), 1)))
+        noise = rng.integers(0, 256, len(content) - at, dtype=np.uint8).tobytes()
+        new = {"cut": content[:at], "empty": b"", "longer": content + b"x", "noise": content[:at] + noise}
+        path.write_bytes(new[how])
+    return f"{path.name} {how}"
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_damaged_sweep_is_computed_again_or_refused_in_a_sentence(small: Path, tmp_path: Path, seed: int) -> None:
+    """Damaged chunks were a ValueError or a KeyError; missing ones were read as NaN."""
+    output, rng = tmp_path / "out.zarr", np.random.default_rng(seed)
+    sweep_to(output).close()
+    files = sorted(path for path in output.rglob("*") if path.is_file())
+    chunks = [path for path in files if path.name != "zarr.json" and stores.LEDGER not in path.parts]
+    what = damage(files[rng.integers(len(files))] if seed % 2 else chunks[rng.integers(len(chunks))], rng)
+    if seed % 2 == 0:
+        with sweep_to(output) as found:
+            counts(found)
+            if "noise" not in what:  # other numbers of the right size are numbers all the same
+                xr.testing.assert_equal(found.load(), sweep_to(None))
+        return
+    with suppress(OutputExistsError), sweep_to(output) as found:  # metadata and ledger may be refused, in no other way
+        counts(found)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_damaged_netcdf_file_is_refused_or_replaced(small: Path, tmp_path: Path, overwrite: bool) -> None:
+    import h5py
+
+    output = tmp_path / "out.nc"
+    sweep_to(output).close()
+    with h5py.File(output, "r+") as file:
+        file["status"][3, 3] = 77  # no status has this number
+    if not overwrite:
+        with pytest.raises(OutputExistsError, match=r"out\.nc: this sweep is damaged .* --force"):
+            sweep_to(output)
+        return
+    with sweep_to(output, overwrite=True) as found:
+        xr.testing.assert_equal(found.load(), sweep_to(None))
+
+
+def test_what_a_killed_sweep_left_under_a_temporary_name_is_removed(small: Path, tmp_path: Path) -> None:
+    for name in (".out.zarr.0123456789ab.tmp", ".out.nc.0123456789ab.tmp"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "zarr.json").write_text("{}")
+        os.utime(tmp_path / name, (0, 0))
+    sweep_to(tmp_path / "out.zarr").close()
+    sweep_to(tmp_path / "out.nc").close()
+    assert names(tmp_path) == ["computed.txt", "out.nc", "out.zarr"]

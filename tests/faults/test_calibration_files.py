@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import os
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -132,6 +134,75 @@ def test_a_mistake_is_named_with_its_line(tmp_path, text, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(CalibrationDataError, match=r"absent\.csv: cannot be read"):
         read_calibration(tmp_path / "absent.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"x" * 100_000_001, "found a file of more than 100 MB"),
+        (b"distance [mm],output [V]\n" + b"1,2\n" * 2_000_001, "found more than 2,000,000 rows.*keep every tenth row"),
+        (
+            PLAIN.encode() + b"1," + b"2" * 200_000,
+            "line 5: found a line of 200,002 characters, expected at most 200,000",
+        ),
+    ],
+    ids=["bytes", "rows", "one line"],
+)
+def test_a_file_beyond_all_measure_is_refused_with_what_is_allowed(tmp_path, content, message):
+    with pytest.raises(CalibrationDataError, match=message) as error:
+        read_calibration(write(tmp_path, content))
+    assert error.value.problem == str(error.value), "it quotes nothing of the file"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX pipes and devices")
+def test_what_never_ends_is_no_calibration(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", "/dev/zero"):
+        with pytest.raises(CalibrationDataError, match="expected a file"):
+            read_calibration(path)
+        with pytest.raises(CalibrationDataError, match="expected a file"):
+            read_calibration(write(tmp_path, PLAIN), no_object=path)
+
+
+def test_many_rows_are_read_as_few_are(tmp_path):
+    """A quarter of a million rows, whole columns at a time, next to the numbers themselves, row by row."""
+    rng = np.random.default_rng(5)
+    distances = rng.choice(np.arange(50, 2000), 250_000) / 10
+    outputs = np.round(3 * np.exp(-distances / 30) + 0.001 * rng.standard_normal(len(distances)), 6)
+    rows = [f"{distance:g},{output:.6f}" for distance, output in zip(distances, outputs, strict=True)]
+    found = read_calibration(write(tmp_path, "\n".join(["distance [mm],output [V]", *rows, "inf,0.001", "7,nan", ""])))
+    assert found.outputs.tolist() == outputs.tolist()
+    assert found.distances.tolist() == [float(Decimal(row.partition(",")[0]) / 1000) for row in rows]
+    assert found.no_object.tolist() == [0.001]
+    assert (found.source.rows, found.source.dropped) == (250_002, 1)
+
+
+def test_the_first_mistake_of_a_long_file_is_named(tmp_path):
+    rows = ["distance [mm],output [V]"] + ["10,1.0"] * 30_000
+    rows[20_000], rows[25_000] = "10,x", "y,1.0"
+    with pytest.raises(CalibrationDataError, match="line 20001: found 'x' in column 'output"):
+        read_calibration(write(tmp_path, "\n".join(rows)))
+    rows[15_000] = "-3,z"
+    with pytest.raises(CalibrationDataError, match="line 15001: found the distance -3, which must not be negative"):
+        read_calibration(write(tmp_path, "\n".join(rows)))
+
+
+def test_readings_without_an_object_and_without_labels_belong_to_every_curve(tmp_path):
+    """In a wide table a row without a label may hold both: readings of its own, and one without an object for all."""
+    wide = "5 mm,10 mm,inf,day\n5,4,1,1\n6,5,2,2\n,,3,\n7,6,4,\n"
+    curves = {curve.label: curve for curve in read_calibrations(write(tmp_path, wide), labels=["day"])}
+    assert {label: curve.no_object.tolist() for label, curve in curves.items()} == {
+        "day=1": [1.0, 3.0, 4.0],
+        "day=2": [2.0, 3.0, 4.0],
+        "day=": [3.0, 4.0],
+    }
+    assert curves["day="].outputs.tolist() == [7.0, 6.0]
+
+
+def test_a_table_with_many_empty_last_columns_is_read_at_once(tmp_path):
+    """Each of them was taken away in a pass over all rows: the time grew with their square."""
+    found = read_calibration(write(tmp_path, f"distance [mm],output [V]{',' * 100_000}\n" + f"5,1{',' * 100_000}\n"))
+    assert found.outputs.tolist() == [1.0]
 
 
 @pytest.mark.parametrize(

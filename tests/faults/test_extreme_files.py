@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pretouch._core import progress
 from pretouch.cli import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -85,3 +87,68 @@ def test_a_loop_that_no_memory_holds_is_refused_with_its_key(
     assert code == 2
     assert what in err
     assert "expected at most" in err
+
+
+# --- numbers with which no search ends, or that no robot has
+
+
+NO_ADMITTANCE = "found a natural frequency of 3.162e+07 rad/s, expected at most 10,000 rad/s"
+NO_SENSOR = "expected at least 1e-06 m; check the parameters of the curve with their units"
+NO_ROBOT = "natural frequency of 5e+08 rad/s, expected at most 1,000,000 rad/s; check both units"
+
+
+@pytest.mark.parametrize(
+    ("verb", "example", "changes", "what"),
+    [
+        ("design", "approach.toml", [('"25 N/m"', '"1e15 N/m"')], f"line 12: admittance.stiffness: {NO_ADMITTANCE}"),
+        ("pareto", "approach.toml", [('"25 N/m"', '"1e15 N/m"')], f"admittance.stiffness: {NO_ADMITTANCE}"),
+        ("robust", "robust.toml", [('"25 N/m"', '"1e15 N/m"')], f"admittance.stiffness: {NO_ADMITTANCE}"),
+        ("pareto", "tradeoff.toml", [('"10 rad/s"]', '"1e8 rad/s"]')], "natural_frequency_bounds: found a natural"),
+        ("design", "tradeoff.toml", [('"41.9 mm"', '"1e-8 m"')], NO_SENSOR),
+        ("design", "approach.toml", [('"41.9 mm"', '"1.5e-7 m"'), ("3.32", "6267")], NO_SENSOR),
+        ("robust", "loop.toml", [('"4 kN/m"', '"1e15 kN/m"')], NO_ROBOT),
+        ("simulate", "loop.toml", [('"4 kN/m"', '"1e15 kN/m"')], NO_ROBOT),
+        ("verify", "loop.toml", [('"4 kN/m"', '"1e15 kN/m"')], NO_ROBOT),
+        ("verify", "drag.toml", [('"5 ms"', '"1e15 s"')], "smoothing_time: found 1e+15, which must be within 60"),
+    ],
+)
+def test_a_number_with_which_no_search_ends_is_refused_at_its_key(
+    run: Any, verb: str, example: str, changes: list[tuple[str, str]], what: str
+) -> None:
+    """They took minutes, or ended in overflows: typing errors of a prefix or of an exponent."""
+    lay(example, *changes)
+    code, out, err = run(verb, example)
+    assert (code, out) == (2, "")
+    assert what in err
+
+
+def test_the_largest_numbers_that_are_taken_end_in_an_answer(run: Any) -> None:
+    lay("drag.toml", ('"5 ms"', '"60 s"'))
+    assert run("verify", "drag.toml", "--runs", "4", "--no-changes", "--no-report")[0] == 1  # the law hears nothing
+    lay("approach.toml", ('"25 N/m"', '"9.9e7 N/m"'))
+    assert run("design", "approach.toml", "--no-report")[0] == 0
+    lay("loop.toml", ('"4 kN/m"', '"2e9 kN/m"'))
+    assert run("simulate", "loop.toml", "--gain", "-0.7", "--no-report")[0] in {0, 1}
+
+
+def test_one_distance_far_beyond_all_others_is_a_typing_error_or_means_no_object(run: Any) -> None:
+    """A number such as 99999 mm made the sensor usable to 100 m, with overflows on the way."""
+    lay("sensor.csv")
+    with Path("sensor.csv").open("a", encoding="utf-8") as file:
+        file.write("99999,81\n")
+    code, out, err = run("fit", "sensor.csv")
+    assert (code, out) == (2, "")
+    assert "sensor.csv: found the distance 99.999 m, 1,111 times as far as the next one (0.09 m)" in err
+    assert "write inf where it means that no object was there" in err
+
+
+def test_a_person_who_waits_is_told_how_far_the_work_is(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "_SECONDS", 0.0)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    lay("tradeoff.toml")
+    code, _, err = run("design", "tradeoff.toml", "--no-report")
+    told = re.findall(r"^pretouch: ([\d,]+) encounters solved in \d+ s, going on$", err, re.MULTILINE)
+    counts = [int(count.replace(",", "")) for count in told]
+    assert code == 0
+    assert len(counts) > 1
+    assert counts == sorted(set(counts))

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from pretouch._core.errors import InvalidInputError, ScenarioFileError
-from pretouch.config import load_scenario
+from pretouch.config import document, load_scenario
 from scenario_text import ADMITTANCE, GAIN, OBJECTIVE, SENSOR, STILL, WHOLE, line_of, refusal, replaced, writer
 
 
@@ -215,11 +213,11 @@ def test_a_file_that_cannot_be_read_is_refused_with_its_name(write, tmp_path):
 
 
 def test_a_file_without_permission_is_refused(write, monkeypatch):
-    def refuse(self):
+    def refuse(path, **_):
         raise PermissionError(13, "Permission denied")
 
     file = write(WHOLE)
-    monkeypatch.setattr(Path, "read_bytes", refuse)
+    monkeypatch.setattr(document, "read_regular_file", refuse)
     with pytest.raises(ScenarioFileError, match=r"approach\.toml: cannot be read \(Permission denied\)"):
         load_scenario(file)
 

@@ -10,6 +10,7 @@ The tree:
     │   ├── ScenarioFileError                    a scenario file with a mistake in it
     │   └── OutputExistsError                    a file that would have to be overwritten unasked
     ├── MissingExtraError                        a library of an optional extra that is not installed
+    ├── BrokenCoreError (also an ImportError)    the compiled core is missing, damaged or of another version
     └── ResultUnavailableError                   reading a result that the run did not reach
 
 A run that ends badly (no contact, infeasible constraint) is no error: it is a result with a status.
@@ -38,7 +39,21 @@ class OutOfRangeError(InvalidInputError):
 
 
 class CalibrationDataError(InvalidInputError):
-    """A calibration file or table that cannot be read as distances and outputs."""
+    """A calibration file or table that cannot be read as distances and outputs.
+
+    Args:
+        message: what is wrong, with what stands there.
+        problem: the same without any content of the file, for readers who did not choose the file; empty for none.
+    """
+
+    def __init__(self, message: str, *, problem: str = "") -> None:
+        super().__init__(message)
+        self.problem = problem
+
+    @classmethod
+    def without_content(cls, message: str) -> CalibrationDataError:
+        """Make an error whose message quotes nothing of the file."""
+        return cls(message, problem=message)
 
 
 class ScenarioFileError(InvalidInputError):
@@ -51,6 +66,10 @@ class OutputExistsError(InvalidInputError):
 
 class MissingExtraError(PretouchError):
     """A library of an optional extra that this call needs and that is not installed: the message says how to."""
+
+
+class BrokenCoreError(PretouchError, ImportError):
+    """The compiled core is missing, damaged or of another version: the message says how to get it back."""
 
 
 class ResultUnavailableError(PretouchError):

@@ -8,7 +8,11 @@ import math
 import os
 import re
 import secrets
-from collections.abc import Mapping
+import shutil
+import stat
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -19,6 +23,82 @@ from .errors import InvalidInputError, OutputExistsError
 _SIGNATURE: Final = re.compile(r'<meta name="generator" content="pretouch sha256:([0-9a-f]{64})">\n?')
 _HEAD: Final = re.compile(r"<head>\n?")
 _MARK: Final = '<meta name="generator" content="pretouch sha256:'
+_LEFTOVER: Final = re.compile(r"\.[0-9a-f]{12}\.tmp")
+_ABANDONED: Final = 3600.0  # s without a change, after which nobody writes to a temporary file any more
+
+
+def read_regular_file(path: str | os.PathLike[str], *, most: int, refuse: Callable[[str], InvalidInputError]) -> bytes:
+    """Read a file that is a file and not too large: a device or a pipe may never end.
+
+    Args:
+        path: the file.
+        most: bytes that it may have.
+        refuse: makes the error that says what is wrong with it.
+
+    Returns:
+        Its bytes. What `refuse` makes is raised for a device, a pipe, and a larger file.
+    """
+    mode = os.stat(path).st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        kind = "a pipe" if stat.S_ISFIFO(mode) else "a device or a socket"
+        raise refuse(f"{path}: found {kind}, expected a file; write what comes from it into a file first")
+    with open(path, "rb") as stream:
+        content = stream.read(most + 1)
+    if len(content) > most:
+        raise refuse(f"{path}: found a file of more than {most / 1e6:,.0f} MB, expected at most that")
+    return content
+
+
+def refuse_input(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Refuse to write over a file that was read, however either is spelled or linked.
+
+    Args:
+        path: where something is to be written.
+        inputs: the files that were read.
+
+    Raises:
+        OutputExistsError: it is one of them.
+    """
+    for each in inputs:
+        try:
+            same = os.path.samefile(path, each)
+        except OSError:  # one of them is not there
+            same = os.path.realpath(path) == os.path.realpath(each)
+        if same:
+            raise OutputExistsError(
+                f"{path}: is an input of this command ({each}) and is never overwritten; choose another name with "
+                "--output"
+            )
+
+
+def temporary_path(target: Path) -> Path:
+    """Return a free name in the folder of a target, under which it is written before it gets its own name.
+
+    What a killed process left behind under such a name of the same target is removed, an hour after its last change.
+
+    Args:
+        target: what is to be written.
+
+    Returns:
+        The name, hidden.
+    """
+    name = target.name[:100]
+    with suppress(OSError):  # a folder that cannot be listed may still be written, and says so itself if not
+        siblings = [entry for entry in os.scandir(target.parent) if entry.name.startswith(f".{name}.")]
+        for entry in siblings:
+            ours = _LEFTOVER.fullmatch(entry.name.removeprefix(f".{name}"))
+            if ours and entry.stat(follow_symlinks=False).st_mtime < time.time() - _ABANDONED:
+                remove_tree(Path(entry.path))
+    return target.with_name(f".{name}.{secrets.token_hex(6)}.tmp")
+
+
+def remove_tree(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it, as far as that is possible."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+        return
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
@@ -61,7 +141,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, overwrite: bool
     """
     asked = Path(path)
     target = Path(os.path.realpath(asked))  # a link stays a link, its target is written
-    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+    temporary = temporary_path(target)
     try:
         _write_through(temporary, content)
         try:

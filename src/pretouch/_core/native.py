@@ -8,10 +8,12 @@ kernel runs.
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import sys
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from hashlib import sha256
 from inspect import Parameter, Signature
 from pathlib import Path
 from struct import pack
@@ -20,7 +22,7 @@ from typing import Any, ClassVar, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InvalidInputError
+from .errors import BrokenCoreError, InvalidInputError
 
 POINTER: Final = ctypes.c_void_p
 INTEGER: Final = ctypes.c_int64
@@ -28,6 +30,9 @@ DOUBLE: Final = ctypes.c_double
 
 VARIANTS: Final = ("base", "avx2", "avx512")
 """For which kinds of processor there are kernels."""
+
+INTERFACE: Final = "1f941c90fcd3eb6c"
+"""Hash of the headers that the calls in Python are written for; native/build.py tells when they have changed."""
 
 _SWITCH: Final = "PRETOUCH_VARIANT"
 _OTHER: Final = "PRETOUCH_LIBRARY"  # a library in the place of the own one, such as one that checks itself
@@ -52,12 +57,11 @@ def _library() -> ctypes.CDLL:
     """Load the library and choose the kernels for this processor, or those that the environment asks for."""
     own = Path(__file__).with_name(f"libpretouch{_SUFFIXES.get(sys.platform, '.so')}")
     path = Path(os.environ.get(_OTHER) or own)
-    if not path.exists():
-        raise ImportError(
-            f"pretouch's compiled core, {path.name}, is missing in {path.parent}: install pretouch by pip, which "
-            "brings or builds it; in a source tree, run python native/build.py"
-        )
-    library = ctypes.CDLL(str(path))
+    _check_file(path)
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise _broken(path, f"cannot be loaded ({' '.join(str(error).split())})") from None
     wanted = os.environ.get(_SWITCH, "")
     if wanted not in {"", *VARIANTS}:
         raise InvalidInputError(f"{_SWITCH}: found {wanted!r}, expected one of {', '.join(VARIANTS)}")
@@ -65,6 +69,35 @@ def _library() -> ctypes.CDLL:
     if wanted and library.pretouch_choose_variant(number) != number:
         raise InvalidInputError(f"{_SWITCH}: found {wanted}, which this processor does not have")
     return library
+
+
+def _check_file(path: Path) -> None:
+    """Refuse a library that is not as it was built: to load a truncated one would kill the process."""
+    try:
+        content = path.read_bytes()
+        record = json.loads(path.with_name(f"{path.name}.json").read_bytes())
+        size, digest, interface = int(record["size"]), str(record["sha256"]), str(record["interface"])
+    except FileNotFoundError as error:
+        what = "is missing" if error.filename == str(path) else "has no record of its build beside it"
+        raise _broken(path, what) from None
+    except OSError as error:
+        raise _broken(path, f"cannot be read ({error.strerror or error})") from None
+    except (ValueError, KeyError, TypeError):
+        raise _broken(path, "has a damaged record of its build beside it") from None
+    if len(content) != size:
+        raise _broken(path, f"has {len(content):,} bytes, expected {size:,}")
+    if interface != INTERFACE:
+        raise _broken(path, "was built for another version of pretouch")
+    if sha256(content).hexdigest() != digest:
+        raise _broken(path, "is not as it was built: its hash differs")
+
+
+def _broken(path: Path, what: str) -> BrokenCoreError:
+    named = f"; {_OTHER} names it" if os.environ.get(_OTHER) else ""
+    return BrokenCoreError(
+        f"pretouch's compiled core, {path.name} in {path.parent}, {what}{named}: reinstall pretouch by pip; in a "
+        "source tree, run python native/build.py"
+    )
 
 
 def variant() -> str:

@@ -6,20 +6,28 @@ import csv
 import hashlib
 import os
 import re
+from array import array
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from pretouch._core.errors import CalibrationDataError
+from pretouch._core.files import read_regular_file
 
 from .choice import ColumnChoice, remedy
 from .headers import TextTable, is_length, is_number, is_row, names_a_distance, shortened, uses_commas
 
 Lines: TypeAlias = "list[tuple[int, str]]"
+_refusal = CalibrationDataError.without_content
 
 _SEARCHED = 200  # lines in which a header is looked for
+_COUNTED = 1000  # rows that tell how many columns there are
+_MOST_BYTES = 100_000_000
+_MOST_ROWS = 2_000_000
+_LONGEST_LINE = 200_000  # characters: ten thousand columns and more
+_BREAK = re.compile(r"\r\n|\n|\r")
 _BLANK = " "
 _BRACKETED = r"[\[(][^\[\]()]*[\])]"
 _HEADER_WORD = re.compile(
@@ -27,87 +35,135 @@ _HEADER_WORD = re.compile(
 )
 _UP_TO_UNIT = re.compile(rf"[^\[\](){_BLANK}\t][^\[\]()]*{_BRACKETED}|\S.*")
 _ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)
+_NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 
 def read_table(path: str | os.PathLike[str], choice: ColumnChoice | None = None) -> TextTable:
     """Split a text file into header and rows; what was said about its columns helps to find its header."""
-    # It may be UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text. A file that cannot be read or
-    # holds no table, and a row with another number of cells, are refused.
+    # It may be UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text. A file that cannot be read, is too
+    # large or holds no table, and a row with another number of cells, are refused.
     path, choice = Path(path), choice or ColumnChoice()
     try:
-        content = path.read_bytes()
+        content = read_regular_file(path, most=_MOST_BYTES, refuse=_refusal)
     except OSError as error:
-        raise CalibrationDataError(f"{path}: cannot be read ({error.strerror or error})") from None
+        raise _refusal(f"{path}: cannot be read ({error.strerror or error})") from None
     text, encoding = _decode(content, path.name)
-    lines, remark = _lines(text)
-    if not lines:
-        raise CalibrationDataError(f"{path.name}: found no rows, expected a header and at least one row of numbers")
-    at, lines, notes = _header_at(path.name, lines, remark, choice)
-    delimiter = _delimiter(lines[at][1]) if at >= 0 else _any_delimiter(lines[0][1])
-    header, rows, told = _header_and_rows(lines, at, delimiter)
-    for i, row in rows:
-        if len(row) != len(header):
-            raise CalibrationDataError(
-                f"{path.name}, line {i}: found {len(row)} cells, expected {len(header)} as in the header"
-                f"{_hint(row, delimiter)}"
-            )
+    digest = hashlib.sha256(content).hexdigest()
+    del content  # of a large file each form is a part of the memory that it takes
+    numbers, texts, remark = _lines(path.name, text)
+    if not texts:
+        raise _refusal(f"{path.name}: found no rows, expected a header and at least one row of numbers")
+    head = list(zip(numbers[: _SEARCHED + 2], texts, strict=False))
+    at, opening, notes = _header_at(path.name, head, remark, choice)
+    first = len(head) - (len(opening) - (at + 1))
+    delimiter = _delimiter(opening[at][1]) if at >= 0 else _any_delimiter(opening[0][1])
+    rows: list[Any] = texts[first:]  # lines at first, then their cells
+    numbers, plain = numbers[first:], '"' not in text
+    commas = delimiter != "," and "," in text
+    del text, texts
+    _split(rows, delimiter, plain=plain)
+    header, units = _header_and_units(opening[at][1] if at >= 0 else None, rows, delimiter)
+    told = [f"The units are those of line {numbers[0]}."] if units else []
+    rows, numbers = rows[units:], numbers[units:]
+    header = _without_empty_end(header, rows)
+    _refuse_other_widths(path.name, header, rows, numbers, delimiter)
+    columns = tuple(zip(*rows, strict=True)) or ((),) * len(header)
     return TextTable(
         file=path.name,
-        sha256=hashlib.sha256(content).hexdigest(),
+        sha256=digest,
         encoding=encoding,
         delimiter=delimiter,
-        decimal_mark="," if delimiter != "," and uses_commas([c for _, row in rows for c in row]) else ".",
-        header_line=lines[max(at, 0)][0],
+        decimal_mark="," if commas and any(uses_commas(column) for column in columns) else ".",
+        header_line=opening[max(at, 0)][0],
         header=header,
-        rows=tuple(rows),
+        columns=columns,
+        lines=numbers,
         notes=(*notes, *told),
     )
 
 
-def _header_and_rows(
-    lines: Lines, at: int, delimiter: str
-) -> tuple[tuple[str, ...], list[tuple[int, tuple[str, ...]]], list[str]]:
-    """Split header and rows, without units in a line of their own and an empty last column; tell what was done."""
-    rows = [(i, _cells(line, delimiter)) for i, line in lines[at + 1 :]]
-    widths = Counter(len(row) for _, row in rows if is_row(row))
+def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
+    """Split each line of a list into its cells, in place; where no cell is quoted, the fast way."""
+    mark = None if delimiter == _BLANK else delimiter
+    for i, line in enumerate(rows):
+        if plain and not (mark is None and _NO_OBJECT.search(line)):
+            rows[i] = tuple(map(str.strip, line.split(mark)))
+        else:
+            rows[i] = _cells(line, delimiter)
+
+
+def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimiter: str) -> tuple[tuple[str, ...], int]:
+    """Split the header, or number the columns where there is none; count the rows below it that hold its units."""
+    widths = Counter(len(row) for row in rows[:_COUNTED] if is_row(row))
     width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
     header = tuple(f"column {i + 1}" for i in range(width or 1))
-    told = []
-    if at >= 0:
-        header = _header_cells(lines[at][1], delimiter, width)
-    units = [cell.strip("[]()") for cell in rows[0][1]] if rows else []
-    if len(units) == len(header) and any(map(is_length, units)) and not any(map(is_number, units)):
-        header = tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(header, units, strict=True))
-        told.append(f"The units are those of line {rows.pop(0)[0]}.")
-    while len(header) > 1 and not header[-1] and all(not row[-1] for _, row in rows if len(row) == len(header)):
-        rows = [(i, row[:-1] if len(row) == len(header) else row) for i, row in rows]
-        header = header[:-1]
-    return header, rows, told
+    if line is not None:
+        header = _header_cells(line, delimiter, width)
+    units = [cell.strip("[]()") for cell in rows[0]] if rows else []
+    if len(units) != len(header) or not any(map(is_length, units)) or any(map(is_number, units)):
+        return header, 0
+    return tuple(f"{title} [{unit}]" if unit else title for title, unit in zip(header, units, strict=True)), 1
+
+
+def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, ...]:
+    """Take away last columns that are empty, from the header and, in place, from the rows."""
+    whole = width = len(header)
+    while width > 1 and not header[width - 1] and all(not r[width - 1] for r in rows if width <= len(r) <= whole):
+        width -= 1
+    for i, row in enumerate(rows) if width < whole else ():
+        rows[i] = row[:width] if len(row) <= whole else row
+    return header[:width]
+
+
+def _refuse_other_widths(
+    file: str, header: tuple[str, ...], rows: Sequence[tuple[str, ...]], numbers: Sequence[int], delimiter: str
+) -> None:
+    """Refuse a row that has another number of cells than the header."""
+    for number, row in zip(numbers, rows, strict=True):
+        if len(row) != len(header):
+            place, hint = f"{file}, line {number}", _hint(row, delimiter)
+            raise CalibrationDataError(
+                f"{place}: found {len(row)} cells, expected {len(header)} as in the header{hint}",
+                problem=f"{place}: found another number of cells than in the header",
+            )
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
     """Turn bytes into text, by the byte-order mark where there is one."""
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
-        raise CalibrationDataError(f"{file}: found binary data, expected a text table such as CSV")
+        raise _refusal(f"{file}: found binary data, expected a text table such as CSV")
     for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252", "latin-1"):
         with suppress(UnicodeDecodeError):
             return content.decode(encoding), encoding
-    raise CalibrationDataError(f"{file}: found bytes that are no utf-16 text, expected a text table")
+    raise _refusal(f"{file}: found bytes that are no utf-16 text, expected a text table")
 
 
-def _lines(text: str) -> tuple[Lines, Lines]:
-    """Return the lines that are not blank and no remarks, and the last remark before them, which may be a header."""
-    lines: Lines = []
+def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
+    """Return the lines that are not blank and no remarks, with their numbers, and the last remark before them."""
+    # The last remark may be a header.
+    numbers = array("q")
+    texts: list[str] = []
     remark: Lines = []
-    for i, line in enumerate(re.split(r"\r\n|\n|\r", text), start=1):
-        if not line.strip(" \t\r\n,;"):
+    for i, line in enumerate(_BREAK.split(text) if "\r" in text else text.split("\n"), start=1):
+        if len(line) > _LONGEST_LINE:
+            raise _refusal(
+                f"{file}, line {i}: found a line of {len(line):,} characters, expected at most {_LONGEST_LINE:,}"
+            )
+        start = line.strip(" \t\r\n,;")[:1] and line.lstrip()[:1]
+        if not start:
             continue
-        if not line.lstrip().startswith("#"):
-            lines.append((i, line))
-        elif not lines:
+        if start != "#":
+            numbers.append(i)
+            texts.append(line)
+            if len(texts) > _MOST_ROWS:
+                raise _refusal(
+                    f"{file}: found more than {_MOST_ROWS:,} rows, expected at most that; average readings at the same "
+                    "distance, or keep every tenth row"
+                )
+        elif not texts:
             remark = [(i, line.lstrip().lstrip("#").strip())]
-    return lines, remark
+    return numbers, texts, remark
 
 
 def _header_at(file: str, lines: Lines, remark: Lines, choice: ColumnChoice) -> tuple[int, Lines, tuple[str, ...]]:
@@ -125,7 +181,8 @@ def _header_at(file: str, lines: Lines, remark: Lines, choice: ColumnChoice) -> 
         if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
             raise CalibrationDataError(
                 f"{file}, line {i}: found numbers ({shortened(line)}) above the header in line {header[0]}, expected "
-                "them below it: put # before every line that is not to be read"
+                "them below it: put # before every line that is not to be read",
+                problem=f"{file}, line {i}: found numbers above the header in line {header[0]}",
             )
     first, last = lines[0], lines[found - 1]
     which = f"Line {first[0]} stands" if found == 1 else f"Lines {first[0]} to {last[0]} stand"
@@ -176,7 +233,8 @@ def _uncertain_header(file: str, lines: Lines, choice: ColumnChoice) -> tuple[in
         f"{file}, line {lines[0][0]}: found {shortened(lines[0][1])} where the header is expected, such as "
         f'"distance [mm],output [V]", and the first row of numbers in line {lines[data][0]}: put # before every line '
         f"above the header, and name the distance in it, or say which columns are meant: "
-        f"{remedy('distance=1 [mm],output=2')}"
+        f"{remedy('distance=1 [mm],output=2')}",
+        problem=f"{file}, line {lines[0][0]}: found no header of a calibration",
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -15,13 +15,17 @@ from numpy.typing import ArrayLike
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
-from pretouch._core.units import WORKABLE, has_workable_magnitude
+from pretouch._core.units import MAGNITUDES, WORKABLE
 from pretouch._core.values import Value, check_types
 
 from .choice import chosen_labels, read_choice
 from .csv_file import read_table
 from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
 from .table_layout import long_layout, wide_layout
+
+_FEW = 5  # distances, from which on one can be far beyond all others
+_STRAY = 50.0  # times as far as the next one
+_REMEMBERED = 10_000  # texts of a column: distances and counts come again and again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,9 +126,10 @@ def _column(values: ArrayLike, name: str, unit: str) -> FloatArray:
     if column.ndim != 1:
         raise CalibrationDataError(f"{name}: found an array of shape {column.shape}, expected one column")
     column = np.array(column, dtype=np.float64)
-    beyond = next((f"{value:g} {unit}".rstrip() for value in column if not has_workable_magnitude(value)), None)
-    if beyond is not None:
-        raise CalibrationDataError(f"{name}: found {beyond}, expected numbers {WORKABLE}")
+    size = np.abs(column)
+    beyond = column[(size != 0) & ~((size >= MAGNITUDES[0]) & (size <= MAGNITUDES[1]))]
+    if beyond.size:
+        raise CalibrationDataError(f"{name}: found {f'{beyond[0]:g} {unit}'.rstrip()}, expected numbers {WORKABLE}")
     column.setflags(write=False)
     return column
 
@@ -226,18 +231,13 @@ def _curves(
     used = {column.index for pair in layout.pairs for column in pair if isinstance(column, Column)}
     label_columns = layout.labels if labels is None else chosen_labels(table, labels)
     label_columns = tuple(i for i in label_columns if i not in used)
-    groups: dict[tuple[str, ...], list[_Reading]] = {}
-    shared: list[_Reading] = []
-    for line, row in table.rows:
-        key = tuple(row[i] for i in label_columns)
-        for reading in _readings(table, layout, line, row):
-            if key and not any(key) and math.isinf(reading.distance):
-                shared.append(reading)
-            else:
-                groups.setdefault(key, []).append(reading)
+    readings = _readings(table, layout)
+    groups, shared = _rows_by_label(table, label_columns, readings.distances)
     if not groups:
-        raise CalibrationDataError(f"{table.file}: found no rows below the header, expected distances and outputs")
-    if labels is None and len(groups) > 3 and max(len(readings) for readings in groups.values()) == 1:
+        raise CalibrationDataError.without_content(
+            f"{table.file}: found no rows below the header, expected distances and outputs"
+        )
+    if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
         found = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
             f"{table.file}: found another value of {found} in every row, which leaves one reading per curve: name the "
@@ -248,48 +248,124 @@ def _curves(
     names = tuple(table.name(i) for i in label_columns)
     told = [dict(zip(names, key, strict=True)) for key in groups]
     curves = zip(told, groups.values(), strict=True)
-    return [(of, _curve(table, layout, of, [*readings, *shared], extra)) for of, readings in curves]
+    return [(of, _curve(table, layout, of, readings.of(rows, shared), extra)) for of, rows in curves]
 
 
-class _Reading(NamedTuple):
-    """One cell of outputs: its distance, infinite where no object is; NaN where the output is missing."""
+class _Readings(NamedTuple):
+    """Outputs, shape (rows, pairs), NaN where one is missing, and their distances, infinite where no object is."""
 
-    distance: float
-    output: float
+    distances: FloatArray
+    outputs: FloatArray
+
+    def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
+        """Return the readings of some rows, and those without an object of rows that are shared."""
+        # A row without any label belongs to all curves, where it has no object.
+        own, added = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
+        common = np.isinf(self.distances[added])
+        kept = ~np.isin(own, added)[:, None] | ~np.isinf(self.distances[own])
+        return _Readings(
+            *(np.concatenate([column[own][kept], column[added][common]]) for column in (self.distances, self.outputs))
+        )
 
 
-def _readings(table: TextTable, layout: Layout, line: int, row: tuple[str, ...]) -> Iterator[_Reading]:
-    """Read one row, which in a wide table holds a reading at every distance."""
-    for where, what in layout.pairs:
-        if isinstance(where, float):
-            distance = where
-        else:
-            cell = row[where.index]
-            distance = math.inf if is_no_object(cell) else number(table, line, cell, where)
-            if distance < 0:
-                raise CalibrationDataError(
-                    f"{table.file}, line {line}: found the distance {cell}, which must not be negative"
-                )
-        cell = row[what.index]
-        yield _Reading(distance, math.nan if is_missing(cell) else number(table, line, cell, what))
+def _rows_by_label(
+    table: TextTable, columns: Sequence[int], distances: FloatArray
+) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
+    """Sort rows by their labels, in the order of the file; return those without any label that have no object."""
+    if not columns:
+        return ({(): range(len(distances))} if len(distances) else {}), ()
+    groups: dict[tuple[str, ...], list[int]] = {}
+    shared = []
+    for i, key in enumerate(zip(*(table.columns[k] for k in columns), strict=True)):
+        if any(key):
+            groups.setdefault(key, []).append(i)
+            continue
+        if np.isinf(distances[i]).any():
+            shared.append(i)
+        if not np.isinf(distances[i]).all():
+            groups.setdefault(key, []).append(i)
+    return dict(groups), shared
+
+
+def _readings(table: TextTable, layout: Layout) -> _Readings:
+    """Read every cell of distances and outputs; refuse the first row in which one cannot be read."""
+    shape = (len(table.lines), len(layout.pairs))
+    distances, outputs = np.empty(shape), np.empty(shape)
+    bad = len(table.lines)
+    known: dict[int, FloatArray | int] = {}  # columns of distances serve several columns of outputs
+    for k, (where, what) in enumerate(layout.pairs):
+        for column, read, target in ((where, _distance, distances), (what, _output, outputs)):
+            if isinstance(column, float):
+                target[:, k] = column
+                continue
+            if column.index not in known:
+                known[column.index] = _numbers(table, column, read)
+            found = known[column.index]
+            if isinstance(found, int):
+                bad = min(bad, found)
+            else:
+                target[:, k] = found
+    if bad < len(table.lines):
+        line, row = table.lines[bad], table.row(bad)
+        for where, what in layout.pairs:  # the first cell of the row that cannot be read says so
+            if not isinstance(where, float):
+                _distance(table, line, row[where.index], where)
+            _output(table, line, row[what.index], what)
+    return _Readings(distances, outputs)
+
+
+def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
+    """Read a column, the most frequent texts in it once; where a cell cannot be read, return its row."""
+    cells = table.columns[column.index]
+    found = np.empty(len(cells))
+    known: dict[str, float] = {}
+    for i, cell in enumerate(cells):
+        value = known.get(cell)
+        if value is None:
+            try:
+                value = read(table, 0, cell, column)
+            except CalibrationDataError:
+                return i
+            if len(known) < _REMEMBERED:
+                known[cell] = value
+        found[i] = value
+    return found
+
+
+def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
+    """Read a distance, infinite where no object is."""
+    value = math.inf if is_no_object(cell) else number(table, line, cell, column)
+    if value < 0:
+        raise CalibrationDataError(
+            f"{table.file}, line {line}: found the distance {cell}, which must not be negative",
+            problem=f"{table.file}, line {line}: found a distance that is negative",
+        )
+    return value
+
+
+def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
+    """Read an output, NaN where it is missing."""
+    return math.nan if is_missing(cell) else number(table, line, cell, column)
 
 
 def _curve(
-    table: TextTable, layout: Layout, labels: dict[str, str], readings: list[_Reading], extra: list[float]
+    table: TextTable, layout: Layout, labels: dict[str, str], readings: _Readings, extra: list[float]
 ) -> Calibration:
-    there = [reading for reading in readings if not math.isnan(reading.output)]
-    near = [reading for reading in there if not math.isinf(reading.distance)]
+    there = ~np.isnan(readings.outputs)
+    empty = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
-    if not near:
+    _refuse_stray_distance(table, readings.distances[there & ~empty])
+    if not (there & ~empty).any():
         raise CalibrationDataError(
             f"{table.file}{f', {label}' if label else ''}: found no reading with an object in range, expected at "
-            "least one"
+            "least one",
+            problem=f"{table.file}: found no reading with an object in range, expected at least one",
         )
     return Calibration(
-        distances=np.array([reading.distance for reading in near]),
-        outputs=np.array([reading.output for reading in near]),
+        distances=readings.distances[there & ~empty],
+        outputs=readings.outputs[there & ~empty],
         unit=layout.unit,
-        no_object=np.array([*extra, *(reading.output for reading in there if math.isinf(reading.distance))]),
+        no_object=np.concatenate([extra, readings.outputs[there & empty]]),
         label=label,
         source=Provenance(
             file=table.file,
@@ -300,11 +376,24 @@ def _curve(
             distance_column=layout.distances,
             output_column=layout.outputs,
             label_columns=tuple(labels),
-            rows=len(readings),
-            dropped=len(readings) - len(there),
+            rows=len(there),
+            dropped=int((~there).sum()),
             notes=(*table.notes, *layout.notes),
         ),
     )
+
+
+def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
+    """Refuse one distance far beyond all others: a typing error, or a number that stands for no object."""
+    found = np.unique(distances)
+    if len(found) < _FEW or found[-1] <= _STRAY * found[-2]:
+        return
+    told = (
+        f"{table.file}: found the distance {found[-1]:g} m, {found[-1] / found[-2]:,.0f} times as far as the next one "
+        f"({found[-2]:g} m), expected distances that follow each other; correct it, or write inf where it means that "
+        "no object was there"
+    )
+    raise CalibrationDataError(told, problem=f"{table.file}: found one distance far beyond all others")
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
@@ -323,8 +412,8 @@ def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
                 f"{table.place}: found {len(names)} columns, expected one of readings, or one named {wanted!r}"
             )
         index = names.index(wanted)
-    rows = list(table.rows)
+    cells = list(zip(table.lines, table.columns[index], strict=True))
     column = output_column(table, index, layout)
     if not any(c.isalpha() for c in column.title):  # a bare list of numbers has no header
-        rows.insert(0, (table.header_line, table.header))
-    return [number(table, line, row[index], column) for line, row in rows if not is_missing(row[index])]
+        cells.insert(0, (table.header_line, table.header[index]))
+    return [number(table, line, cell, column) for line, cell in cells if not is_missing(cell)]

@@ -21,7 +21,7 @@ _LONGEST_LINE = 60  # characters of a line that a message shows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
-    """A file as cells: header, rows with their line numbers, and how they were told apart."""
+    """A file as cells: header, the cells of each column, the line of each row, and how they were told apart."""
 
     file: str
     sha256: str
@@ -30,13 +30,18 @@ class TextTable:
     decimal_mark: str
     header_line: int
     header: tuple[str, ...]
-    rows: tuple[tuple[int, tuple[str, ...]], ...]
+    columns: tuple[Sequence[str], ...]
+    lines: Sequence[int]
     notes: tuple[str, ...] = ()
 
     @property
     def place(self) -> str:
         """Where the header stands, for messages."""
         return f"{self.file}, line {self.header_line}"
+
+    def row(self, index: int) -> tuple[str, ...]:
+        """Return the cells of a row."""
+        return tuple(column[index] for column in self.columns)
 
     def title(self, index: int) -> str:
         """Name a column for messages: its header, and its number where the header does not tell it from others."""
@@ -120,22 +125,27 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     # with others are none, is refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
     plain = _ascii(cell)
-    where = f"{table.file}, line {line}: found {shortened(cell)} in column {table.title(column.index)}"
+    value = math.nan
     if pattern.fullmatch(plain) or _DOTTED.fullmatch(plain):
         value = float(plain.replace(",", "."))
         if math.isfinite(value):
-            scaled = float(Decimal(repr(value)) * Decimal(repr(column.factor)))
+            scaled = value if column.factor == 1.0 else float(Decimal(repr(value)) * Decimal(repr(column.factor)))
             if has_workable_magnitude(scaled):
                 return scaled
-            raise CalibrationDataError(
-                f"{where}, expected a number {WORKABLE} (in {column.unit or 'its unit'}): the arithmetic of a fit ends "
-                "there"
-            )
-    raise CalibrationDataError(f"{where}, expected a number such as 12{table.decimal_mark}5")
+    place = f"{table.file}, line {line}"
+    if math.isfinite(value):
+        expected = f"expected a number {WORKABLE} (in {column.unit or 'its unit'}): the arithmetic of a fit ends there"
+        problem = "a number of a magnitude that no arithmetic goes with"
+    else:
+        expected, problem = f"expected a number such as 12{table.decimal_mark}5", "a cell that is no number"
+    raise CalibrationDataError(
+        f"{place}: found {shortened(cell)} in column {table.title(column.index)}, {expected}",
+        problem=f"{place}: found {problem}",
+    )
 
 
 def _ascii(cell: str) -> str:
-    return cell.replace("\N{MINUS SIGN}", "-")
+    return cell if cell.isascii() else cell.replace("\N{MINUS SIGN}", "-")
 
 
 _DISTANCES = {"distance", "dist", "range", "l", "x", "d", "z", "gap", "position", "abstand", "entfernung"}

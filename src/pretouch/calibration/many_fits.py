@@ -118,7 +118,15 @@ def _derivative(
 def _step(
     x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Solve the damped normal equations without the parameters that are held at a bound."""
+    """Solve the damped normal equations without parameters that a bound holds; no step where they overflow."""
+    with np.errstate(all="ignore"):
+        found = _newton_step(x, slope, value, damping, bounds)
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _newton_step(
+    x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
+) -> FloatArray:
     size = x.shape[1]
     gradient = np.einsum("bnp,bn->bp", slope, value)
     square = np.einsum("bnp,bnq->bpq", slope, slope)
@@ -129,9 +137,7 @@ def _step(
     square[:, np.arange(size), np.arange(size)] += np.where(free, damping[:, None] * diagonal, 1.0)
     scale = 1 / np.sqrt(np.einsum("bpp->bp", square))
     scaled = square * scale[:, :, None] * scale[:, None, :]
-    with np.errstate(all="ignore"):
-        found = np.linalg.solve(scaled, (-gradient * free * scale)[:, :, None])[:, :, 0] * scale
-    return np.where(np.isfinite(found), found, 0.0)
+    return np.asarray(np.linalg.solve(scaled, (-gradient * free * scale)[:, :, None])[:, :, 0] * scale)
 
 
 def gradient(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:

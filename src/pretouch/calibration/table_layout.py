@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
@@ -75,7 +76,8 @@ def _columns(table: TextTable, choice: ColumnChoice) -> tuple[int, list[int]]:
         other = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
             f"{table.place}: found the columns {found}, expected one named distance and one named output; or say which "
-            f"they are: {remedy(f'distance={place + 1},output={other + 1}')}"
+            f"they are: {remedy(f'distance={place + 1},output={other + 1}')}",
+            problem=f"{table.place}: found no columns that are named as distance and output",
         )
     return distance, [output]
 
@@ -98,7 +100,8 @@ def _refuse_no_header(table: TextTable) -> None:
     if len(table.header) < 2:
         raise CalibrationDataError(
             f"{table.place}: found one column ({shortened(table.header[0])}), expected two or more, separated by "
-            "comma, semicolon, tab or blanks"
+            "comma, semicolon, tab or blanks",
+            problem=f"{table.place}: found one column, expected two or more",
         )
 
 
@@ -126,7 +129,7 @@ def _output(table: TextTable, distance: int | None) -> int | None:
     known = [i for i in others if is_output_unit(split_title(table.header[i])[1])]
     either = [i for i in free if len(free) > 1 and is_named(table.header[i], "setting or output")]
     left = others if len(free) > 1 and len(others) == 1 and not _tells_apart(table, others[0]) else []
-    moving = {i for i in free if len({row[i] for _, row in table.rows}) > 1}  # a bias voltage stays, a photocurrent not
+    moving = {i for i in free if len(set(table.columns[i])) > 1}  # a bias voltage stays, a photocurrent not
     first = ([i for i in group if i in moving] for group in (named, known, either if named or known else []))
     found = next((group for group in (*first, named, known, left, either) if group), [])
     return _only(table, found, "output")
@@ -134,8 +137,8 @@ def _output(table: TextTable, distance: int | None) -> int | None:
 
 def _tells_apart(table: TextTable, index: int) -> bool:
     """Tell whether a column that nothing is known of may hold labels: text, or values that come again and again."""
-    cells = [row[index] for _, row in table.rows if not is_missing(row[index])]
-    return not all(is_number(cell) for cell in cells) or len(set(cells)) < max(_FEW, len(cells) / 2)
+    counts = {cell: count for cell, count in Counter(table.columns[index]).items() if not is_missing(cell)}
+    return not all(map(is_number, counts)) or len(counts) < max(_FEW, sum(counts.values()) / 2)
 
 
 def _only(table: TextTable, found: Sequence[int], what: str) -> int | None:
@@ -153,7 +156,10 @@ def _distance_column(table: TextTable, index: int, chosen: Chosen) -> Column:
     title, unit = table.header[index], chosen.unit_beside(table.header[index])
     how = f'write it into the header, such as "distance [mm]", or say it: {remedy(f"distance={index + 1} [mm]")}'
     if not unit:
-        raise CalibrationDataError(f"{table.place}: found {shortened(title)}, a distance without a unit: {how}")
+        raise CalibrationDataError(
+            f"{table.place}: found {shortened(title)}, a distance without a unit: {how}",
+            problem=f"{table.place}: found a distance without a unit",
+        )
     if not is_length(unit):
         raise CalibrationDataError(f"{table.place}: found the unit {unit!r}, expected a length such as mm: {how}")
     return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
@@ -164,14 +170,14 @@ def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen) -> 
     unit = chosen.unit_beside(title)
     symbol, factor = output_unit(unit)
     if unit is None:
-        symbol, taken = taken_as([row[i] for _, row in table.rows for i in outputs])
+        symbol, taken = taken_as(set().union(*(table.columns[i] for i in outputs)))
         notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
     if is_named(title, "setting") and not chosen.names_a_column:
         notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other can be.")
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
 
-def taken_as(cells: Sequence[str]) -> tuple[str, str]:
+def taken_as(cells: Collection[str]) -> tuple[str, str]:
     """Decide what outputs without a unit are: their unit, and what a sentence calls it."""
     filled = [cell for cell in cells if not is_missing(cell)]
     if filled and all(re.fullmatch(r"\+?\d+", cell) for cell in filled):
@@ -183,9 +189,9 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
     """Find the columns that tell curves apart: all others but counts, other outputs, and settings that drift."""
     labels, notes = [], []
     for i, title in enumerate(table.header):
-        cells, reason = [row[i] for _, row in table.rows], ""
         if i in {distance, *outputs}:
             continue
+        cells, reason = table.columns[i], ""
         if is_named(title, "output") or (is_named(title, "distance") and is_length(split_title(title)[1])):
             reason = "another column is the distance or the output"
         elif is_named(title, "count") and len(set(cells)) == len(cells) > 1:
@@ -202,8 +208,8 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
     """Tell whether most values of a column hold too few distances to be curves of their own."""
     found: dict[str, set[str]] = {}
-    for _, row in table.rows:
-        found.setdefault(row[index], set()).add(row[distance])
+    for cell, place in zip(table.columns[index], table.columns[distance], strict=True):
+        found.setdefault(cell, set()).add(place)
     few = sum(len(distances) < _FEW for distances in found.values())
     return len(found) > 1 and 2 * few > len(found)
 
@@ -226,7 +232,7 @@ def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
     places = [table.header[i] for i, mark in marks.items() if mark.number is not None]
     said = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
     span = f"{places[0]} to {places[-1]}{said}" if places else "none"
-    filled = [table.title(i) for i in counts if any(row[i] for _, row in table.rows)]
+    filled = [table.title(i) for i in counts if any(table.columns[i])]
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
     notes += [f"Column {title} is not used: it counts the rows." for title in filled]
     columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
@@ -246,7 +252,7 @@ def _refuse_doubt(table: TextTable, marks: dict[int, UnitMark], others: list[int
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
         return
-    cells = [row[corner] for _, row in table.rows]
+    cells = set(table.columns[corner])
     if any(cells) and all(is_number(cell) or is_no_object(cell) for cell in cells):
         first, last = (table.header[i] for i in (min(marks), max(marks)))
         raise CalibrationDataError(
@@ -313,14 +319,14 @@ def _output_unit(
                 said = unit
     if said is not None:
         return (*output_unit(said), [])
-    symbol, taken = taken_as([row[i] for _, row in table.rows for i in marks])
+    symbol, taken = taken_as(set().union(*(table.columns[i] for i in marks)))
     return symbol, 1.0, [f"The outputs have no unit; they are taken as {taken}."]
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:
     """Tell whether a column numbers or times the repeats, or is the empty one below a corner."""
     title = table.header[index]
-    cells = [row[index] for _, row in table.rows]
+    cells = table.columns[index]
     distinct = len(set(cells)) == len(cells)
     corner = not title or any(is_length(unit) or is_output_unit(unit) for _, unit in _units(title))
     return (

@@ -11,6 +11,7 @@ import typer
 
 from .fit import fit
 from .sweep import sweep
+from .terminal import guard_output
 from .verbs import design, pareto, reproduce, robust, simulate, verify
 
 app = typer.Typer(
@@ -42,13 +43,20 @@ def _root(
     """Choose the gain of a proximity-sensor-based preemptive impact controller without one collision."""
 
 
+def _run() -> int:
+    """Run what the command line says, help and mistakes in it included; return the exit status."""
+    try:
+        app(prog_name="pretouch")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    return 0
+
+
 def main() -> None:
     """Run the command line with the arguments of this process, and end the process with the exit status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait for small matrices at full speed, beside ours
     gc.set_threshold(100_000)  # loading libraries makes objects that stay: looking for garbage takes a tenth of the run
     try:
-        app(prog_name="pretouch")
-    except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(guard_output(_run))
     finally:
         gc.freeze()  # looking through all that is loaded for garbage, once more, would take 0.13 s of the end

@@ -127,7 +127,7 @@ def _one(request: FitRequest, curve: Calibration, shown: Presentation) -> None:
     if not shown.json and curve.source is not None:
         _print_notes(found.calibration, curve.source.notes)
     label = re.sub(r"[^\w.-]+", "-", f"-{curve.label}") if request.select else ""
-    shown.show(found, f"{request.path.stem}{label}-fit.html", good=found.best is not None)
+    shown.show(found, f"{request.path.stem}{label}-fit.html", good=found.best is not None, inputs=request.files)
 
 
 def _several(request: FitRequest, curves: tuple[Calibration, ...], shown: Presentation) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError
+from pretouch._core.files import refuse_input
 
 from .terminal import (
     Presentation,
@@ -105,6 +106,9 @@ def _sweep(
     from pretouch.sweep import sweep as run_sweep  # noqa: PLC0415
 
     task = load_scenario(file)
+    for path in (shown.output, figure):
+        if path is not None:
+            refuse_input(path, getattr(task.source, "inputs", ()))
     task = task.replace(gain=read_gain(gain, task.law))
     axes = _axes(task, axis)
     if figure is not None:
@@ -183,10 +187,19 @@ def _present(found: xr.Dataset, reservations: Reservations | None, shown: Presen
         plots.sweep(found).savefig(content, format=figure.suffix[1:].lower())
         write_bytes(figure, content.getvalue(), overwrite=shown.force)
     places = {"output": shown.output, "figure": figure}
-    print_text(shown.told(reservations, lambda: {**sweep_as_dict(found), **places}, lambda: sweep_as_text(found)))
+    try:
+        text = shown.told(reservations, lambda: {**sweep_as_dict(found), **places}, lambda: sweep_as_text(found))
+        ends_well = next(iter(counts(found).values())) > 0  # contact, or optimal
+    except Exception as error:
+        if shown.output is None:
+            raise
+        raise InvalidInputError(  # the numbers of a large sweep are read here for the first time
+            f"{shown.output}: cannot be read ({' '.join(str(error).split())[:200]}); it may be damaged: choose another "
+            "name with --output, or remove it"
+        ) from None
+    print_text(text)
     for what, path in () if shown.json else (("Dataset", shown.output), ("Figure", figure)):
         if path is not None:
             print_text(f"{what}: {path}")
-    first = next(iter(counts(found).values()))  # contact, or optimal
     found.close()
-    end(good=first > 0 and not (reservations is not None and reservations.is_refuted))
+    end(good=ends_well and not (reservations is not None and reservations.is_refuted))

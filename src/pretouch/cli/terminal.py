@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, TypeAlias
 import typer
 
 from pretouch._core.errors import PretouchError, UnitError
-from pretouch._core.files import as_json, is_own_unchanged
+from pretouch._core.files import as_json, is_own_unchanged, refuse_input
+from pretouch._core.progress import listening
 from pretouch._core.units import read_quantity
 
 if TYPE_CHECKING:
@@ -79,25 +81,74 @@ def conclude(run: Callable[[], object], *, json_wanted: bool) -> NoReturn:
     Raises:
         Exit: always, with the exit code.
     """
-    try:
-        code = 0
+
+    def run_or_explain() -> int:
         try:
             run()
         except typer.Exit as ended:
-            code = ended.exit_code
+            return ended.exit_code
+        except _OutputError:
+            raise
         except PretouchError as error:
             print_message(str(error))
-            code = _MISTAKE
             if json_wanted:
                 print_text(as_json({"status": "error", "message": str(error)}))
-        sys.stdout.flush()
+            return _MISTAKE
+        return 0
+
+    raise typer.Exit(guard_output(run_or_explain))
+
+
+def guard_output(run: Callable[[], int]) -> int:
+    """Return the exit code of a command, or the one that says why its output did not arrive."""
+    try:
+        code = run()
+        _flush_output()
     except KeyboardInterrupt:
-        code = _INTERRUPTED
-    except BrokenPipeError:
-        # whoever read our output has gone; what is still in the buffer must not fail again at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = _BROKEN_PIPE
-    raise typer.Exit(code)
+        return _INTERRUPTED
+    except OSError as error:
+        failure = _output_failure(error)
+        if failure is None:
+            raise
+        _discard_output()
+        if isinstance(failure, BrokenPipeError):  # the reader has gone: nothing to explain
+            return _BROKEN_PIPE
+        print_message(f"standard output: cannot be written ({failure.strerror or failure})")
+        return _MISTAKE
+    return code
+
+
+class _OutputError(PretouchError, OSError):
+    """Standard output that does not take what is printed: its disk is full, its reader has gone, or it is closed."""
+
+
+def _flush_output() -> None:
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _output_failure(error: OSError) -> OSError | None:
+    """Return why standard output fails; None where the error is another one."""
+    if isinstance(error, _OutputError):
+        return error.__cause__ if isinstance(error.__cause__, OSError) else error
+    frame = error.__traceback__
+    while frame is not None and frame.tb_next is not None:
+        frame = frame.tb_next
+    printed_by = "" if frame is None else str(frame.tb_frame.f_globals.get("__name__"))
+    if printed_by.partition(".")[0] in {"typer", "click"} or isinstance(error, BrokenPipeError):
+        return error  # help, version, or a mistake on the command line
+    try:
+        _flush_output()
+    except OSError as failure:  # what standard output did not take is still in its buffer
+        return failure
+    return None
+
+
+def _discard_output() -> None:
+    """Let what is still in the buffer go nowhere, so that it does not fail again when the process ends."""
+    if sys.stdout is not None:
+        with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def end(*, good: bool) -> None:
@@ -108,18 +159,29 @@ def end(*, good: bool) -> None:
 
 def print_text(text: str) -> None:
     """Print to stdout, also where it cannot show every character, and at once."""
-    _write(sys.stdout, text)
+    if sys.stdout is None:
+        raise _OutputError("it is closed")
+    try:
+        _write(sys.stdout, text)
+    except OSError as error:
+        raise _OutputError(str(error)) from error
 
 
 def print_message(text: str) -> None:
-    """Print a message to stderr, each of its lines under our name."""
-    _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
+    """Print a message to stderr, each of its lines under our name; where it takes none, the exit code has to do."""
+    with contextlib.suppress(OSError, AttributeError):  # full, or closed
+        _write(sys.stderr, "\n".join(f"pretouch: {line}" for line in text.split("\n")))
 
 
 def print_progress(text: str) -> None:
     """Tell a person who waits at a terminal what is under way, on stderr; where nobody watches, nothing is told."""
-    if sys.stderr.isatty():
+    if sys.stderr is not None and sys.stderr.isatty():
         print_message(text)
+
+
+def print_count(solved: int, seconds: float) -> None:
+    """Tell a person who waits that work goes on."""
+    print_progress(f"{solved:,} encounters solved in {seconds:.0f} s, going on")
 
 
 def _write(stream: Any, text: str) -> None:
@@ -150,7 +212,14 @@ def verb(run: Callable[..., None]) -> Callable[..., None]:
     @wraps(run)
     def command(**given: Any) -> None:
         shown = Presentation(**{name: given.pop(name) for name in _OPTIONS})
-        conclude(lambda: run(shown, **given), json_wanted=shown.json)
+
+        def checked() -> None:
+            if shown.output is not None and "file" in given:
+                refuse_input(shown.output, [given["file"]])  # before anything is computed
+            with listening(print_count):
+                run(shown, **given)
+
+        conclude(checked, json_wanted=shown.json)
 
     own = list(inspect.signature(run, eval_str=True).parameters.values())[1:]
     keyword = inspect.Parameter.KEYWORD_ONLY
@@ -179,16 +248,25 @@ class Presentation:
     report: bool
     force: bool
 
-    def show(self, result: Any, default: str, task: Task | None = None, *, good: bool) -> None:
-        """Print a result of a task, write its report, by default so named, and end with the exit code of its answer."""
+    def show(
+        self, result: Any, default: str, task: Task | None = None, *, good: bool, inputs: Sequence[Path] = ()
+    ) -> None:
+        """Print a result of a task, write its report, by default so named, and end with the exit code of its answer.
+
+        No file that was read, which are those of the task and `inputs`, is written over.
+        """
         target = self.output or Path(default)
+        inputs = (*inputs, *getattr(None if task is None else task.source, "inputs", ()))
         reservations = None if task is None else reservations_about(task, result)
         text = self.told(reservations, result.to_dict, result.__str__)
         if self.json and self.output is not None:
-            self._write(result, target, task)
-        print_text(text)
+            self._write(result, target, task, inputs)
+        try:
+            print_text(text)
+        finally:  # an output that takes nothing does not cost the report
+            if self.report and not self.json:
+                self._write(result, target, task, inputs)
         if self.report and not self.json:
-            self._write(result, target, task)
             print_text(f"\nReport with figures: {target}")
         end(good=good and not (reservations is not None and reservations.is_refuted))
 
@@ -200,7 +278,8 @@ class Presentation:
             return as_json(as_dict() if reservations is None else reservations.around_dict(as_dict()))
         return as_text() if reservations is None else reservations.around_text(as_text())
 
-    def _write(self, result: Any, target: Path, task: Task | None) -> None:
+    def _write(self, result: Any, target: Path, task: Task | None, inputs: Sequence[Path]) -> None:
+        refuse_input(target, inputs)
         from pretouch.report import write_report  # noqa: PLC0415 - Matplotlib, only when needed
 
         known: dict[str, Any] = {} if task is None else {"calibration": task.calibration, "source": task.source}

@@ -6,13 +6,14 @@ import dataclasses
 import hashlib
 import math
 import os
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.errors import PretouchError, ScenarioFileError
+from pretouch._core.errors import CalibrationDataError, PretouchError, ScenarioFileError
 from pretouch._core.units import format_quantity
 from pretouch.design.constraints import CONSTRAINT_NAMES, Constraint
 from pretouch.design.objectives import OBSTACLE_SPEED, Objective, Term
@@ -39,6 +40,8 @@ _SHORT: Final[Mapping[str, str]] = {
     "velocity": "relative_velocity",
     "force": "impact_force",
 }
+_FASTEST: Final = 10_000.0  # rad/s, of an admittance
+_STEEPEST: Final = 1e-6  # m
 _ROUNDING: Final = 1e-9  # of a distance that is added and taken away again
 _PHYSICAL: Final = ("impact_force", "drive_force")
 
@@ -103,7 +106,9 @@ def _task(builder: _Builder) -> Task | None:
     if (builder.unread or builder.mistakes) and CALIBRATION in (builder.values("sensor") or {}):
         return None  # not worth a fit
     sensor, calibration = builder.sensor()
+    builder.check_frequencies(scenario)
     if sensor is not None and scenario is not None:
+        builder.check_slope(sensor)
         builder.check_range(sensor, scenario, calibration)
     asked |= robust_fields(builder, scenario, sensor, calibration, constraints)
     has_loop = any(name in builder.data for name in LOOP_SECTIONS)
@@ -160,10 +165,11 @@ class _Builder(Reading):
             key: given[key] if isinstance(given[key], str) else read_output(found[key], name=key)
             for key in ("offset", "saturation")
         }
+        path = folder / given[CALIBRATION]
         try:
             plain = ("select", "columns", "labels", "near_field_peak", "floor_sigmas")
             request = FitRequest(
-                path=folder / given[CALIBRATION],
+                path=path,
                 models=(given["model"],) if "model" in given else (),
                 no_object=read_no_object(found["no_object"], folder, name="no_object")
                 if "no_object" in found
@@ -171,11 +177,12 @@ class _Builder(Reading):
                 **{key: given[key] for key in plain if key in given},
                 **outputs,
             )
+            self.source = replace(self.source, calibration_files=request.files)
             sensor, report = fit_sensor_of(request)
         except PretouchError as error:
-            path, sentence = place(str(error), "sensor")
-            known = path in self.source.lines and len(path) == 2
-            self.refuse(path if known else ("sensor", CALIBRATION), sentence)
+            key, sentence = place(_without_content(error, path), "sensor")
+            known = key in self.source.lines and len(key) == 2
+            self.refuse(key if known else ("sensor", CALIBRATION), sentence)
             return None, None
         limits = {key: given[key] for key in FROM_SURFACE if key in given}
         return self.attempt("sensor", lambda: _extended(sensor, given.get("recess"), limits)), report
@@ -260,11 +267,45 @@ class _Builder(Reading):
                 f"{1e3 * high:.4g} mm{cause}: start where the object enters it{extending}",
             )
 
+    def check_frequencies(self, scenario: Scenario | None) -> None:
+        """Refuse an admittance that no control loop follows: it oscillates thousands of times before contact."""
+        given = self.values("admittance") or {}
+        found = {key: given[key][1] for key in FREE if key == "natural_frequency_bounds" and key in given}
+        if scenario is not None:
+            key = next((k for k in ("natural_frequency", "stiffness") if given.get(k) is not None), "stiffness")
+            found[key] = scenario.admittance.natural_frequency
+        for key, frequency in found.items():
+            if frequency > _FASTEST:
+                self.refuse(
+                    ("admittance", key),
+                    f"found a natural frequency of {frequency:.4g} rad/s, expected at most {_FASTEST:,.0f} rad/s, "
+                    "above which no control loop follows it; check mass and stiffness with their units",
+                )
+
+    def check_slope(self, sensor: SensorModel) -> None:
+        """Refuse a curve that no sensor has: at contact it falls by a factor of e within less than a micrometer."""
+        nearest = max(sensor.valid_range[0], 0.0)
+        slope = abs(float(sensor.log_slope(nearest)))
+        if slope > 1 / _STEEPEST:
+            self.refuse(
+                ("sensor",),
+                f"found an output that falls by a factor of e within {1 / slope:.3g} m at {nearest:g} m, expected at "
+                f"least {_STEEPEST:g} m; check the parameters of the curve with their units",
+            )
+
     def _needs_impact(self, quantity: str, path: KeyPath) -> None:
         if quantity in _PHYSICAL and "impact" not in self.data:
             self.refuse(
                 path, f'found {quantity} without physical properties, expected [impact] with robot_mass = "4 kg"'
             )
+
+
+def _without_content(error: PretouchError, path: Path) -> str:
+    """Say what is wrong with a calibration, but nothing that stands in it: a scenario may name any file."""
+    if not isinstance(error, CalibrationDataError):
+        return str(error)
+    problem = error.problem or f"{path.name}: found no calibration that can be read"
+    return problem if problem == str(error) else f"{problem}; to see more, run: pretouch fit {shlex.quote(str(path))}"
 
 
 def _extended(sensor: SensorModel, recess: float | None, limits: Mapping[str, float]) -> SensorModel:

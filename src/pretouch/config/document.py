@@ -16,10 +16,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from pretouch._core.errors import ScenarioFileError
+from pretouch._core.files import read_regular_file
 
 from .quantities import KeyPath, printable
 
 _PLACE: Final = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+_MOST_BYTES: Final = 1_000_000
+_DEEPEST: Final = 32
+_PART: Final = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP: Final = re.compile(rf"(?<![\w.\"'-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST},}}+")
 _TWICE: Final = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|already")
 
 
@@ -34,7 +39,7 @@ def read_document(path: str | os.PathLike[str]) -> tuple[bytes, str, dict[str, A
 def _read(path: Path) -> bytes:
     """Read the bytes of a file, or say why not."""
     try:
-        return path.read_bytes()
+        return read_regular_file(path, most=_MOST_BYTES, refuse=ScenarioFileError)
     except FileNotFoundError:
         near = difflib.get_close_matches(path.name, _names_beside(path), n=1)
         hint = f"; did you mean {path.with_name(near[0])}?" if near else ""
@@ -69,6 +74,13 @@ def _decode(path: Path, content: bytes) -> str:
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
     """Read TOML, or say in which line it breaks, and what people often mean there."""
+    deep = _DEEP.search(text)
+    if deep is not None:
+        line = text.count("\n", 0, deep.start()) + 1
+        raise ScenarioFileError(
+            f"{path}, line {line}: found a key of more than {_DEEPEST} parts, expected at most that; a scenario takes "
+            "section.key"
+        )
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -56,12 +56,19 @@ class ScenarioSource:
         text: its text, so that a report can show it.
         sha256: the hash of its bytes, in hexadecimal.
         supported: where the calibration of its sensor supports the curve, as a sentence; empty without one.
+        calibration_files: what was read for the calibration of its sensor.
     """
 
     path: Path
     text: str = field(repr=False)
     sha256: str
     supported: str = field(default="", repr=False)
+    calibration_files: tuple[Path, ...] = field(default=(), repr=False)
+
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """Every file that was read, none of which may be written over."""
+        return (self.path, *self.calibration_files)
 
     @property
     def lines(self) -> Mapping[KeyPath, int]:

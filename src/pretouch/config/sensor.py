@@ -175,6 +175,11 @@ class FitRequest:
     models: tuple[str, ...] = ()
     floor_sigmas: float = 3.0
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that are read."""
+        return (self.path, self.no_object) if isinstance(self.no_object, Path) else (self.path,)
+
     def read(self) -> tuple[Calibration, ...]:
         """Read the curves of the file that the labels select, at least one; raise CalibrationDataError for none."""
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
@@ -186,10 +191,11 @@ class FitRequest:
         if not chosen:
             labels = "; ".join(curve.label for curve in curves[:8] if curve.label) or "none: the file holds one curve"
             more = f" and {len(curves) - 8} more" if len(curves) > 8 else ""
-            raise CalibrationDataError(
+            told = (
                 f"select: found {', '.join(sorted(wanted))}, expected labels of a curve in {self.path.name} "
                 f"({labels}{more})"
             )
+            raise CalibrationDataError(told, problem=told)  # what has been read as a calibration may be named
         if isinstance(self.no_object, tuple):
             _in_unit_of(chosen[0], self.no_object, "no_object")
         return chosen

@@ -17,6 +17,7 @@ from .structures import DragNumbers, DragState
 _HOLD = 0.02
 _HOLD_READINGS = 2
 _LARGEST = 1e6
+_LONGEST_SMOOTHING = 60.0  # s: no encounter lasts longer
 _LARGEST_NOISE = 1e12  # as a reading
 
 _STEP = CompiledStep("step_drag")
@@ -88,6 +89,7 @@ class VirtualDrag:
             )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)
+        largest["smoothing_time"] = _LONGEST_SMOOTHING
         for name, most in largest.items():
             if not abs(getattr(self, name)) <= most:
                 raise InvalidInputError(f"{name}: found {getattr(self, name):g}, which must be within {most:g}")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
+from pretouch._core.progress import note_solved
 from pretouch.sensors import SensorModel
 
 from .curve import FOLLOWED, curve_pieces, curve_tops
@@ -123,6 +124,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
         for start in range(0, len(out), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
             part = slice(start, start + _BLOCK)
             solve_series(values[part], gain[part], pieces, limits, out[part], ended[part])
+            note_solved(len(out[part]))
         if out is not rows:
             rows[again], status[again] = out, ended
         if not limits[-1]:

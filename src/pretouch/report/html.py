@@ -18,7 +18,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Chapter, Code, Page, Paragraph, Picture
 from pretouch._core.described import Described, blocks_as_html, page_of, page_top
 from pretouch._core.errors import InvalidInputError
-from pretouch._core.files import sign, write_text
+from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
 from .style import draw_svg
@@ -49,11 +49,12 @@ def write_report(
         path: where the page goes.
         calibration: the calibration that the sensor curve was fitted to, where there is one.
         source: the scenario file: an object, or a mapping, with `name` or `path`, `text` and `sha256`.
-        overwrite: whether a file that stands there may be replaced.
+        overwrite: whether a file that stands there may be replaced; the scenario file and what it names never is.
 
     Returns:
         The path.
     """
+    refuse_input(path, getattr(source, "inputs", ()))
     return write_text(path, report_html(result, calibration=calibration, source=source), overwrite=overwrite)
 
 

@@ -265,7 +265,8 @@ def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Comple
         angle = np.unique([*angle[np.abs(angle - pole) > _BESIDE * pole], *beside])
     response = loop.response(angle)
     while len(angle) < _POINTS:
-        turn = np.abs(np.angle(response[1:] / response[:-1]))
+        with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 where nothing is heard
+            turn = np.abs(np.angle(response[1:] / response[:-1]))
         wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:]) & _heard(response) & ~_holds_any(angle, poles)
         if not wide.any():
             break

@@ -30,6 +30,7 @@ _WORDS: Final = {
 COEFFICIENTS: Final = tuple(_WORDS)
 """What a plant is to the loop in C++; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
 
+_FASTEST: Final = 1e6  # rad/s, of a robot behind its controller: whatever is faster is a typing error
 _FINE: Final = 0.2  # of the shortest time scale of a plant: what Runge-Kutta's method takes at once
 
 Row = tuple[str, Cell]
@@ -108,6 +109,12 @@ class ImpedancePlant(PlantModel):
 
     def __post_init__(self) -> None:
         check_declared(self)
+        frequency = math.sqrt(self.stiffness / self.mass)
+        if frequency > _FASTEST:
+            raise InvalidInputError(
+                f"stiffness: found {self.stiffness:g} N/m for a mass of {self.mass:g} kg, a natural frequency of "
+                f"{frequency:.3g} rad/s, expected at most {_FASTEST:,.0f} rad/s; check both units"
+            )
 
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""
@@ -155,6 +162,10 @@ class PositionPlant(PlantModel):
 
     def __post_init__(self) -> None:
         check_declared(self)
+        if 2 * math.pi * self.bandwidth > _FASTEST:
+            raise InvalidInputError(
+                f"bandwidth: found {self.bandwidth:g} Hz, expected at most {_FASTEST / (2 * math.pi):,.0f} Hz"
+            )
 
     def coefficients(self) -> tuple[float, ...]:
         """Return the numbers named by COEFFICIENTS, in SI."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import platform
-import secrets
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError, require
-from pretouch._core.files import as_json
+from pretouch._core.files import as_json, temporary_path
 from pretouch._core.numbers import FloatArray
 from pretouch.design import ImpactModel, Objective
 from pretouch.design.objectives import OwnObjective
@@ -26,7 +26,7 @@ from pretouch.sensors import SensorModel
 
 from .axes import inputs_of
 from .plan import Plan
-from .results import result_attributes
+from .results import STATUS, result_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -153,21 +153,95 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, overwrite: bool) -> None:
     """
     require(_ENGINE)
     require("h5py")
-    temporary = path.with_name(f".{path.name[:100]}.{secrets.token_hex(6)}.tmp")
+    temporary = temporary_path(path)
     try:
         plain = dataset.copy()
         for variable in plain.variables.values():
             if "flag_values" in variable.attrs:  # of the type of what they stand for, as the conventions ask
                 variable.attrs["flag_values"] = np.array(variable.attrs["flag_values"], dtype=variable.dtype)
             variable.encoding = {}
-        plain.to_netcdf(temporary, engine=_ENGINE)
+        with _PatientFile(temporary) as target:
+            try:
+                plain.to_netcdf(target, engine=_ENGINE)
+            finally:
+                target.check()
         if path.exists() and not overwrite:
             raise OutputExistsError(f"{path}: this file exists and is not overwritten unasked")
         temporary.replace(path)
     except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        raise InvalidInputError(
+            f"{path}: cannot be written ({error.strerror or error}); what is computed is kept, and the same command "
+            "goes on from there"
+        ) from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+class _PatientFile(io.RawIOBase):
+    """A new file that remembers the first error of the disk, and takes everything after it without keeping it.
+
+    HDF5 crashes the process where it cannot write what it holds when it closes a file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._file = path.open("x+b", buffering=0)
+        self._failure: OSError | None = None
+
+    def check(self) -> None:
+        """Wait until the disk has everything; raise what it refused."""
+        if self._failure is None:
+            os.fsync(self._file.fileno())
+        else:
+            raise self._failure
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        return self._file.seek(offset, whence)
+
+    def readinto(self, buffer: Any, /) -> int | None:
+        """Read; what was not kept is read as zeros."""
+        count = self._file.readinto(buffer)
+        if self._failure is not None:
+            view = memoryview(buffer).cast("B")
+            view[count or 0 :] = bytes(len(view) - (count or 0))
+            return len(view)
+        return count
+
+    def write(self, data: Any, /) -> int:
+        view = memoryview(data).cast("B")
+        if self._failure is None:
+            left = view
+            try:
+                while left:
+                    left = left[self._file.write(left) :]
+            except OSError as error:
+                self._failure = error
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        wanted = self.tell() if size is None else size
+        if self._failure is None:
+            try:
+                self._file.truncate(wanted)
+            except OSError as error:
+                self._failure = error
+        return wanted
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
@@ -177,9 +251,22 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
     require("h5py")
     try:
         dataset: xr.Dataset = xarray.open_dataset(path, engine=_ENGINE)
-    except (OSError, ValueError, KeyError):
+    except Exception:
         return None
     if DIGEST not in dataset.attrs:
         dataset.close()
         return None
     return dataset
+
+
+def is_intact(dataset: xr.Dataset, plan: Plan) -> bool:
+    """Tell whether every variable of a dataset can be read and has the shape of the plan, and each status is known."""
+    try:
+        codes = dataset[STATUS].values
+        shapes = {dataset[name].shape for name in (STATUS, *plan.results)}
+        meanings = result_attributes(STATUS, designs=plan.designs)["flag_values"]
+        for name in plan.results:
+            dataset[name][(-1,) * len(plan.shape)].load()
+        return shapes == {plan.shape} and bool(np.isin(codes, meanings).all())
+    except Exception:
+        return False

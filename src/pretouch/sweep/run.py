@@ -21,10 +21,10 @@ from pretouch.design.task import placed
 
 from .axes import Axes
 from .cluster import connected, run_on, worker_count
-from .dataset import DIGEST, attributes_of, differing_parts, open_netcdf, write_netcdf
+from .dataset import DIGEST, attributes_of, differing_parts, is_intact, open_netcdf, write_netcdf
 from .executors import BlockRecord, Progress, chunks_per_block, run_block
 from .plan import Plan, make_plan
-from .stores import MemoryStore, Store, ZarrStore, is_sweep, refuse_beyond_memory, replace_sweep
+from .stores import MemoryStore, Store, ZarrStore, in_use, is_sweep, refuse_beyond_memory, remove_unused, replace_sweep
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -147,7 +147,7 @@ def _complete(
     store: S, progress: Callable[[Progress], object] | None, elsewhere: Callable[..., None] | None = None
 ) -> S:
     """Compute the blocks that are left, here where nothing else is said, and tell how far the sweep is."""
-    begun, finished = time.perf_counter(), store.finished()
+    begun, finished = time.perf_counter(), store.intact()
     before = sum(store.size(int(block)) for block in np.flatnonzero(finished))
     at = Progress(finished=before, total=store.plan.size, seconds=0.0)
 
@@ -174,18 +174,31 @@ def _complete(
     return store
 
 
-def _to_zarr(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> ZarrStore:
-    """Begin a sweep, or go on with it."""
+def _to_zarr(
+    plan: Plan,
+    target: Path,
+    *,
+    overwrite: bool,
+    dask: Any,
+    progress: Any,
+    then: Callable[[ZarrStore], object] = lambda _: None,
+) -> ZarrStore:
+    """Begin a sweep, or go on with it; do what follows while the folder is still in use."""
     require("zarr")
-    if overwrite and target.exists() and not _holds(target, plan):
-        replace_sweep(target)
     with nullcontext() if dask is None else connected(dask) as client:
-        if target.exists():
-            store = ZarrStore(target, plan)
-        else:
-            workers = 1 if client is None else worker_count(client)
-            store = ZarrStore.create(target, plan, chunks_per_block(plan, workers=workers))
-        return _complete(store, progress, None if client is None else partial(run_on, client, store))
+        while True:
+            if overwrite and target.exists() and not _holds(target, plan):
+                replace_sweep(target)
+            if not target.exists():
+                workers = 1 if client is None else worker_count(client)
+                ZarrStore.create(target, plan, chunks_per_block(plan, workers=workers))
+            with in_use(target) as there:
+                if not there:  # another process has removed it meanwhile
+                    continue
+                store = ZarrStore(target, plan)
+                _complete(store, progress, None if client is None else partial(run_on, client, store))
+                then(store)
+                return store
 
 
 def _holds(target: Path, plan: Plan) -> bool:
@@ -198,26 +211,55 @@ def _holds(target: Path, plan: Plan) -> bool:
 
 def _to_netcdf(plan: Plan, target: Path, *, overwrite: bool, dask: Any, progress: Any) -> xr.Dataset:
     """Compute into a Zarr folder beside the file, which is written at the end; the folder is then removed."""
+    # Equal sweeps may run at the same time: all compute into the folder, the first one that is through writes the file,
+    # and the last one removes the folder.
     folder = target.with_name(f"{target.name}.unfinished{_ZARR}")
-    if target.exists():
+    found = _finished(plan, target, overwrite=overwrite)
+    if found is None:
+
+        def write(store: ZarrStore) -> None:
+            if _is_written(plan, target):
+                return
+            try:
+                with store.dataset() as dataset:
+                    write_netcdf(dataset, target, overwrite=overwrite)
+            except OutputExistsError:
+                if not _is_written(plan, target):  # by an equal sweep at the same time
+                    raise
+
+        _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress, then=write)
         found = open_netcdf(target)
-        if found is not None and found.attrs[DIGEST] == attributes_of(plan)[DIGEST]:
-            if is_sweep(folder):  # ended between the file and the removal of the folder
-                replace_sweep(folder)
-            return found
-        if found is not None:
-            found.close()
-        if not overwrite or found is None:
-            what = f"holds another sweep (other {differing_parts(found.attrs, plan)})" if found else "is no sweep"
-            raise OutputExistsError(
-                f"{target}: {what} and is not overwritten{' unasked' if found else ''}; choose another name with "
-                f"--output{', or replace it with --force (overwrite=True in Python)' if found else ''}"
-            )
-    store = _to_zarr(plan, folder, overwrite=overwrite, dask=dask, progress=progress)
-    with store.dataset() as dataset:
-        write_netcdf(dataset, target, overwrite=overwrite)
-    replace_sweep(folder)
-    finished = open_netcdf(target)
-    if finished is None:
+    if is_sweep(folder):  # also one that was ended between the file and the removal of the folder
+        remove_unused(folder)
+    if found is None:
         raise InvalidInputError(f"{target}: cannot be read again")
-    return finished
+    return found
+
+
+def _is_written(plan: Plan, target: Path) -> bool:
+    """Tell whether a file holds the sweep of a plan, whole."""
+    found = open_netcdf(target)
+    if found is None:
+        return False
+    with found:
+        return found.attrs[DIGEST] == attributes_of(plan)[DIGEST] and is_intact(found, plan)
+
+
+def _finished(plan: Plan, target: Path, *, overwrite: bool) -> xr.Dataset | None:
+    """Open the file of an equal sweep; None where there is none, or it may be replaced; refuse every other file."""
+    if not target.exists():
+        return None
+    found = open_netcdf(target)
+    equal = found is not None and found.attrs[DIGEST] == attributes_of(plan)[DIGEST]
+    if found is not None and equal and is_intact(found, plan):
+        return found
+    if found is not None:
+        found.close()
+    if not overwrite or found is None:
+        what = "is no sweep" if found is None else f"holds another sweep (other {differing_parts(found.attrs, plan)})"
+        what = "this sweep is damaged" if equal else what
+        raise OutputExistsError(
+            f"{target}: {what} and is not overwritten{' unasked' if found else ''}; choose another name with "
+            f"--output{', or replace it with --force (overwrite=True in Python)' if found else ''}"
+        )
+    return None

@@ -1,15 +1,18 @@
 """Where results go: into memory, or into a Zarr folder with a ledger of the blocks that are finished.
 
 A block's data are written first, each chunk a file of its own that appears whole; then its entry in the ledger, a file
-of one byte. Whatever ends the process in between costs the blocks under way, never one that the ledger has.
+of one byte. Whatever ends the process in between costs the blocks under way, never one that the ledger has. A block
+whose data are damaged is computed again. A process that writes to a folder locks it, so that no other one removes it.
 """
 
 from __future__ import annotations
 
 import math
 import os
-import secrets
 import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,11 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pretouch._core.errors import InvalidInputError, OutputExistsError, require
+from pretouch._core.files import temporary_path
 from pretouch._core.numbers import BoolArray
 
 from .dataset import DIGEST, attributes_of, differing_parts, make_dataset
 from .plan import Plan, Region
 from .results import STATUS, result_attributes
+
+if sys.platform != "win32":  # there nobody is told who else writes
+    import fcntl
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,6 +37,7 @@ if TYPE_CHECKING:
 LEDGER: Final = "finished"
 _PER_BLOCK: Final = "chunks_per_block"
 _MOST_BYTES: Final = 4_000_000_000  # of results in memory
+_MOST_CHECKED: Final = 2_000  # chunks that are looked at before a sweep goes on: about a second
 
 
 def refuse_beyond_memory(plan: Plan) -> None:
@@ -66,6 +74,10 @@ class Store:
     def finished(self) -> BoolArray:
         """Tell which blocks are finished, as of now."""
         return np.asarray(self._arrays[LEDGER][:] == 1)
+
+    def intact(self) -> BoolArray:
+        """Tell which blocks are finished and whole."""
+        return self.finished()
 
     def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
         """Keep a part of the grid, whole chunks only."""
@@ -115,10 +127,70 @@ class ZarrStore(Store):
                 "choose another name with --output, or replace it with --force (overwrite=True in Python)"
             )
         zarr = require("zarr")
-        with zarr.config.set({"array.write_empty_chunks": True}):  # not worth a look at every number
-            group = zarr.open_group(str(path), mode="r+")
-            arrays = {name: group[name] for name in (LEDGER, STATUS, *plan.results)}
-        super().__init__(plan, int(arrays[LEDGER].attrs[_PER_BLOCK]), arrays)
+        try:
+            with zarr.config.set({"array.write_empty_chunks": True}):  # not worth a look at every number
+                group = zarr.open_group(str(path), mode="r+")
+                arrays = {name: group[name] for name in (LEDGER, STATUS, *plan.results)}
+            for name in (STATUS, *plan.results):
+                if (arrays[name].shape, arrays[name].chunks) != (plan.shape, plan.chunk):
+                    raise ValueError(f"the shape of {name}")
+            per_block = int(arrays[LEDGER].attrs[_PER_BLOCK])
+            if arrays[LEDGER].shape != (-(-plan.chunk_count // per_block),):
+                raise ValueError("the shape of its ledger")
+            arrays[LEDGER][:]
+        except Exception as error:  # zarr raises whatever its parsers do
+            raise OutputExistsError(
+                f"{path}: this sweep is damaged ({' '.join(str(error).split())[:200]}); choose another name with "
+                "--output, or replace it with --force (overwrite=True in Python)"
+            ) from None
+        super().__init__(plan, per_block, arrays)
+
+    def intact(self) -> BoolArray:
+        """Tell which blocks are finished and whole: chunks of the right size, and known statuses; forget the others."""
+        found = self.finished()
+        for block in np.flatnonzero(found) if self.plan.chunk_count <= _MOST_CHECKED else ():
+            found[block] = all(map(self._is_intact, self.regions(int(block))))
+            if not found[block]:
+                with self._explaining():
+                    self._arrays[LEDGER][block] = 0
+        return found
+
+    def _is_intact(self, region: Region) -> bool:
+        place = [str(part.start // size) for part, size in zip(region, self.plan.chunk, strict=True)]
+        bytes_ = 8 * math.prod(self.plan.chunk)
+        try:
+            files = (self.path.joinpath(name, "c", *place) for name in self.plan.results)
+            if (
+                any(file.stat().st_size != bytes_ for file in files)
+                or not self.path.joinpath(STATUS, "c", *place).exists()
+            ):
+                return False
+            codes = np.asarray(self._arrays[STATUS][region])
+        except Exception:
+            return False
+        meanings = result_attributes(STATUS, designs=self.plan.designs)["flag_values"]
+        return bool(np.isin(codes, meanings).all())
+
+    def write(self, region: Region, columns: dict[str, NDArray[Any]]) -> None:
+        """Keep a part of the grid, whole chunks only."""
+        with self._explaining():
+            super().write(region, columns)
+
+    def finish(self, block: int) -> None:
+        """Enter a block into the ledger, once its data are written."""
+        with self._explaining():
+            super().finish(block)
+
+    @contextmanager
+    def _explaining(self) -> Iterator[None]:
+        """Turn what the disk refuses into a sentence."""
+        try:
+            yield
+        except OSError as error:
+            raise InvalidInputError(
+                f"{self.path}: cannot be written ({error.strerror or error}); what is finished is kept, and the same "
+                "command goes on from there"
+            ) from None
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], plan: Plan, chunks_per_block: int) -> ZarrStore:
@@ -130,16 +202,15 @@ class ZarrStore(Store):
             chunks_per_block: how many chunks the ledger counts as one.
 
         Returns:
-            The store.
+            The store; that of another process, if one has made the same meanwhile.
 
         Raises:
             InvalidInputError: the parent does not exist or cannot be written.
-            OutputExistsError: something stands there.
         """
         zarr, target = require("zarr"), Path(path)
         if not target.parent.is_dir():
             raise InvalidInputError(f"{path}: the folder {target.parent} does not exist; create it first")
-        temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+        temporary = temporary_path(target)
         try:
             make_dataset(plan, {}).to_zarr(str(temporary), mode="w-", zarr_format=3, consolidated=False)
             group = zarr.open_group(str(temporary), mode="r+")
@@ -167,9 +238,8 @@ class ZarrStore(Store):
             )
             temporary.rename(target)
         except OSError as error:
-            if target.exists():
-                raise OutputExistsError(f"{path}: exists and is not overwritten; choose another name") from None
-            raise InvalidInputError(f"{path}: cannot be written ({error.strerror})") from None
+            if not target.exists():
+                raise InvalidInputError(f"{path}: cannot be written ({error.strerror or error})") from None
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         return cls(path, plan)
@@ -189,7 +259,7 @@ def _attributes(path: Path) -> dict[str, Any] | None:
     try:
         group = zarr.open_group(str(path), mode="r")
         return dict(group.attrs) if DIGEST in group.attrs and LEDGER in group else None
-    except (ValueError, KeyError, OSError):  # some other JSON, or another kind of Zarr
+    except Exception:
         return None
 
 
@@ -199,11 +269,66 @@ def is_sweep(path: Path) -> bool:
 
 
 def replace_sweep(path: Path) -> None:
-    """Remove a sweep of ours, or refuse to remove anything else."""
+    """Remove a sweep of ours; refuse to remove anything else, or one that is being written."""
     if not is_sweep(path):
         raise OutputExistsError(
             f"{path}: holds no sweep of pretouch and is not removed; choose another name for the output"
         )
-    gone = path.with_name(f".{path.name[:100]}.{secrets.token_hex(6)}.tmp")
-    path.rename(gone)  # at once: what is left of a removal that is broken off is no half sweep
-    shutil.rmtree(gone)
+    if not remove_unused(path):
+        raise OutputExistsError(f"{path}: another process writes to this sweep; wait for it, or choose another name")
+
+
+def remove_unused(path: Path) -> bool:
+    """Remove the folder of a sweep; return False where another process writes to it, which then removes it."""
+    lock = _locked(path, exclusive=True)
+    if lock is None:
+        return not path.exists()
+    try:
+        gone = temporary_path(path)
+        path.rename(gone)  # at once: what is left of a removal that is broken off is no half sweep
+        shutil.rmtree(gone, ignore_errors=True)
+    finally:
+        _unlock(lock)
+    return True
+
+
+@contextmanager
+def in_use(path: Path) -> Iterator[bool]:
+    """Keep others from removing a folder; False where it is gone already."""
+    lock = _locked(path, exclusive=False)
+    try:
+        yield lock is not None
+    finally:
+        if lock is not None:
+            _unlock(lock)
+
+
+_UNKNOWN: Final = -1  # a lock that this system does not have
+
+
+def _locked(path: Path, *, exclusive: bool) -> int | None:
+    """Lock a folder, alone or together with others; None where that is not possible, or it is gone."""
+    if sys.platform == "win32":
+        return _UNKNOWN if path.exists() else None
+    try:
+        lock = os.open(path, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB if exclusive else fcntl.LOCK_SH)
+        if os.path.samestat(os.fstat(lock), os.stat(path)):
+            return lock
+    except BlockingIOError:
+        pass
+    except FileNotFoundError:  # removed between the two
+        pass
+    except OSError:  # a file system without locks
+        os.close(lock)
+        return _UNKNOWN
+    os.close(lock)
+    return None
+
+
+def _unlock(lock: int) -> None:
+    if lock != _UNKNOWN:
+        os.close(lock)

@@ -236,7 +236,7 @@ def _missed(predicted: FloatArray, new: FloatArray, found: Landscape, share: flo
     if share:
         known = found.objective[..., found.reached.reshape(-1, found.objective.shape[-1]).all(axis=0)]
         size = size + share * (np.ptp(known, axis=-1, keepdims=True) if known.size else 1.0)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         error = np.abs(predicted - new) / size
     return np.where(np.isfinite(error), error, 0.0)
 

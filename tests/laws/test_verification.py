@@ -116,7 +116,7 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
     assert best.margin is not None
     assert best.margin >= 1
     faster = next(change for change in found.changes if change.name == "sensor-rate")
-    assert faster.sentence == "Read the sensor 56 times a second instead of 20."  # 55.6 would have a margin of 2
+    assert faster.sentence == "Read the sensor 60 times a second instead of 20."  # 59.1 would have a margin of 2
     assert faster.helps
     assert faster.margin is not None
     assert faster.margin >= 2
@@ -134,7 +134,7 @@ def test_the_margin_is_that_of_the_gain_limit() -> None:
     rate = found.stability.lowest_rate_with_margin
     there = verdict(loop_of(rate=rate, exposure=170e-6, delay=120e-6, random_phase=True), gain=-0.7463, runs=1)
     assert there.stability is not None
-    assert there.stability.margin == pytest.approx(2.0, rel=1e-6)
+    assert 2.0 <= there.stability.margin < 2.1  # it is enough at any phase and any ratio of the rates
 
 
 @pytest.mark.parametrize(

@@ -46,9 +46,13 @@ class StabilityCheck(Value):
         limit: the strongest stable gain at each distance.
         margin: how many times the gain can grow until the loop is unstable; below 1 it is.
         rate: readings per second of the loop [Hz].
-        lowest_rate: the rate of the sensor from which on the gain is stable at every rate [Hz]; infinite where none is
-            high enough. It can be above `rate` with a margin above 1: then rates between the two are unstable.
+        lowest_rate: the rate of the sensor from which on the gain is stable at every rate and at every phase between
+            sensor and controller [Hz]; infinite where none is high enough. A controller that would be slower steps as
+            often as the sensor reads. It can be above `rate` with a margin above 1: then rates or phases between are
+            unstable.
         lowest_rate_with_margin: the rate from which on the gain could double [Hz]; infinite where none is high enough.
+        has_unknown_phase: whether the wait of a reading for the controller differs from run to run; limit and margin
+            are then those of the worst wait.
     """
 
     limit: GainLimit
@@ -56,6 +60,7 @@ class StabilityCheck(Value):
     rate: float
     lowest_rate: float
     lowest_rate_with_margin: float
+    has_unknown_phase: bool = False
 
     @property
     def strongest(self) -> float:
@@ -93,8 +98,13 @@ class StabilityCheck(Value):
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return text + (
             f" The loop begins to oscillate{frequency} from {self.limit.law.number.equals(self.strongest)} on, "
-            f"{self.margin:.3g} times the gain, first at a distance of {format_quantity(self.critical_distance, 'm')}."
+            f"{self.margin:.3g} times the gain, first at a distance of {format_quantity(self.critical_distance, 'm')}"
+            f"{self._phase}."
         )
+
+    @property
+    def _phase(self) -> str:
+        return " and at the worst phase between sensor and controller" if self.has_unknown_phase else ""
 
     @property
     def _rates(self) -> str:
@@ -102,7 +112,7 @@ class StabilityCheck(Value):
             return "no rate is high enough for this gain: delay, filters or robot forbid it"
         text = f"this gain needs {self.lowest_rate:.3g} at the limit"
         if self.margin >= 1 and self.lowest_rate > self.rate:
-            text += " (below that it is stable at some rates, as at this one, and unstable at others)"
+            text += " (below that it is stable at some rates or phases, as here, and unstable at others)"
         if math.isinf(self.lowest_rate_with_margin):
             return text + "; no rate is high enough for a margin of 2"
         return text + f", {self.lowest_rate_with_margin:.3g} for a margin of 2"
@@ -148,16 +158,21 @@ def check_stability(
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
-    told = told_period(law) * loop.chain.rate
 
     def timing_at(rate: float) -> LoopTiming:
-        return timing_of(chain_at(loop.chain, rate), controller_at(law, told / rate))
+        found: Any = loop_at(loop, rate)
+        return timing_of(found.chain, found.law, worst_ratio=True)
 
     known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
     known |= {"timing_at": timing_at, "plant": loop.plant}
     least = [lowest_rate(sensor, _own(law), gain, margin=factor, **known) if gain else 0.0 for factor in (1.0, 2.0)]
     return StabilityCheck(
-        limit=limit, margin=margin, rate=loop.chain.rate, lowest_rate=least[0], lowest_rate_with_margin=least[1]
+        limit=limit,
+        margin=margin,
+        rate=loop.chain.rate,
+        lowest_rate=least[0],
+        lowest_rate_with_margin=least[1],
+        has_unknown_phase=timing_of(loop.chain, law).delay_range > 0,
     )
 
 

@@ -282,9 +282,9 @@ def lowest_rate(
     """
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
-        kind = "positive" if number.sign > 0 else "negative"
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, which must be {kind}: only such gains mitigate"
+            f"gain: found {format_quantity(gain, number.unit)}, which must be {number.mitigating}: only such gains "
+            "mitigate"
         )
     _, each, free = _frozen(law, sensor, admittance, distance, relative_velocity)
     wanted = positive(margin, "margin") * abs(gain) * float(each.max())

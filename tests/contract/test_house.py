@@ -75,11 +75,11 @@ def test_a_class_has_its_name_alone() -> None:
     assert [name for name, count in names.items() if count > 1] == []
 
 
-FILES = 240  # of the package and its compiled core
+FILES = 245  # of the package and its compiled core
 LINES = 48_500  # of both
 LONGEST_FUNCTION = 60  # lines without its docstring
 ROOMS_OF_DESIGN = 20
-FILES_OF_A_VERDICT = 45
+FILES_OF_A_VERDICT = 48
 
 PASSED = """
 import sys, threading

@@ -61,7 +61,10 @@ def test_a_gain_that_is_better_for_lack_of_margin_is_said_to_lack_it() -> None:
     assert 1 < found.stability.margin < 2
     assert f"but its margin to instability is only {found.stability.margin:.3g}." in str(found)
     weaker = next(c for c in found.changes if c.name == "gain")
-    assert not weaker.helps
+    assert weaker.improvement is not None
+    assert weaker.improvement < 0
+    assert weaker.helps  # for it holds, and not narrowly alone
+    assert weaker.status is pt.VerdictStatus.HOLDS
 
 
 def test_the_rate_that_is_tried_gives_the_gain_its_margin() -> None:

@@ -192,10 +192,8 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Return the loop with the delay of a range that allows the least damping, and its first crossover.
-
-    Nearly always that is the longest delay. Beside a mode that is hardly damped the limit has minima over the delay.
-    """
+    """Return the loop with the delay of a range that allows the least damping, and its first crossover."""
+    # nearly always the longest; beside a mode that is hardly damped the limit has minima over the delay
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 
     def limit(part: float) -> float:

@@ -35,18 +35,16 @@ class FoundFront:
         at: FloatArray,
         values: FloatArray,
         piece: Any,
-        scanned: FloatArray,
-        scanned_values: FloatArray,
-        *,
+        scanned: tuple[FloatArray, FloatArray],
         between: FloatArray,
     ) -> FoundFront:
         """Compare a front with what was tried, and with encounters between its points, whose quantities are given."""
         missed = np.inf
         if len(at):
-            extent, others = extent_of(values), np.concatenate([scanned_values, between])
+            extent, others = extent_of(values), np.concatenate([scanned[1], between])
             missed = max(float(shortfall(others / extent, values / extent).max()), 0.0)
         numbers = np.asarray(piece, dtype=np.int64)
-        return cls(at=at, values=values, piece=numbers, scanned=scanned, scanned_values=scanned_values, missed=missed)
+        return cls(at=at, values=values, piece=numbers, scanned=scanned[0], scanned_values=scanned[1], missed=missed)
 
 
 def extent_of(values: FloatArray) -> FloatArray:
@@ -124,7 +122,7 @@ def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
     alike = np.diff(piece[kept]) == 0
     between = _between(evaluate, samples.at[kept], samples.values[kept], alike)
     known = samples.at[order, None], samples.values[order], numbers
-    return FoundFront.of(*known, samples.at[:, None], samples.values, between=between)
+    return FoundFront.of(*known, (samples.at[:, None], samples.values), between)
 
 
 _PARTS: Final = 8  # of an interval, at whose ends the curve is compared with the points of the front
@@ -134,9 +132,7 @@ _WORST: Final = 16  # intervals, which are looked at more closely
 def _between(
     evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, alike: BoolArray
 ) -> FloatArray:
-    """Return the quantities between neighbors of one piece, most closely where the points miss the curve by most."""
-    # From neighbor to neighbor the shift that one needs rises and that of the other falls: the largest is found to a
-    # part of 8 x 16 of the interval, within 2 % of itself.
+    """Return the quantities between neighbors of one piece, to 1/128 of where the points miss the curve by most."""
     low, high = at[:-1][alike], at[1:][alike]
     if not len(low):
         return values[:0]
@@ -239,7 +235,7 @@ def find_front(trials: Trials) -> FoundFront:
     tests_values = trials.values(tests)
     every, every_values = np.concatenate([grid, tests]), np.concatenate([grid_values, tests_values])
     if not len(best):
-        return FoundFront.of(grid[:0], grid_values[:0], [], every, every_values, between=every_values[:0])
+        return FoundFront.of(grid[:0], grid_values[:0], [], (every, every_values), every_values[:0])
     extent = extent_of(grid_values[best])
     found = _FrontPoints(trials, extent)
     for k in range(grid_values.shape[1]):
@@ -258,7 +254,7 @@ def find_front(trials: Trials) -> FoundFront:
         if not len(worst):
             break
         found.fill()
-    return FoundFront.of(found.at, found.values, found.pieces(), every, every_values, between=found.between())
+    return FoundFront.of(found.at, found.values, found.pieces(), (every, every_values), found.between())
 
 
 class _FrontPoints:
@@ -312,9 +308,8 @@ class _FrontPoints:
         for i in np.argsort(bounds)[::-1]:
             if bounds[i] <= most:  # no encounter between these two is missed by more
                 break
-            corner = self.values[i : i + 2].max(axis=0)
-            one = advance(self.trials, self.at[i : i + 2].mean(axis=0), corner, self.extent)
-            if one is not None:
+            start, corner = self.at[i : i + 2].mean(axis=0), self.values[i : i + 2].max(axis=0)
+            if (one := advance(self.trials, start, corner, self.extent)) is not None:
                 found.append(self.trials.values(one[0][None]))
                 most = max(most, self._missed(found[-1])[0])
         return np.concatenate(found)
@@ -329,12 +324,9 @@ class _FrontPoints:
         weights = rng.dirichlet(np.full(near.shape[1], 1 / 3), (_MIXTURES, len(near)))
         mixed = np.einsum("mni,nid->mnd", weights, self.at[near]).reshape(-1, self.at.shape[1])
         values = self.trials.values(mixed)
-        found = [values]
-        for i in np.argsort(-self._missed(values), kind="stable")[:_MOVED]:
-            one = advance(self.trials, mixed[i], values[i], self.extent)
-            if one is not None:
-                found.append(self.trials.values(one[0][None]))
-        return np.concatenate(found)
+        worst = np.argsort(-self._missed(values), kind="stable")[:_MOVED]
+        moved = [advance(self.trials, mixed[i], values[i], self.extent) for i in worst]
+        return np.concatenate([values, *(self.trials.values(one[0][None]) for one in moved if one is not None)])
 
     def _missed(self, values: FloatArray) -> FloatArray:
         return shortfall(values / self.extent, self.values / self.extent)

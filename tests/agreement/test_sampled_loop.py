@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,42 @@ def test_the_limit_holds_with_exposure_and_filter() -> None:
     timing = pt.simulation.timing_of(chain, law(-1.0, 0.001, 0.01))
     predicted = pt.simulation.largest_damping(LETTER, timing).damping
     assert limit_of(law, chain, predicted, period=0.001) == pytest.approx(predicted, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("rate", "step_rate", "printed"), [(250.0, 1000.0, -4.36), (250.0, 250.0, -2.64), (100.0, 100.0, -1.13)]
+)
+def test_where_the_phase_is_not_known_the_limit_is_that_of_the_worst_phase(
+    rate: float, step_rate: float, printed: float, letter_power: pt.InversePower
+) -> None:
+    """A whole ratio keeps the wait of a run: each phase has a limit of its own, which the simulation has as well."""
+    period, part = 1 / step_rate, pt.simulation.sensor_part("VCNL4010").chain
+    chain = pt.SensorChain(rate=rate, exposure=part.exposure, delay=part.delay)
+    law = lambda gain, _, sensor_period: full(gain, period, sensor_period)  # noqa: E731
+    timed = law(-1.0, period, chain.period)
+    free = replace(chain, random_phase=True)
+    worst = pt.simulation.gain_limit(letter_power, LETTER, pt.simulation.timing_of(free, timed), distance=0.0)
+    assert worst.strongest == pytest.approx(printed, abs=0.01)
+    limits = []
+    for wait in np.array([0.999, 0.75, 0.5, 0.25, 0.0]) * period:
+        own = replace(chain, phase=float(-(chain.exposure + chain.delay + wait) % period))
+        predicted = pt.simulation.largest_damping(LETTER, pt.simulation.timing_of(own, timed)).damping
+        limits.append(limit_of(law, own, predicted, period=period))
+        assert limits[-1] == pytest.approx(predicted, rel=0.01)
+    assert limits == sorted(limits)
+    assert min(limits) == pytest.approx(worst.damping.damping, rel=0.01)
+
+
+@pytest.mark.parametrize(("rate", "step_rate"), [(400.0, 1000.0), (300.0, 1000.0), (240.0, 1000.0), (600.0, 250.0)])
+def test_where_the_ratio_is_not_whole_no_phase_is_worse_than_the_limit(rate: float, step_rate: float) -> None:
+    """The mean wait counts, at its worst, or of a faster sensor the longest: 2 to 20 % on the careful side."""
+    period, chain = 1 / step_rate, pt.SensorChain(rate=rate, exposure=170e-6, delay=120e-6)
+    law = lambda gain, _, sensor_period: full(gain, period, max(sensor_period, period))  # noqa: E731
+    timing = pt.simulation.timing_of(replace(chain, random_phase=True), law(-1.0, period, chain.period))
+    worst = pt.simulation.largest_damping(LETTER, timing).damping
+    phases = np.arange(6) / 6 * chain.period
+    found = [limit_of(law, replace(chain, phase=float(phase)), 1.1 * worst, period=period) for phase in phases]
+    assert worst < min(found) < 1.2 * worst
 
 
 def test_the_limit_holds_with_the_filters_of_the_letter() -> None:

@@ -75,11 +75,11 @@ def test_a_class_has_its_name_alone() -> None:
     assert [name for name, count in names.items() if count > 1] == []
 
 
-FILES = 246  # of the package and its compiled core
+FILES = 250  # of the package and its compiled core
 LINES = 53_000  # of both; grew with the checks of issue 23: arguments, library, readings, limits of files
 LONGEST_FUNCTION = 60  # lines without its docstring
 ROOMS_OF_DESIGN = 20
-FILES_OF_A_VERDICT = 47
+FILES_OF_A_VERDICT = 50
 
 PASSED = """
 import sys, threading

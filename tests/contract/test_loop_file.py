@@ -96,7 +96,7 @@ stiffness = "30 N/mm^1.5"
 exponent = 1.5
 dissipation = "0.5 s/m"
 """,
-    "loop": 'runs = 20\nseed = 7\nhorizon = "3 s"\nfollow = "0.1 s"\nstability_margin = 1.5\n',
+    "loop": 'runs = 20\nseed = 7\nhorizon = "3 s"\nfollow = "0.1 s"\nstability_margin = 1.5\nspeed_tolerance = 0.2\n',
 }
 LOOP = ClosedLoop(
     chain=SensorChain(
@@ -165,6 +165,7 @@ def test_every_key_arrives_in_the_objects(read):
     asked = read("".join(f"[{name}]\n{text}" for name, text in ALL_OF.items()))
     assert asked.loop == LOOP
     assert (asked.gain, asked.runs, asked.part, asked.stability_margin) == (-0.6, 20, sensor_part("VCNL4040"), 1.5)
+    assert asked.speed_tolerance == 0.2
 
 
 def test_the_texts_above_have_every_key():

@@ -43,7 +43,7 @@ def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
     assert "Whether a robot cell is acceptable is for its integrator to assess" in words
     sections = {
         "Predicted and simulated": found.gain is not None,
-        "Is the sensor fast enough?": found.gain is not None,
+        "Is the sensor fast enough, and is the loop stable?": found.gain is not None,
         "What was tried": bool(found.changes),
         "What this rests on": found.gain is not None,
         "The loop": True,
@@ -110,6 +110,8 @@ def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:
     assert titles.index("Why it does not hold") + 1 == titles.index(title)
     head, *tried = table(page, "What was tried")
     assert head == ["change", "objective", "limits kept", "margin", "what to do"]
+    own, *tried = tried
+    assert own == ["as it is", "", f"not all: {100 * slow.as_it_is[0].held:.4g} %", margins[0], "Nothing is changed."]
     assert [cells[-1] for cells in tried] == [change.sentence for change in slow.changes]
     assert [cells[0].endswith(": helps") for cells in tried] == [change.helps for change in slow.changes]
     assert best.sentence in parse(page[page.index(title) : page.index("What was tried")]).words
@@ -149,7 +151,10 @@ def test_where_nothing_helps_or_nothing_was_tried_the_report_says_so() -> None:
     assert still.best_change is None
     page = report_html(still)
     assert "No change helps" in sections_of(page)
-    assert "None of the changes that were tried helps by more than chance" in parse(page).words
+    assert (
+        "None of the changes that were tried turns the status to the better, or helps by more than chance"
+        in parse(page).words
+    )
     untried = sections_of(report_html(case("one run, no changes")))
     assert {"No change helps", "What would help most", "What was tried"}.isdisjoint(untried)
 

@@ -197,3 +197,18 @@ def test_the_example_of_the_reference_is_read(write):
     text = (Path(__file__).parents[2] / "docs" / "scenario-file.md").read_text(encoding="utf-8")
     example = re.search(r"```toml\n(.*?)```", text, flags=re.DOTALL).group(1)
     assert load_scenario(write(example)).bounds == (-10.0, -0.01)
+
+
+def test_a_distance_without_a_unit_that_no_sensor_reaches_is_asked_about(write, message):
+    """60 is 60 m; who means that says it. The largest number without a unit is 5."""
+    text = message(replaced('"42.2 mm"', "60"))
+    assert "obstacle.position: found 60, expected a quantity with its unit, for a bare number is in m" in text
+    assert 'did you mean "60 mm"? Else write "60 m"' in text
+    assert load_scenario(write(replaced('"42.2 mm"', '"60 m"'))).scenario.distance == 60.0
+    assert load_scenario(write(replaced('"42.2 mm"', "5"))).scenario.distance == 5.0
+
+
+def test_an_object_that_recedes_is_told_that_an_approach_is_negative(write):
+    found = pt.design_gain(load_scenario(write(replaced('"-0.3 m/s"', '"0.3 m/s"'))))
+    assert found.status.value == "no-contact"
+    assert found.warnings[0].endswith("The object recedes: an approach has a negative velocity.")

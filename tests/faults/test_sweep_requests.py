@@ -26,6 +26,11 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
     ("axes", "given", "sentence"),
     [
         ({}, {"gain": -0.5}, "axes: found none"),
+        (
+            {"velocity": [-0.3]},
+            {"gain": -0.5},
+            r"found 'velocity'.* did you mean obstacle\.velocity or plant\.velocity",
+        ),
         ({"obstacle.velocty": [-0.3]}, {"gain": -0.5}, r"found 'obstacle\.velocty'.* did you mean obstacle\.velocity"),
         ({"nonsense": [1.0]}, {"gain": -0.5}, "is no input of this sweep; expected one of"),
         ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "no input of this sweep"),

@@ -125,14 +125,16 @@ def test_a_sensor_too_slow_for_the_gain_does_not_hold_and_a_faster_one_would() -
     assert check.margin < 1 < check.lowest_rate / check.rate
     assert check.lowest_rate_with_margin > check.lowest_rate
     assert check.margin == pytest.approx(check.strongest / -0.7463)
-    assert "not fast enough" in found.stability_text
+    assert found.stability_text.startswith("The loop is unstable: ")
+    assert found.sensor_speed is not None
+    assert found.sensor_speed.text.startswith("The sensor is too slow: read 20 times a second")
     best = found.best_change
     assert best is not None
     assert best.standing == 1
     assert best.margin is not None
     assert best.margin >= 1
     faster = next(change for change in found.changes if change.name == "sensor-rate")
-    assert faster.sentence == "Read the sensor 56 times a second instead of 20."  # 55.6 would have a margin of 2
+    assert faster.sentence == "Read the sensor 60 times a second instead of 20."  # 59.1 would have a margin of 2
     assert faster.helps
     assert faster.margin is not None
     assert faster.margin >= 2
@@ -150,7 +152,7 @@ def test_the_margin_is_that_of_the_gain_limit() -> None:
     rate = found.stability.lowest_rate_with_margin
     there = verdict(loop_of(rate=rate, exposure=170e-6, delay=120e-6, random_phase=True), gain=-0.7463, runs=1)
     assert there.stability is not None
-    assert there.stability.margin == pytest.approx(2.0, rel=1e-6)
+    assert 2.0 <= there.stability.margin < 2.1  # it is enough at any phase and any ratio of the rates
 
 
 @pytest.mark.parametrize(
@@ -361,22 +363,41 @@ def test_a_late_detection_is_laid_to_the_sensor_or_to_its_floor() -> None:
     assert "a first reading takes 24.83 ms, and farther away" in said(0.02, **slow)
 
 
-def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still() -> None:
-    """The counts of a VCNL4010 with a floor of 5 deviations of noise; the floor that is named is tried anew here."""
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_robot_that_noise_moves_at_rest_is_told_which_floor_keeps_it_still(seed: int) -> None:
+    """The counts of a VCNL4010 with a floor of 5 deviations of noise; both promises are tried anew with other noise.
+
+    At nine levels near the floor, other than those that were looked at. Of 24 runs 7 exceed what 5 % do by chance in
+    one of 10,000 cases; the floor that is named must quiet the warning itself.
+    """
     task = pt.load_scenario(EXAMPLES / "loop.toml").replace(runs=2)
+    task = task.replace(loop=replace(task.loop, seed=seed))
     (said,) = (text for text in pt.verify_gain(task, changes=False).warnings if text.startswith("At rest"))
     found = re.search(
-        r"moves the robot by up to ([\d.]+) mm .* with a floor of ([\d.]+) it .* from ([\d.]+) mm on", said
+        r"farthest at ([\d.]+) mm, .* in 95 % of the runs by ([\d.]+) mm at most within 30 s "
+        r"\(59 runs, 95 % confidence\); with a floor of ([\d.]+) it is 1 mm at most, "
+        r"and objects are detected from ([\d.]+) mm on",
+        said,
     )
     assert found is not None
-    moved, floor, place = (float(number) for number in found.groups())
+    _, moved, floor, place = (float(number) for number in found.groups())
     assert moved > 1
-    loop, gain = task.loop, pt.verify_gain(task, changes=False).gain
+    loop, gain = task.loop, pt.design_gain(task.replace(evaluate=None)).gain
+    places = np.linspace(0.02, 0.25, 4001)
+    level = np.exp(np.asarray(task.sensor.log_output(places)))  # crosstalk and offset are the same
+    assert 1e3 * places[level >= floor].max() == pytest.approx(place, abs=1.0)  # of which the steps are 1 mm
+
+    def moves(floor: float) -> np.ndarray:
+        held = replace(loop.law, conditioning=replace(loop.law.conditioning, floor=floor))
+        quiet = replace(loop, law=held, contact=None, horizon=30.0, seed=70 + seed)
+        deviations = np.array([-0.3, 0.0, 0.3, 0.8, 1.2, 1.8, 3.0, 6.0, 10.0])
+        seen = level >= floor + deviations[:, None] * np.hypot(20.0, 0.002 * level)
+        here = np.where(seen, places, 0.0).max(axis=1)
+        scenario = replace(task.scenario, obstacle=pt.Obstacle(position=np.repeat(here, 24)))
+        return 1e3 * np.asarray(quiet.run(scenario, task.sensor, gain).largest_excursion).reshape(-1, 24)
+
+    assert (moves(loop.law.conditioning.floor) > moved).mean(axis=1).max() < 7 / 24  # 7 of 24: by chance 1e-4
+    assert (moves(floor) > 1).mean(axis=1).max() < 7 / 24
     held = replace(loop.law, conditioning=replace(loop.law.conditioning, floor=floor))
-    rest = replace(task.scenario, obstacle=pt.Obstacle(position=1e-3 * place))
-    quiet = replace(loop, law=held, contact=None, horizon=60.0, seed=7)
-    moves = np.asarray(quiet.run(rest, task.sensor, gain, runs=20).largest_excursion)
-    assert np.median(moves) < 1e-3
-    assert moves.max() < 0.5e-3 * moved
     still = pt.verify_gain(task.replace(loop=replace(loop, law=held)), changes=False)
     assert not any(text.startswith("At rest") for text in still.warnings)

@@ -33,9 +33,12 @@ def objective_of(loop: ClosedLoop, gain: float, runs: int) -> np.ndarray:
     return np.asarray((result.displacement / 0.5) ** 2 + (result.relative_velocity / 0.3) ** 2)
 
 
-@pytest.mark.parametrize("loop", [NOISY, SLOW], ids=["quick", "late"])
-def test_the_best_gain_on_the_loop_is_that_of_brute_force(loop: ClosedLoop) -> None:
-    """Over a grid 0.1 % apart, as far as gains have a margin of 2; the objective is flat: it is what must agree."""
+@pytest.mark.parametrize(("loop", "ripple"), [(NOISY, 4e-3), (SLOW, 1e-4)], ids=["quick", "late"])
+def test_the_best_gain_on_the_loop_is_that_of_brute_force(loop: ClosedLoop, ripple: float) -> None:
+    """Over a grid 0.1 % apart, as far as gains have a margin of 2; the objective is flat: it is what must agree.
+
+    With 60 random phases the mean of the quick loop has ripples of 0.4 % over the gain, 2 % apart: any of them is met.
+    """
     found = verdict(loop, runs=60)
     loss = found.loss
     assert loss is not None
@@ -47,8 +50,8 @@ def test_the_best_gain_on_the_loop_is_that_of_brute_force(loop: ClosedLoop) -> N
     assert len(grid) > 50
     mean = np.array([objective_of(loop, float(g), 60).mean() for g in grid])
     assert loss.loop_objective == pytest.approx(objective_of(loop, loss.loop_gain, 60).mean())
-    assert loss.loop_objective <= mean.min() * (1 + 1e-4)
-    assert loss.loop_gain == pytest.approx(float(grid[np.argmin(mean)]), rel=0.02)
+    assert loss.loop_objective <= mean.min() * (1 + ripple)
+    assert loss.loop_gain == pytest.approx(float(grid[np.argmin(mean)]), rel=0.02 + 10 * ripple)
     assert loss.loss_error is not None
     fall = objective_of(loop, found.gain or 0.0, 60) - objective_of(loop, loss.loop_gain, 60)
     assert loss.loss == pytest.approx(fall.mean())
@@ -97,10 +100,42 @@ def test_every_change_is_what_its_own_loop_gives() -> None:
         assert change.objective == pytest.approx(after.mean())
         assert change.improvement == pytest.approx(fall.mean(), abs=1e-12)
         assert change.improvement_error == pytest.approx(fall.std(ddof=1) / np.sqrt(60))
-        if change.helps:
+        if change.helps and change.status is found.as_it_is[0].status:  # it does not turn the status
             assert fall.mean() > 2 * fall.std(ddof=1) / np.sqrt(60)
     helpful = [change.helps for change in found.changes]
     assert helpful == sorted(helpful, reverse=True)
+
+
+def test_a_change_that_turns_the_status_helps() -> None:
+    """A force 20 ms late leaves a margin of 1.5; without the delay it has 4.5, though the objective is no better."""
+    late = loop_of(rate=100.0, delay=0.02)
+    found = verdict(late, gain=-0.5, runs=2)
+    assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
+    change = next(c for c in found.changes if c.name == "delay")
+    assert found.stability is not None
+    assert found.stability.margin < 2 < change.margin
+    assert change.improvement < 0.01
+    assert change.helps
+    assert change.status is pt.VerdictStatus.HOLDS
+    assert "No change helps" not in str(found)
+    assert "forbid it" not in str(found)
+    loop = next(c.loop for c in candidates_of(late, **APPROACH) if c.name == "delay")
+    assert verdict(loop, gain=-0.5, runs=2, changes=False).status is pt.VerdictStatus.HOLDS
+
+
+def test_the_loop_as_it_is_stands_beside_its_changes_over_the_same_runs() -> None:
+    limit = velocity_limit(0.0785, 0.9)
+    found = verdict(NOISY, constraints=[limit], gain=-0.7463, runs=230)
+    speed = np.abs(NOISY.run(SCENARIO, SENSOR, -0.7463, runs=230).relative_velocity)
+    assert [one.held for one in found.as_it_is] == [np.mean(speed[:200] <= 0.0785), np.mean(speed <= 0.0785)]
+    assert all(one.improvement == 0 and not one.helps for one in found.as_it_is)
+    assert [one.status for one in found.as_it_is] == [found.status] * 2
+    lines = str(found).splitlines()
+    rows = [line for line in lines if line.startswith("as it is, ")]
+    assert [f"{100 * one.held:.4g} %" in row for one, row in zip(found.as_it_is, rows, strict=True)] == [True, True]
+    assert [row.split()[3:5] for row in rows] == [["200", "runs"], ["230", "runs"]]
+    one = verdict(NOISY, constraints=[limit], gain=-0.7463, runs=20)
+    assert len(one.as_it_is) == 1
 
 
 def test_more_runs_without_noise_are_one_run_and_nothing_helps_a_perfect_loop() -> None:

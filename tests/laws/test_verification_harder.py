@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pretouch as pt
 from pretouch.verification import Effect
-from verification_samples import NOISY, QUICK, SCENARIO, SENSOR, loop_of, verdict
+from pretouch.verification.effect import chase_in_words
+from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
 WILD = loop_of(rate=60.0, exposure=1 / 60, delay=0.004, distance_noise=0.008, reports_distance=True, random_phase=True)
 ROBOT = pt.simulation.ImpedancePlant(mass=2.0, stiffness=4000.0, damping=180.0)
@@ -48,7 +50,7 @@ def test_what_is_proposed_is_no_harder_than_no_mitigation() -> None:
         assert speed.mean() <= 0.3 + 2 * speed.std(ddof=1) / np.sqrt(60)
     assert best.standing == 1
     # where contact is harder, its share of the speed without mitigation stands for how well the gain stands
-    harder = loss.curve.standing < 1
+    harder = loss.curve.standing < 0.99  # a gain without effect stands at 0.99
     for gain, standing in zip(loss.curve.gain[harder], loss.curve.standing[harder], strict=True):
         speed = np.abs(WILD.run(SCENARIO, SENSOR, float(gain), runs=60).relative_velocity)
         assert standing == pytest.approx(0.3 / speed.mean())
@@ -72,12 +74,158 @@ def test_a_difference_counts_from_two_standard_errors_on(
     assert (effect.is_harder, effect.is_softer) == (harder, softer)
 
 
-def test_gains_that_do_not_mitigate_are_not_called_harder() -> None:
-    assert verdict(QUICK, gain=0.3, runs=1, changes=False).effect is None
+def test_contact_that_is_harder_in_more_runs_than_half_is_harder_whatever_its_mean() -> None:
+    """Of runs on which a gain does nothing half are harder by chance, within two deviations of sqrt(n) / 2."""
+    known = {"speed": 0.29, "unmitigated": 0.3, "difference": -0.01, "standard_error": 0.02}
+    assert Effect(**known, runs=100, harder=61).is_harder
+    assert not Effect(**known, runs=100, harder=60).is_harder
+    assert not Effect(**known, runs=4, harder=4).is_harder
+
+
+@pytest.mark.parametrize("gain", [0.3, 0.01])
+def test_a_gain_of_the_wrong_sign_does_not_hold_whatever_the_limits(gain: float) -> None:
+    found = verdict(QUICK, gain=gain, runs=1, changes=False)
+    assert not found.limits
+    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.reasons[0] == f"D_p = {gain:g} N s makes the robot chase the object: mitigating gains are negative"
+    assert found.reasons[1].startswith("contact is harder than without mitigation: ")
+    assert found.reasons[2].startswith("contact is predicted to be harder than without mitigation: ")
+    assert "chase the object" in found.headline
     soft = verdict(QUICK, gain=-0.7463, runs=1, changes=False).effect
     assert soft is not None
     assert not soft.is_harder
     assert soft.difference == pytest.approx(0.0791 - 0.3, abs=1e-3)
+
+
+def test_contact_that_comes_with_the_gain_alone_is_harder() -> None:
+    """The object turns 2 mm before the robot; a gain of the wrong sign follows it there."""
+    turning = pt.Obstacle(position=0.0422, velocity=-0.3, acceleration=0.3**2 / (2 * 0.0402))
+    scenario = replace(SCENARIO, obstacle=turning)
+    loop = replace(QUICK, horizon=1.0)
+    task = pt.Task(scenario, SENSOR, OBJECTIVE, loop=loop, gain=1.0, bounds=(-10.0, 2.0), runs=2, horizon=1.0)
+    found = pt.verify_gain(task, changes=False)
+    assert found.effect is not None
+    assert found.effect.unmitigated == 0
+    assert found.effect.is_harder
+    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert found.reasons[-2].endswith("instead of no contact")
+
+
+def test_a_law_of_the_other_sign_has_its_sign_explained() -> None:
+    number = pt.motion.LawNumber("drag", "phi", "N*s^2", 1)
+    assert list(chase_in_words(number, -0.01)) == [
+        "phi = -0.01 N s\u00b2 makes the robot chase the object: mitigating drags are positive"
+    ]
+    assert not list(chase_in_words(number, 0.01))
+
+
+BOTH = {"natural_frequency": (2.0, 12.0)}
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        pt.design_gain,
+        pt.pareto_front,
+        pt.robust.design_robust_gain,
+        pt.verify_gain,
+        lambda task: pt.pareto_front(task.replace(**BOTH)),
+        lambda task: pt.design_admittance(task.replace(**BOTH)),
+        lambda task: pt.design_gain(task.replace(stability_margin=2.0)),
+    ],
+)
+def test_bounds_without_a_gain_that_mitigates_are_refused_with_the_sign(verb: Any) -> None:
+    task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, loop=QUICK, bounds=(0.01, 10.0), runs=2)
+    expected = (
+        "bounds: 0.01 to 10 N s make the robot chase the object; mitigating gains are negative. "
+        "Did you mean -10 to -0.01 N s?"
+    )
+    with pytest.raises(pt.errors.InvalidInputError) as refused:
+        verb(task)
+    assert str(refused.value) == expected
+    with pytest.raises(pt.errors.InvalidInputError, match="Did you mean -10 to 0 N s"):
+        verb(task.replace(bounds=(0.0, 10.0)))
+
+
+def test_bounds_of_a_drag_are_positive_and_those_with_both_signs_are_searched() -> None:
+    drag = pt.Task(SCENARIO, SENSOR, OBJECTIVE, law="virtual-drag", bounds=(-0.1, -1e-3))
+    with pytest.raises(
+        pt.errors.InvalidInputError, match=r"mitigating drags are positive. Did you mean 0\.001 to 0\.1"
+    ):
+        pt.design_gain(drag)
+    both = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-10.0, 0.5)))
+    assert both.gain == pytest.approx(-0.7463, abs=1e-4)
+
+
+def test_a_design_that_makes_contact_harder_does_not_call_that_less() -> None:
+    """Without mitigation contact comes after 141 ms; only gains that chase the object make it sooner."""
+    late = [pt.Constraint(name="time", limit=0.12)]
+    found = pt.design_gain(pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(-1.0, 1.0), constraints=late))
+    assert found.gain is not None
+    assert found.gain > 0
+    assert " % more)" in found.headline
+
+
+def test_a_loop_without_effect_does_not_hold() -> None:
+    """The object comes within 84 ms, of which an 8 Hz sensor has no two readings."""
+    fast = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=-0.5))
+    task = pt.Task(
+        fast, SENSOR, OBJECTIVE, loop=loop_of(rate=8.0, random_phase=True), gain=-0.2, bounds=BOUNDS, runs=20
+    )
+    found = pt.verify_gain(task, changes=False)
+    assert found.mitigated is not None
+    assert np.all(found.mitigated.largest_excursion == 0)
+    assert found.stability is not None
+    assert found.stability.margin > 1
+    assert found.status is pt.VerdictStatus.DOES_NOT_HOLD
+    assert (
+        found.reasons[0]
+        == "the gain has no effect: contact is at 0.5 m/s on average, and at 0.5 m/s without mitigation"
+    )
+    assert found.sensor_speed is not None
+    assert "The sensor is too slow" in found.sensor_speed.text
+    assert "The sensor is too slow" in " ".join(str(found).split())
+    assert verdict(QUICK, gain=0.0, runs=1, changes=False).status is pt.VerdictStatus.DOES_NOT_HOLD
+    one = pt.simulate_encounter(task)
+    assert one.warnings[-1] == "The gain has no effect in this run: contact is at 0.5 m/s, and at 0.5 m/s without it."
+
+
+def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sensor() -> None:
+    slow = loop_of(rate=15.0, random_phase=True)
+    found = verdict(slow, gain=-0.4, changes=False)
+    assert found.stability is not None
+    assert found.stability.margin > 1
+    speed = np.abs(slow.run(SCENARIO, SENSOR, -0.4, runs=60).relative_velocity)
+    predicted = abs(float(pt.find_contact(SCENARIO, SENSOR, -0.4).contact.relative_velocity))
+    excess = speed.mean() / predicted - 1
+    assert excess > 0.1
+    assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
+    assert found.reasons[0].startswith(f"contact is {100 * excess:.2g} % harder than predicted, ")
+    assert found.reasons[0] in found.headline
+    assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs contact is at most ")
+    # with a reading of each step, of that instant, the same controller gives what is compared with
+    quick = loop_of(rate=1000.0)
+    ideal = abs(float(quick.run(SCENARIO, SENSOR, -0.4).relative_velocity))
+    check = found.sensor_speed
+    assert check is not None
+    assert check.fast == pytest.approx(ideal)
+    assert check.harder == pytest.approx(float(np.quantile(speed / ideal, 0.95)) - 1)
+    assert not check.is_fast_enough
+    lenient = verdict(slow, gain=-0.4, changes=False, speed_tolerance=1.5 * max(check.harder, excess))
+    assert lenient.sensor_speed is not None
+    assert lenient.sensor_speed.is_fast_enough
+    assert not any("harder" in reason or "too slow" in reason for reason in lenient.reasons)
+    with pytest.raises(pt.errors.InvalidInputError, match=r"speed_tolerance: found -0\.1"):
+        verdict(slow, gain=-0.4, speed_tolerance=-0.1)
+
+
+def test_simulate_warns_first_of_a_gain_that_makes_contact_harder() -> None:
+    found = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=0.3))
+    assert found.warnings[0] == "D_p = 0.3 N s makes the robot chase the object: mitigating gains are negative."
+    assert found.warnings[1].startswith("With the gain contact is harder than without mitigation: 0.81")
+    shown = str(found).split("\n\n")
+    assert "makes the robot chase the object" in shown[1]
+    assert not pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=-0.7463)).warnings
 
 
 def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:

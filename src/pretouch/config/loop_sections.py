@@ -173,6 +173,7 @@ LOOP_VARIANTS: Final[Mapping[str, Mapping[str, Section]]] = {
                 "horizon": Key(_SPAN, 10.0),
                 "follow": Key(Quantity("s", '"1 ms"', "nonnegative"), 0.2),
                 "stability_margin": Key(Quantity("", "2.0", "positive")),
+                "speed_tolerance": Key(Quantity("", "0.1", "nonnegative"), 0.1),
             },
             _beyond_one,
         )

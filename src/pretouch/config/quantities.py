@@ -99,6 +99,7 @@ class Quantity:
         infinite: whether it may be infinite.
         words: texts that may stand in its place and are kept as they are.
         of: which law has this unit, for messages; the empty text where none decides it.
+        largest_bare: magnitude up to which a number may stand without its unit: a larger one is likely in another.
 
     Examples:
         >>> Quantity("m", '"42.2 mm"')("42.2 mm")
@@ -111,6 +112,7 @@ class Quantity:
     infinite: bool = False
     words: tuple[str, ...] = ()
     of: str = ""
+    largest_bare: float = math.inf
 
     @property
     def expected(self) -> str:
@@ -135,6 +137,11 @@ class Quantity:
                 'expected an angular frequency in rad/s: Hz is ambiguous here, 1 Hz is 2*pi = "6.2832 rad/s"'
             )
         number = self._number(value)
+        if not isinstance(value, str) and abs(number) > self.largest_bare:
+            raise UnfitValueError(
+                f"expected a quantity with its unit, for a bare number is in {self.unit}: did you mean "
+                f'"{value:g} m{self.unit}"? Else write "{value:g} {self.unit}"'
+            )
         if self.sign != "any" and not _HOLDS[self.sign](number, 0.0):
             raise UnfitValueError(f"expected {self._described(f'{self.sign} ')}")
         if math.isinf(number) and not self.infinite:

@@ -151,9 +151,11 @@ _MOTION: Final = {
 _TRADED: Final = 'a list of two or three quantities such as "displacement", "relative_velocity"'
 _QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
 
+_BARE: Final = 5.0  # m, beyond the reach of proximity sensors: a number without a unit is likely in mm
 _STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s^2"'
 _OBSTACLE_KEYS: Final = {
-    **declared_keys(Obstacle),
+    "position": Key(Quantity("m", '"42.2 mm"', largest_bare=_BARE), REQUIRED),
+    **declared_keys(Obstacle, without=("position",)),
     "course": Key(list_of(Section(declared_keys(Stretch)), 1, None, _STRETCHES)),
 }
 

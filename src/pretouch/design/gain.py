@@ -123,10 +123,8 @@ class GainDesign(GainEvidence):
             before = self.no_mitigation
             if before.reached.all():
                 speed = abs(before.end.relative_velocity)
-                text += (
-                    f" instead of {format_quantity(speed, 'm/s')} without mitigation "
-                    f"({100 * (1 - left / speed):.1f} % less)"
-                )
+                change = f"{100 * abs(1 - left / speed):.1f} % {'less' if left <= speed else 'more'}"
+                text += f" instead of {format_quantity(speed, 'm/s')} without mitigation ({change})"
             return text + f", after an excursion of {format_quantity(self.result.end.largest_excursion, 'm')}."
         if self.nearest is not None:
             return "Infeasible: " + _conflict(self)
@@ -224,7 +222,10 @@ def _about_contact(design: GainDesign, scanned: ContactResult) -> Iterator[str]:
         distances = np.asarray(scanned.closest_distance)[status == kind]
         text += f" Nearest approach {format_quantity(float(distances.min()), 'm')}."
         low = design.sensor.valid_range[0]
-        if kind is ContactStatus.LEFT_RANGE and low > 0:
+        recedes = np.all(np.asarray(design.scenario.relative_velocity) > 0)
+        if recedes:
+            text += " The object recedes: an approach has a negative velocity."
+        if kind is ContactStatus.LEFT_RANGE and low > 0 and not recedes:
             text += (
                 f" The curve starts at {format_quantity(low, 'm')}: mount the sensor that far behind the contact "
                 "surface and give this as its recess."
@@ -267,4 +268,4 @@ def design_gain(task: Task) -> GainDesign:
         >>> round(design.gain, 4), round(design.objective, 5)
         (-0.7463, 0.10698)
     """
-    return GainDesign.of(GainProblem(task=task, axis=GainAxis.between(task.stable_bounds(), task.law.number.unit)))
+    return GainDesign.of(GainProblem(task=task, axis=GainAxis.between(task.stable_bounds(), task.law.number)))

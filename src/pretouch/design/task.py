@@ -18,6 +18,7 @@ from pretouch.uncertainty import Uncertainty
 
 from .constraints import Constraint, ImpactModel, each_once
 from .objectives import AnyObjective, Objective, as_objective
+from .search.scan import GainAxis
 
 if TYPE_CHECKING:
     from pretouch.calibration import CalibrationReport
@@ -132,6 +133,8 @@ class Task(Value):
         runs: how many runs a verdict rests on.
         stability_margin: by how much a designed gain must be able to grow until the loop is unstable; it cuts the
             bounds. None: not asked for.
+        speed_tolerance: by which share contact may be harder than predicted, and than with an infinitely fast sensor,
+            until a verdict says so.
         calibration: the report of the fit that the sensor comes from; a verdict then tries the gain on what else its
             readings allow.
         source: the file that the task was read from; what a verb refuses then names its line.
@@ -184,6 +187,7 @@ class Task(Value):
     loop: Any = field(default=None, metadata={"takes": "ClosedLoop | None"})
     runs: int = 1000
     stability_margin: float | None = None
+    speed_tolerance: float = 0.1
     calibration: CalibrationReport | None = None
     source: Source | None = field(default=None, compare=False)
     part: Any = None
@@ -224,8 +228,9 @@ class Task(Value):
             return self.bounds
         if self.loop is None:
             raise InvalidInputError("stability_margin: found one without a loop, expected loop=ClosedLoop(...) with it")
+        axis = GainAxis.between(self.bounds, self.law.number)  # refuses bounds as they are given, and not as cut
         found: tuple[float, float] = self.loop.stable_bounds(
-            self.bounds, self.scenario, self.sensor, self.stability_margin
+            axis.ends, self.scenario, self.sensor, self.stability_margin
         )
         return found
 

@@ -49,6 +49,11 @@ class LawNumber(NamedTuple):
         return pretty_unit(format_quantity(value, self.unit, digits))
 
     @property
+    def mitigating(self) -> str:
+        """The sign of values that mitigate, in words."""
+        return "positive" if self.sign > 0 else "negative"
+
+    @property
     def glyph(self) -> str:
         """The symbol in a picture, such as "D\u209a"."""
         return self.symbol.replace("_p", "\u209a")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.blocks import Cell, Measured
@@ -20,6 +20,10 @@ from pretouch.control import Controller
 from pretouch.control.components import design_low_pass, output_in_words
 
 Row = tuple[str, Cell]
+
+_LOCKED: Final = 1e-6  # of a period: the two clocks keep their phase for a million readings
+_DRIFT: Final = 0.01  # of a period, by which the phase moves per reading: in an encounter of some 100 it stays alike
+_LONGEST_BEAT: Final = 102  # readings: by Dirichlet's theorem a ratio meets one of at most 1 / _DRIFT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,6 +208,8 @@ class LoopTiming:
             numbers each; none by default.
         smoothing: time constant tau_s [s] of a first-order low-pass behind them, which takes in 1 - exp(-hold/tau_s) of
             every reading; 0 for none.
+        delay_range: by how much the delay can be shorter [s]. It stays the same in a run and differs from run to run,
+            as the phase between a sensor and a controller does. Limits are those of the worst delay of the range.
 
     Examples:
         >>> LoopTiming(rate=100.0, delay=0.005).period
@@ -216,6 +222,7 @@ class LoopTiming:
     exposure: float = quantity("s", 0.0, sign="nonnegative")
     sections: Any = field(default=(), metadata={"takes": "tuple[tuple[float, ...], ...]"})
     smoothing: float = quantity("s", 0.0, sign="nonnegative")
+    delay_range: float = quantity("s", 0.0, sign="nonnegative")
 
     def __post_init__(self) -> None:
         check_declared(self)
@@ -224,9 +231,15 @@ class LoopTiming:
             raise InvalidInputError(
                 f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
             )
-        if self.delay < self.exposure / 2 * (1 - 1e-9):
+        if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(
-                f"delay: found {self.delay:g} s, less than half of the exposure of {self.exposure:g} s: it counts from "
+                f"delay_range: found {self.delay_range:g} s, more than the delay of {self.delay:g} s: no force acts "
+                "before its reading"
+            )
+        shortest = self.delay - self.delay_range
+        if shortest < self.exposure / 2 * (1 - 1e-9):
+            raise InvalidInputError(
+                f"delay: found {shortest:g} s, less than half of the exposure of {self.exposure:g} s: it counts from "
                 "the middle of the exposure"
             )
 
@@ -250,17 +263,22 @@ class LoopTiming:
 
 
 @check_arguments
-def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
+def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool = False) -> LoopTiming:
     """Tell when a loop of this chain and this controller samples and acts.
 
-    A reading that is ready waits for the next step of the controller; the force of a difference acts for the sensor
-    period that the controller was told. A median over N readings counts as a delay of (N - 1) / 2 periods, which it is
-    for every signal that only rises.
+    A reading that is ready waits for the next step of the controller. Where both rates have a whole ratio this wait is
+    the same for all readings of a run: that of the chain's phase, or with a random phase any up to a period. Of other
+    ratios the mean wait counts, at the worst phase. The force of a difference acts for the sensor period that the
+    controller was told. A controller that is slower than its sensor takes the newest reading: the loop then has the
+    controller's rate. A median over N readings counts as a delay of (N - 1) / 2 periods, which it is for every signal
+    that only rises.
 
     Args:
         chain: the sensor chain; its jitter, noise and dropouts are left out.
         controller: the controller; its limits and what its law does beside the gain are left out, but for a
             `smoothing_time`, see `pretouch.control.laws.Law`.
+        worst_ratio: whether readings wait as they may at the worst ratio of the two rates, which is a whole one, and at
+            any phase, whatever the chain says: for what is to hold at all rates from one on.
 
     Returns:
         The timing, with the Butterworth filter of the controller and the smoothing of its law.
@@ -278,22 +296,36 @@ def timing_of(chain: SensorChain, controller: Controller) -> LoopTiming:
         0.013
     """
     conditioning, period = controller.conditioning, controller.period
-    ready = chain.phase + chain.exposure + chain.delay
-    ratio = chain.period / period
-    together = ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6 and not chain.random_phase
-    # where the two clocks have no common beat, a reading waits for half a step on average
-    waiting = math.ceil(ready / period - 1e-9) * period - ready if together else period / 2
-    median = (conditioning.median_window - 1) / 2 * chain.period
-    designed = design_low_pass(conditioning.low_pass_order, conditioning.cutoff, chain.rate)
+    rate = min(chain.rate, 1 / period)
+    longest, shortest = (min(period, chain.period), 0.0) if worst_ratio else _waits(chain, period)
+    median = (conditioning.median_window - 1) / 2 / rate
+    designed = design_low_pass(conditioning.low_pass_order, conditioning.cutoff, rate)
     hold = period if conditioning.sensor_period is None else conditioning.sensor_period
     return LoopTiming(
-        rate=chain.rate,
-        delay=chain.latency + max(waiting, 0.0) + median,
+        rate=rate,
+        delay=chain.latency + longest + median,
         hold=hold,
         exposure=chain.exposure,
         sections=[(s.b0, s.b1, s.b2, 1.0, s.a1, s.a2) for s in designed],
         smoothing=getattr(controller.law, "smoothing_time", 0.0),
+        delay_range=longest - shortest,
     )
+
+
+def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
+    """Return the longest and the shortest time for which readings wait for the next step of a controller [s]."""
+    step = min(period, chain.period)  # a newer reading takes the place of one that still waits
+    ratio = max(chain.period, period) / step
+    whole = abs(ratio - round(ratio))
+    if whole < _LOCKED and not chain.random_phase:
+        ready = (chain.phase + chain.exposure + chain.delay) / step
+        wait = (math.ceil(ready - _LOCKED) - ready) * step
+        return max(wait, 0.0), max(wait, 0.0)
+    if whole <= _DRIFT or chain.rate > 1 / period:
+        return step, 0.0
+    # after `beat` readings the wait is the same again; before, it takes values that are period / beat apart
+    beat = next(q for q in range(2, _LONGEST_BEAT) if abs(q * ratio - round(q * ratio)) <= _DRIFT)
+    return period / 2 * (1 + 1 / beat), period / 2 * (1 - 1 / beat)
 
 
 def _sections(given: Any) -> tuple[tuple[float, ...], ...]:

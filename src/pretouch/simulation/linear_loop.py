@@ -15,7 +15,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -26,6 +26,7 @@ from pretouch._core.numbers import BoolArray, FloatArray
 from .chain import LoopTiming
 
 _Complex: TypeAlias = NDArray[np.complex128]
+_Plant: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # x' = A x + B F, read as C x
 _TERMS: Final = 18  # of an exponential: the next is 1/19! of it, below rounding
 _ROUNDING: Final = 4 * 2.0**-52
 _LOWEST: Final = 1e-6  # of omega T, without a delay: a crossover below is none within 10^6 periods
@@ -188,6 +189,31 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
     values = loop.response(np.array(found)).real
     pairs = [(-1 / float(v), w) for w, v in zip(found, values, strict=True) if v < 0]
     return Crossover(damping=min(pairs)[0], angle=min(pairs)[1]) if pairs else None
+
+
+def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
+    """Return the loop with the delay of a range that allows the least damping, and its first crossover."""
+    # nearly always the longest; beside a mode that is hardly damped the limit has minima over the delay
+    tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
+
+    def limit(part: float) -> float:
+        one = replace(timing, delay=timing.delay - part * timing.delay_range, delay_range=0.0)
+        loop = linear_loop(*system, one)
+        tried[part] = loop, first_crossover(loop)
+        return _damping(tried[part])
+
+    first = limit(0.0)
+    if timing.delay_range > 0 and not first <= limit(0.5) <= limit(1.0) and min(map(_damping, tried.values())) > 0:
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415 - heavy
+
+        worst = min(tried, key=lambda part: _damping(tried[part]))
+        around = max(worst - 0.5, 0.0), min(worst + 0.5, 1.0)
+        minimize_scalar(limit, bounds=around, method="bounded", options={"xatol": 1e-3})
+    return min(tried.values(), key=_damping)
+
+
+def _damping(found: tuple[LinearLoop, Crossover | None]) -> float:
+    return math.inf if found[1] is None else found[1].damping
 
 
 def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, beside: float) -> float:

@@ -19,7 +19,7 @@ from pretouch.motion import DAMPER, Admittance, ContinuousLaw, Scenario
 from pretouch.sensors import SensorModel
 
 from .chain import LoopTiming
-from .linear_loop import first_crossover, linear_loop, spectral_radius, zero_between
+from .linear_loop import spectral_radius, worst_crossover, zero_between
 from .robot import IdealPlant, PlantModel, linear_plant
 
 _PLACES: Final = 65  # at which an encounter is linearized, contact and start included
@@ -42,12 +42,14 @@ class DampingLimit(Value):
             NaN for a limit of 0.
         radius_above: the same at 1.001 of the limit: the limit lies between. For a limit of 0, that of the growing
             eigenvalue right after 0.
+        delay: from reading to force, with which it is the limit [s]: the worst of the range of the timing.
     """
 
     damping: float
     frequency: float
     radius_below: float
     radius_above: float
+    delay: float = math.nan
 
     @property
     def is_certified(self) -> bool:
@@ -146,7 +148,9 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
         The limit, with the frequency of the oscillation and its certificate.
 
     Valid for:
-        One force per reading, held; jitter, noise and saturation are left out; a median counts as its delay.
+        One force per reading, held; jitter, noise and saturation are left out; a median counts as its delay. A delay
+        that differs from run to run is tried at both ends and in the middle of its range, and refined where the worst
+        is not the longest.
 
     Examples:
         A virtual mass alone, read without delay, is stable up to exactly 2 M / T:
@@ -155,18 +159,21 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
         >>> round(limit.damping, 6)
         200.0
     """
-    loop = linear_loop(*linear_plant(admittance, plant or IdealPlant()), timing)
+    loop, first = worst_crossover(linear_plant(admittance, plant or IdealPlant()), timing)
     free = admittance.stiffness == 0  # the position is then a free integrator, that no force reads
-    first = first_crossover(loop)
+    delay = loop.timing.delay
     if first is None:
         below = spectral_radius(loop, 0.0, free=free, beside=math.nan)
-        return DampingLimit(damping=math.inf, frequency=math.nan, radius_below=below, radius_above=math.nan)
+        return DampingLimit(
+            damping=math.inf, frequency=math.nan, radius_below=below, radius_above=math.nan, delay=delay
+        )
     d, angle, grown = first.damping, first.angle, math.exp(first.growth)
     return DampingLimit(
         damping=d,
         frequency=angle * timing.rate / (2 * math.pi),
         radius_below=spectral_radius(loop, 0.999 * d, free=free, beside=angle) if d > 0 else math.nan,
         radius_above=spectral_radius(loop, 1.001 * d, free=free, beside=angle) if d > 0 else grown,
+        delay=delay,
     )
 
 
@@ -279,9 +286,9 @@ def lowest_rate(
     """
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
-        kind = "positive" if number.sign > 0 else "negative"
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, which must be {kind}: only such gains mitigate"
+            f"gain: found {format_quantity(gain, number.unit)}, which must be {number.mitigating}: only such gains "
+            "mitigate"
         )
     _, each, free = _frozen(law, sensor, admittance, distance, relative_velocity)
     wanted = positive(margin, "margin") * abs(gain) * float(each.max())
@@ -289,7 +296,7 @@ def lowest_rate(
     system = linear_plant(free, plant or IdealPlant())
 
     def spare(logarithm: float) -> float:
-        found = first_crossover(linear_loop(*system, make(math.exp(logarithm))))
+        _, found = worst_crossover(system, make(math.exp(logarithm)))
         limit = math.inf if found is None else found.damping
         return math.log(min(max(limit, 1e-300), 1e300) / wanted)
 

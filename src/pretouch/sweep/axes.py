@@ -139,8 +139,9 @@ def _values(name: str, given: Any, known: Mapping[str, str]) -> FloatArray:
 def _unit(name: str, known: Mapping[str, str], told: str) -> str:
     """Return the unit of an input, or say which inputs there are."""
     if name not in known:
-        near = get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
+        alike = [one for one in known if one.rpartition(".")[2] == name]
+        near = sorted(alike, key=lambda one: not one.startswith("obstacle.")) or get_close_matches(name, known, n=1)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(known)}"
         raise InvalidInputError(f"{told}: found {name!r}, which is no input of this sweep; {hint}")
     return known[name]
 

@@ -45,6 +45,7 @@ class Reservations(Value):
         share_beyond: the share that is given beyond all readings.
         degree: of s' in the force of the law, by which shares are of one or the other.
         left: whether the nominal motion leaves the distances at which the curve is used, and so never comes to contact.
+        recedes: whether it does so because the object recedes from the start on.
         speed: the speed at contact on the curve as it is extended [m/s]; None where contact is supported, or unknown.
         speed_without_force: the same where no virtual force acts nearer than any reading: what a sensor that says
             nothing there leaves of the mitigation.
@@ -59,6 +60,7 @@ class Reservations(Value):
     share_beyond: float
     degree: int = 1
     left: bool = False
+    recedes: bool = False
     speed: float | None = None
     speed_without_force: float | None = None
     witness: WitnessCheck | None = None
@@ -108,6 +110,8 @@ class Reservations(Value):
             parts.append(f"from the start at {start} to {far}{farthest}, where {share}")
             remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
         if self.left:
+            if self.recedes:
+                remedies = ["give the obstacle a negative velocity, as of an approach: this object recedes"]
             mend = "; ".join(remedies) or "calibrate farther out"
             return (
                 f"Not supported by data: before contact the motion leaves the distances at which data support the "
@@ -253,7 +257,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         return reservations
     run = law.contact(scenario, sensor, 0.0 if gain is None else gain)
     if run.status is ContactStatus.LEFT_RANGE:
-        return replace(reservations, left=True)
+        return replace(reservations, left=True, recedes=bool(scenario.relative_velocity > 0))
     if gain is None or reservations.is_contact_supported or not run.reached.all() or near >= min(start, far):
         return reservations
     return replace(

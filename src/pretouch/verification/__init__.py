@@ -1,10 +1,10 @@
 """Whether a designed gain holds on the loop as it will really run: predicted beside simulated, and what to change."""
 
-from .appraisal import Effect
 from .calibration_check import CalibrationCheck
+from .effect import Effect, SensorSpeed, VerdictStatus
 from .encounter import SimulatedEncounter
 from .improvement import LoopChange, LoopCurve, Loss
-from .result import Comparison, LimitCheck, Reached, RunSpread, Verdict, VerdictStatus
+from .result import Comparison, LimitCheck, Reached, RunSpread, Verdict
 from .stability import StabilityCheck
 from .verify import simulate_encounter, verify_gain
 
@@ -18,6 +18,7 @@ __all__ = [
     "Loss",
     "Reached",
     "RunSpread",
+    "SensorSpeed",
     "SimulatedEncounter",
     "StabilityCheck",
     "Verdict",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -15,15 +15,18 @@ from pretouch._core.values import Value
 from pretouch.design import ElasticImpact, ImpactModel, Task
 from pretouch.design.objectives import OwnObjective, appraise
 from pretouch.design.robust import Required
-from pretouch.design.robust.measures import limits_of
+from pretouch.design.robust.measures import least_probability, limits_of
 from pretouch.motion import ContactResult, ContactState, Scenario
 from pretouch.motion.scenario import map_fields
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Ensemble, make_ensemble, sample_inputs
 
-_ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
-_SAME: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less
+from .effect import EFFECT, Effect, VerdictStatus, effect_of
+
+USUAL_MARGIN: Final = 2.0  # of the gain to instability: 6 dB
+ROOM: Final = 0.03  # of a limit: with less it is near
+_ALMOST: Final = 1 - EFFECT  # how well a gain without effect stands: better than one that does harm
 _ROUNDING: Final = 1e-12  # of a limit, as in the validation of robust designs
 _COMPARED: Final = 200
 _COMPARED_SENSORS: Final = 100  # where each run has a sensor curve of its own, which is tabulated first
@@ -77,11 +80,10 @@ class Draws:
             return loop.run(several, self.task.sensor, gain)
         return loop.run_each(several, self.sensors[:n], gain)
 
-    def predicted(self, gain: float) -> BoolArray:
-        """Tell which encounters come to a contact with a gain [N s], in continuous time with a perfect sensor."""
-        if self.ensemble is not None:
-            return self.ensemble.contacts(gain).reached
-        return np.full(self.task.runs, bool(predicted_contact(self.task, gain).reached.all()))
+    def predicted(self, gain: float) -> FloatArray:
+        """Return |l'| of each encounter with a gain in continuous time with a perfect sensor [m/s], NaN without one."""
+        found = predicted_contact(self.task, gain) if self.ensemble is None else self.ensemble.contacts(gain)
+        return self._each(np.where(found.reached, np.abs(found.end.relative_velocity), np.nan))
 
     def _each(self, value: Any) -> FloatArray:
         return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.task.runs,))
@@ -102,48 +104,6 @@ def draw_encounters(task: Task) -> Draws:
     several = make_ensemble(task.scenario, task.sensor, values, method=task.method, horizon=task.horizon, law=task.law)
     own = several.sensors() if any(name.startswith("sensor.") for name in values) else ()
     return Draws(task=task, scenarios=several.scenario, ensemble=several, sensors=own)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Effect(Value):
-    """What mitigation does to the speed at contact, over the runs that come to a contact both with and without it.
-
-    Args:
-        speed: mean |l'| with mitigation [m/s].
-        unmitigated: mean |l'| with D_p = 0 [m/s].
-        difference: mean of the one less the other, run by run [m/s].
-        standard_error: of that mean; NaN for a single run.
-        runs: how many.
-
-    Examples:
-        >>> Effect(speed=0.39, unmitigated=0.3, difference=0.09, standard_error=0.01, runs=20).is_harder
-        True
-    """
-
-    speed: float
-    unmitigated: float
-    difference: float
-    standard_error: float
-    runs: int
-
-    @property
-    def is_harder(self) -> bool:
-        """Whether contact is harder with mitigation, by more than two standard errors and rounding."""
-        return self.difference > self._chance
-
-    @property
-    def is_softer(self) -> bool:
-        """Whether contact is softer with mitigation, by more than two standard errors and rounding."""
-        return -self.difference > self._chance
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the effect as one JSON object, in SI."""
-        return {**asdict(self), "is_harder": self.is_harder}
-
-    @property
-    def _chance(self) -> float:
-        chance = _ERRORS * self.standard_error if math.isfinite(self.standard_error) else 0.0
-        return max(chance, _SAME * self.unmitigated)
 
 
 class Requirement(NamedTuple):
@@ -172,7 +132,7 @@ class LoopOutcomes:
     objective: FloatArray  # of each run; infinite without contact
     ratios: tuple[FloatArray, ...]  # |quantity| / limit of each limit and run; infinite without contact
     requirements: tuple[Requirement, ...]  # contact where it is predicted, and every limit
-    effect: Effect | None  # on the speed at contact, beside no mitigation; None where it cannot be compared
+    effect: Effect | None  # on the speed at contact, beside no mitigation; None where no run comes to a contact
     margin: float | None = None  # to instability, which must be 1 at least; None where it is not known
 
     @property
@@ -192,13 +152,15 @@ class LoopOutcomes:
 
     @property
     def softness(self) -> float:
-        """The speed at contact without mitigation beside that with it, where mitigation makes it harder; else 1."""
+        """The speed without mitigation over that with it, where that is harder; 0.99 without effect; else 1."""
         effect = self.effect
-        return effect.unmitigated / effect.speed if effect is not None and effect.is_harder else 1.0
+        if effect is None or not (effect.is_harder or effect.is_absent):
+            return 1.0
+        return min(effect.unmitigated / effect.speed, _ALMOST) if effect.is_harder else _ALMOST
 
     @property
     def is_kept(self) -> bool:
-        """Whether everything holds in as many runs as it must, and mitigation makes contact no harder."""
+        """Whether everything holds in as many runs as it must, and contact is softer than without mitigation."""
         return self.softness == 1 and all(r.is_met for r in self.requirements)
 
     @property
@@ -211,6 +173,19 @@ class LoopOutcomes:
         """The share of runs in which all holds at once."""
         held = [r.held for r in self.requirements if r.name != "contact"]
         return float(np.all([self.result.touched, *held], axis=0).mean())
+
+
+def status_of(task: Task, outcomes: LoopOutcomes) -> VerdictStatus:
+    """Return the status by limits, effect and margin alone: not by prediction, sensor speed and calibration."""
+    effect, margin = outcomes.effect, outcomes.margin
+    if not outcomes.is_kept or outcomes.stable < 1:
+        return VerdictStatus.DOES_NOT_HOLD
+    near = margin is None or margin < USUAL_MARGIN or effect is None or not effect.is_clear
+    for limit, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
+        count, p = int((ratio <= 1 + _ROUNDING).sum()), limit.probability
+        near |= least_probability(count, len(ratio), task.confidence) < p < 1
+        near |= limit.constraint.name != "gain" and 1 - ROOM < float(limit.share(ratio)) <= 1 + _ROUNDING
+    return VerdictStatus.HOLDS_NARROWLY if near else VerdictStatus.HOLDS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -243,7 +218,6 @@ class LoopProblem:
     def appraised(self, result: SimulationResult, loop: ClosedLoop, gain: float) -> LoopOutcomes:
         """Return what runs of the first encounters come to, on the loop and with the gain [N s] that they ran with."""
         limits, touched = limits_of(self.draws.task.constraints), result.touched
-        mitigates = self.draws.task.law.number.sign * gain > 0
         ratios = tuple(self._ratio(limit, result, loop, gain) for limit in limits)
         met = (
             Requirement(limit.constraint.name, ratio <= 1 + _ROUNDING, limit.probability)
@@ -254,7 +228,7 @@ class LoopProblem:
             objective=self._objective(result, loop, gain),
             ratios=ratios,
             requirements=(Requirement("contact", touched[self.predicted[: len(touched)]], 1.0), *met),
-            effect=effect_of(result, self.unmitigated) if mitigates else None,
+            effect=effect_of(result, self.unmitigated),
         )
 
     def _ratio(self, limit: Required, result: SimulationResult, loop: ClosedLoop, gain: float) -> FloatArray:
@@ -277,26 +251,6 @@ def part_of(result: SimulationResult, which: int | slice) -> SimulationResult:
     """Return some of the runs along the first axis, which are not traced."""
     columns = {name: column[which] for name, column in result.columns.items()}
     return SimulationResult(columns, result.contact_list[which], result.trace_of)
-
-
-def effect_of(result: SimulationResult, unmitigated: SimulationResult) -> Effect | None:
-    """Return the effect of mitigation on the first encounters; None where no run comes to a contact both ways."""
-    n = result.shape[0]
-    both = result.touched & unmitigated.touched[:n]
-    if not both.any():
-        return None
-    speed, free = (np.abs(np.asarray(r.relative_velocity)[:n][both]) for r in (result, unmitigated))
-    difference, error = mean_and_error(speed - free)
-    mean, without = float(speed.mean()), float(free.mean())
-    return Effect(speed=mean, unmitigated=without, difference=difference, standard_error=error, runs=len(speed))
-
-
-def mean_and_error(values: FloatArray) -> tuple[float, float]:
-    """Return the mean of the values of independent runs and its standard error; NaN for both where one is infinite."""
-    if not len(values) or not np.isfinite(values).all():
-        return math.nan, math.nan
-    error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else math.nan
-    return float(np.mean(values)), float(error)
 
 
 def simulated_quantity(

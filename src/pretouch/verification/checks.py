@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -16,12 +15,14 @@ from pretouch.calibration import CalibrationReport
 from pretouch.control import Controller, Status
 from pretouch.design import GainDesign, ImpactModel, Task, quantity_of
 from pretouch.design.robust.measures import least_probability, limits_of
-from pretouch.motion import ContactResult, Obstacle, Scenario
+from pretouch.motion import ContactResult, Scenario
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.simulation.closed_loop import loop_sentences
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
-from .appraisal import Draws, LoopOutcomes, foreseen_impact, mean_and_error
+from .appraisal import Draws, LoopOutcomes, foreseen_impact
+from .at_rest import creep_in_words
+from .effect import mean_and_error
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
@@ -31,12 +32,6 @@ _FORCE_APART: Final = 1.25  # times: beyond, a predicted impact force is another
 _ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
 _ROUNDING: Final = 1e-9  # of a force
 _TRACED: Final = 8  # runs, whose steps are looked at one by one
-_REST: Final = 60.0  # s
-_RESTS: Final = 4  # runs
-_STILL: Final = 1e-3  # m
-_TRIES: Final = 4  # of a higher floor
-_FARTHEST: Final = 2.0  # m
-_PLACES: Final = 2001  # between contact and there
 _FLAGS: Final = {
     Status.SATURATED: "the sensor was saturated",
     Status.INVALID: "readings were no numbers, too old or out of order",
@@ -173,7 +168,7 @@ def cautions_of(
         *_other_admittance(loop, draws.task.scenario),
         *_recession(loop),
         *_detection(loop, draws, runs[0]),
-        *_creep(draws.task, gain),
+        *creep_in_words(draws.task, gain),
         *_push(loop, *runs),
         *_impact(comparisons),
         *_reported(loop, runs[0]),
@@ -236,43 +231,6 @@ def _why_late(loop: ClosedLoop, late: float) -> str:
     if late - wait < _SHARE * late:
         return "no reading can be had before, for the sensor is that slow"
     return hidden if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {hidden}"
-
-
-def _creep(task: Task, gain: float) -> Iterator[str]:
-    """Say how far noise moves a robot at rest at its detection limit, and which floor would keep it still."""
-    law = task.loop.law
-    if not isinstance(law, Controller):
-        return
-    place, moved = _drift(task, gain, law, law.conditioning.floor)
-    if not moved > _STILL:
-        return
-    limit, far, still = (format_quantity(x, "m") for x in (place, moved, _STILL))
-    text = f"At rest {limit} before an object, where it is just detected, noise alone moves the robot by up to {far} "
-    text += f"within {_REST:g} s ({_RESTS} runs)"
-    floor = law.conditioning.floor
-    for _ in range(_TRIES):
-        floor = float(f"{1.1 * floor * moved / _STILL:.2g}")
-        place, moved = _drift(task, gain, law, floor)
-        if moved <= _STILL:
-            sees = format_quantity(place, "m")
-            yield f"{text}; with a floor of {floor:g} it stays within {still}, and detects from {sees} on."
-            return
-    yield f"{text}; no floor keeps it within {still}: less noise does, or a law with a dead zone."
-
-
-def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[float, float]:
-    """Return where readings come to a floor on average [m], and how far a robot at rest there moves by noise [m]."""
-    loop, scenario, sensor, chain = task.loop, task.scenario, task.sensor, task.loop.chain
-    low, high = sensor.valid_range
-    places = np.linspace(max(low, 0.0), min(high, _FARTHEST), _PLACES)
-    level = np.exp(np.asarray(sensor.log_output(places))) + chain.crosstalk + chain.offset - law.conditioning.offset
-    place = float(places[level >= floor].max(initial=0.0))
-    if place == 0:
-        return 0.0, np.nan  # nothing is ever detected
-    limited = replace(law, conditioning=replace(law.conditioning, floor=floor))
-    at_rest = replace(loop, law=limited, contact=None, horizon=_REST)
-    here = Scenario(admittance=scenario.admittance, obstacle=Obstacle(position=place))
-    return place, float(np.max(at_rest.run(here, sensor, gain, runs=_RESTS).largest_excursion))
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:

@@ -21,6 +21,7 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 from pretouch.simulation.closed_loop import loop_section
 
+from .effect import harm_in_words, idleness_in_words
 from .encounter_parts import (
     Detection,
     LoopContact,
@@ -186,7 +187,8 @@ class SimulatedEncounter(Described, Value):
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a user should read beside the numbers, in order of weight."""
         found = self.detection, self.flags, self.contacts, self.grows_after_impact
-        return tuple(cautions_in_words(self.run, *found))
+        both = self.law.number, self.gain, self.run, self.unmitigated
+        return (*harm_in_words(*both), *cautions_in_words(self.run, *found), *idleness_in_words(*both))
 
     @property
     def grows_after_impact(self) -> bool:

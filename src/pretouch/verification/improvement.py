@@ -18,7 +18,8 @@ from pretouch.design.search import RUNS, GainAxis, Landscape, refine, scan
 from pretouch.motion import ContactResult, LawNumber
 from pretouch.simulation import GainLimit
 
-from .appraisal import LoopOutcomes, LoopProblem, Requirement, effect_of, foreseen_impact, mean_and_error, part_of
+from .appraisal import LoopOutcomes, LoopProblem, Requirement, foreseen_impact, part_of, status_of
+from .effect import VerdictStatus, effect_of, mean_and_error
 from .stability import Candidate, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
 
 _ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
@@ -29,6 +30,7 @@ _MARGIN: Final = (
 _FALL: Final = 0.8  # of the margin: what is left of it is said where it is less
 _BEYOND: Final = 1e3  # a margin that needs no word
 _SAME: Final = 1e-6  # of a gain
+_ORDER: Final = (VerdictStatus.DOES_NOT_HOLD, VerdictStatus.HOLDS_NARROWLY, VerdictStatus.HOLDS)
 _DIGITS: Final = 12  # of u = ln|D_p|: beyond, it is the same gain
 
 
@@ -40,7 +42,7 @@ class LoopCurve(Value):
         gain: D_p [N s], ascending, shape (n,).
         objective: its mean over the runs; infinite where a run ends without contact.
         standing: the least share of runs in which a limit holds beside the share required, at most 1; less where
-            contact is harder than without mitigation.
+            contact is no softer than without mitigation.
         share: the share of runs in which all limits hold at once.
         runs: how many runs of each.
     """
@@ -97,10 +99,11 @@ class LoopChange(Value):
         improvement: by how much the objective falls, as a share of what it was; None where either is not known.
         improvement_error: standard error of that.
         standing: the least share of runs in which a limit holds beside the share required, with it; at most 1, less
-            where contact is harder than without mitigation or the loop unstable.
+            where contact is no softer than without mitigation or the loop unstable.
         held: the share of runs with it in which the limit holds that was missed most; None where none was missed.
         margin: to instability with it; None where that is not known.
-        helps: whether it gains more than chance can, and leaves the loop stable.
+        status: by limits, effect and margin over the runs that it was compared by.
+        helps: whether it turns that status to the better, or gains more than chance can, and leaves the loop stable.
     """
 
     name: str
@@ -112,6 +115,7 @@ class LoopChange(Value):
     standing: float
     held: float | None
     margin: float | None
+    status: VerdictStatus
     helps: bool
 
 
@@ -127,8 +131,10 @@ class Verified(NamedTuple):
     passed: Passed  # the distances that the encounter passes
 
 
-def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tuple[LoopChange, ...]]:
-    """Return what a verified gain loses, and changes: first by the limits that are missed, then by the objective."""
+def find_improvements(
+    problem: LoopProblem, known: Verified
+) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
+    """Return what a verified gain loses, changes, the most helpful first, and the loop as it is over the same runs."""
     task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
     loop = task.loop
     search = _best_on_loop(problem, known)
@@ -141,7 +147,7 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
         best = None if optimum is None else outcomes.objective
         if not same:
             candidate = Candidate("gain", _redesign(problem.draws.task.law.number, gain, better, margin), loop)
-            found.append(_compared(candidate, better, known.outcomes, replace(outcomes, margin=margin)))
+            found.append(_compared(task, candidate, better, known.outcomes, replace(outcomes, margin=margin)))
     first = part_of(known.outcomes.result, slice(runs))
     part = replace(problem.appraised(first, loop, gain), margin=known.outcomes.margin)
     for candidate in _candidates(problem, known):
@@ -149,8 +155,10 @@ def find_improvements(problem: LoopProblem, known: Verified) -> tuple[Loss, tupl
         after = None
         if known.limit is not None:
             after = stability_margin(limit_of(candidate.loop, task.sensor, known.passed), gain)
-        found.append(_compared(candidate, gain, part, replace(outcomes, margin=after)))
-    return _loss(task, known, search, best), tuple(sorted(found, key=_rank))
+        found.append(_compared(task, candidate, gain, part, replace(outcomes, margin=after)))
+    own = (Candidate("as-it-is", "", loop), gain)
+    as_it_is = tuple(_compared(task, *own, one, one) for one in (part, known.outcomes)[: 2 if runs < task.runs else 1])
+    return _loss(task, known, search, best), tuple(sorted(found, key=_rank)), as_it_is
 
 
 def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
@@ -273,12 +281,14 @@ def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | 
     return f"Take {number.equals(loop_gain)} instead of {number.text(gain)}{beside}."
 
 
-def _compared(candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:
+def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:
     worst, same = _worst_of_both(before, after)
     improvement, error = _improvement(before.objective, after.objective)
     keeps_margin = before.margin is None or (after.margin is not None and after.margin >= min(before.margin, _MARGIN))
     gains = improvement is not None and improvement > max(_ERRORS * (error or 0.0), _WORTH)
     better = after.standing >= before.standing and keeps_margin and gains
+    was, status = status_of(task, before), status_of(task, after)
+    turns = _ORDER.index(status) > _ORDER.index(was)
     return LoopChange(
         name=candidate.name,
         sentence=_with_margin(candidate, before.margin, after.margin),
@@ -289,7 +299,8 @@ def _compared(candidate: Candidate, gain: float, before: LoopOutcomes, after: Lo
         standing=after.standing,
         held=None if worst.is_met else float(same.held.mean()),
         margin=after.margin,
-        helps=after.stable == 1 and (_stands_better(before, after) or better),
+        status=status,
+        helps=after.stable == 1 and (turns or _stands_better(before, after) or better),
     )
 
 
@@ -333,7 +344,7 @@ def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, f
     return fall / whole, error / whole if math.isfinite(error) else 0.0
 
 
-def _rank(change: LoopChange) -> tuple[bool, float, float]:
+def _rank(change: LoopChange) -> tuple[bool, int, float, float]:
     # in what is missed, what differs by rounding is a tie
     gained = -math.inf if change.improvement is None else change.improvement
-    return (not change.helps, -round(change.standing, 9), -gained)
+    return (not change.helps, -_ORDER.index(change.status), -round(change.standing, 9), -gained)

@@ -21,11 +21,12 @@ _MARGIN: Final = 2.0  # to instability: the usual 6 dB
 _ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
 _KEPT: Final = 1 - 1e-12
 _HELPS: Final = (
-    " A change helps if what is missed most is missed less often, by more than chance; or, with nothing missed more "
-    "often and a margin of 2 to instability kept, if the objective falls by more than chance and by enough to be worth "
-    "the effort; never if the loop is unstable with it. Objective: its mean change with the standard error. Limits "
-    "kept: whether every limit held as often as it must, contact came, no harder than without mitigation, and the loop "
-    "is stable; beside it, where a limit was missed, in how many of the runs that which was missed most holds."
+    " A change helps if it turns the status to the better by limits, effect and margin; or if what is missed most is "
+    "missed less often, by more than chance; or, with nothing missed more often and a margin of 2 to instability kept, "
+    "if the objective falls by more than chance and by enough to be worth the effort; never if the loop is unstable "
+    "with it. Objective: its mean change with the standard error. Limits kept: whether every limit held as often as it "
+    "must, contact came and was softer than without mitigation, and the loop is stable; where a limit was missed, also "
+    "in how many of the runs the limit holds that was missed most."
 )
 
 
@@ -35,7 +36,10 @@ def best_change_section(v: Verdict) -> Chapter | None:
         return None
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
-        text = f"None of the changes that were tried helps by more than chance and 1 % of the objective. {rate}".strip()
+        text = (
+            "None of the changes that were tried turns the status to the better, or helps by more than chance and 1 % "
+            f"of the objective. {rate}"
+        ).strip()
         return Chapter(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
     title = "What would help most" + ("" if best.standing >= _KEPT else ", though it alone is not enough")
     effects = Rows(head=("", "as it is", "with the change"), rows=tuple(_effects(v, best)))
@@ -66,10 +70,12 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
         n = v.law.number
         yield n.label, Measured(v.gain, n.unit), Measured(change.gain, n.unit)
     if change.held is not None:
-        name, held = _missed_most(v)
-        yield name, Measured(None) if held is None else _percent(held), _percent(change.held)
+        same = v.as_it_is[-1 if change.name == "gain" else 0].held  # over the same runs
+        yield _missed_most(v), Measured(None) if same is None else _percent(same), _percent(change.held)
     if v.effect is not None and v.effect.is_harder and change.standing >= _KEPT:
         yield "contact harder than without mitigation", "yes", "no"
+    if v.effect is not None and v.effect.is_absent and change.standing >= _KEPT:
+        yield "contact softer than without mitigation", "no", "yes"
     if change.margin is not None and v.stability is not None:
         yield "margin to instability", _times(v.stability.margin), _times(change.margin)
     if change.objective is not None and change.improvement is not None:
@@ -78,17 +84,14 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
         yield "objective", Measured(before), Measured(change.objective, beside=f" ({_objective_change(change)})")
 
 
-def _missed_most(v: Verdict) -> tuple[str, float | None]:
-    """Return what is missed most beside what is required, and in which share of the runs it comes true."""
-    shares: list[tuple[str, float, float]] = []
+def _missed_most(v: Verdict) -> str:
+    """Name what is missed most compared with what is required."""
+    shares: list[tuple[float, str]] = []
     if v.reached is not None and v.reached.missing:
-        share = 1 - v.reached.missing / round(v.reached.predicted * v.runs)
-        shares.append(("contact comes in", share, share))
-    shares += [(f"{c.statement} holds in", c.held, c.held / c.required.probability) for c in v.limits if not c.is_met]
-    if not shares:  # it is missed in the runs that changes are compared by, and not in all
-        return "what is missed most holds in", None
-    name, held, _ = min(shares, key=lambda s: s[2])
-    return name, held
+        shares.append((1 - v.reached.missing / round(v.reached.predicted * v.runs), "contact comes in"))
+    shares += [(c.held / c.required.probability, f"{c.statement} holds in") for c in v.limits if not c.is_met]
+    # else it is missed in the runs that changes are compared by, and not in all
+    return min(shares)[1] if shares else "what is missed most holds in"
 
 
 def changes_section(v: Verdict) -> Chapter | None:
@@ -99,20 +102,31 @@ def changes_section(v: Verdict) -> Chapter | None:
     note = f"Each was simulated on the same {n} run{'' if n == 1 else 's'}: the same encounters with the same noise"
     note += f", the first of the {v.runs}; another gain on all {v.runs}" if n < v.runs else ""
     head = ("change", "objective", "limits kept", "margin", "what to do")
-    rows = tuple(map(_change_row, v.changes))
+    rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
     table = Rows(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
     return Chapter(title="What was tried", titled=True, blocks=(table,))
 
 
+def _rows_as_it_is(v: Verdict) -> Iterator[Row]:
+    """Yield the loop without a change, over the runs that the changes are compared by, and over all."""
+    for one, runs in zip(v.as_it_is, (v.compared_runs, v.runs), strict=False):
+        of = f", {runs} run{'' if runs == 1 else 's'}" if len(v.as_it_is) > 1 else ""
+        told = "Nothing is changed." if runs == v.compared_runs else "Compare another gain with this row."
+        yield f"as it is{of}", "", _kept_cell(one), _margin_cell(one), told
+
+
 def _change_row(change: LoopChange) -> Row:
+    name = f"{words_for(change.name)}{': helps' if change.helps else ''}"
+    return name, _objective_change(change), _kept_cell(change), _margin_cell(change), change.sentence
+
+
+def _kept_cell(change: LoopChange) -> str:
     kept = "all" if change.standing >= _KEPT else "not all"
-    return (
-        f"{words_for(change.name)}{': helps' if change.helps else ''}",
-        _objective_change(change),
-        kept if change.held is None else f"{kept}: {_percent(change.held)}",
-        "-" if change.margin is None else _times(change.margin),
-        change.sentence,
-    )
+    return kept if change.held is None else f"{kept}: {_percent(change.held)}"
+
+
+def _margin_cell(change: LoopChange) -> str:
+    return "-" if change.margin is None else _times(change.margin)
 
 
 def _times(margin: float) -> str:
@@ -142,7 +156,7 @@ def gain_section(v: Verdict) -> Chapter:
     caption = "The objective of the nominal encounter in continuous time (ideal)"
     caption += ", and its mean over the runs on the loop, as far as gains were tried there" if tried else ""
     caption += ". Thin and grey: gains that miss a limit"
-    caption += ", or make contact harder than without mitigation." if tried else "."
+    caption += ", or make contact no softer than without mitigation." if tried else "."
     name = "Objective over the gain, in the ideal world and on the loop"
     known = [v.design.trade_off.objective, *([] if v.loss is None else [v.loss.curve.objective])]
     picture = Picture(figure="verdict_gain", of=v, name=name, caption=caption)
@@ -192,8 +206,8 @@ def _lacks_in_words(v: Verdict) -> str:
     check, loss = v.stability, v.loss
     if not all(limit.is_met for limit in v.limits):
         return "it misses a limit"
-    if v.effect is not None and v.effect.is_harder:
-        return "it makes contact harder than without mitigation"
+    if v.effect is not None and (v.effect.is_harder or v.effect.is_absent):
+        return "it makes contact no softer than without mitigation"
     if check is not None and loss is not None and check.margin < (loss.sought_margin or 0.0):
         return f"its margin to instability is only {check.margin:.3g}"
     return ""

@@ -15,8 +15,9 @@ from pretouch.motion.describing import inputs_section, method_section
 from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 
+from .effect import VerdictStatus
 from .improvement_page import best_change_section, changes_section, gain_section
-from .result import Comparison, LimitCheck, RunSpread, Verdict, VerdictStatus
+from .result import Comparison, LimitCheck, RunSpread, Verdict
 from .stability import StabilityCheck
 
 Row = tuple[Cell, ...]
@@ -234,8 +235,9 @@ def _limit_row(check: LimitCheck) -> Row:
 def _stability(v: Verdict) -> Chapter | None:
     if not v.stability_text:
         return None
-    check, title = v.stability, "Is the sensor fast enough?"
-    text = Paragraph(text=v.stability_text, brief=True)
+    check, title = v.stability, "Is the sensor fast enough, and is the loop stable?"
+    said = v.stability_text if v.sensor_speed is None else f"{v.sensor_speed.text} {v.stability_text}"
+    text = Paragraph(text=said, brief=True)
     if check is None:
         return Chapter(title=title, blocks=(text,))
     name = "Strongest stable gain over the distance"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any, ClassVar, Final
 
 from pretouch._core.described import Described
@@ -20,31 +19,10 @@ from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, SimulationResult
 from pretouch.uncertainty import Uncertainty
 
-from .appraisal import Effect
 from .calibration_check import CalibrationCheck
+from .effect import Effect, SensorSpeed, VerdictStatus
 from .improvement import LoopChange, Loss
 from .stability import StabilityCheck
-
-
-class VerdictStatus(StrEnum):
-    """What a verdict comes to. `meaning` says it in a sentence."""
-
-    HOLDS = "holds"
-    HOLDS_NARROWLY = "holds-narrowly"
-    DOES_NOT_HOLD = "does-not-hold"
-    NO_GAIN = "no-gain"
-
-    @property
-    def meaning(self) -> str:
-        """One sentence for a person."""
-        return {
-            VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
-            "gain can at least double until the loop is unstable.",
-            VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
-            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is harder than without "
-            "mitigation, the loop is unstable, or the calibration is not good enough.",
-            VerdictStatus.NO_GAIN: "There is no gain to verify.",
-        }[self]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,16 +166,22 @@ class Verdict(Described, Value):
         design: the ideal design: continuous time, perfect sensor, nominal encounter.
         predicted: the nominal encounter at the gain in continuous time; None without a gain.
         reached: which runs came to a contact; None without a gain, as all that follows.
-        effect: what the gain does to the speed at contact beside no mitigation; None where it does not mitigate, or no
-            run comes to a contact both ways.
+        effect: what the gain does to the speed at contact compared with no mitigation; None where no run comes to a
+            contact.
         comparisons: each quantity, predicted and simulated, with and without mitigation.
         limits: each limit.
         stability: the margin to instability; None where it is not known.
         stability_text: the same in words, or why it is not known.
+        sensor_speed: contact compared with what an infinitely fast sensor would give; None for a law that is told no
+            rate, or without contact.
+        noiseless_effect: the effect in runs without noise, on the encounters that changes are compared by.
+        speed_tolerance: by which share contact may be harder than predicted, and than with an infinitely fast sensor.
         calibration_check: the gain on other sensors that the readings of the calibration allow; None where no
             calibration was given, its readings are too few to tell, or the fitted curve comes to no contact.
         loss: what the gain costs beside the best one for this loop; None without changes.
         changes: what was tried, the most helpful first.
+        as_it_is: the same of the loop without a change, over the runs that changes are compared by; and over all runs,
+            which another gain is compared by, where these are more; empty without changes.
         assumptions: what the verdict rests on.
         warnings: what to look at.
         runs: how many runs.
@@ -224,9 +208,13 @@ class Verdict(Described, Value):
     limits: tuple[LimitCheck, ...] = ()
     stability: StabilityCheck | None = None
     stability_text: str = ""
+    sensor_speed: SensorSpeed | None = None
+    noiseless_effect: Effect | None = None
+    speed_tolerance: float = 0.1
     calibration_check: CalibrationCheck | None = None
     loss: Loss | None = None
     changes: tuple[LoopChange, ...] = ()
+    as_it_is: tuple[LoopChange, ...] = ()
     assumptions: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     runs: int
@@ -281,7 +269,8 @@ class Verdict(Described, Value):
         names = (
             *("status", "headline", "gain", "reasons", "runs", "compared_runs", "seed", "confidence"),
             *("predicted", "reached", "effect", "comparisons", "limits", "stability", "stability_text"),
-            *("calibration_check", "loss", "changes", "assumptions", "warnings"),
+            *("sensor_speed", "noiseless_effect", "speed_tolerance"),
+            *("calibration_check", "loss", "changes", "as_it_is", "assumptions", "warnings"),
         )
         design, best = self.design, self.best_change
         told: dict[str, Any] = plain(

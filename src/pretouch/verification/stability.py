@@ -1,4 +1,4 @@
-"""Is my sensor fast enough? How far the loop is from oscillating, which rate the gain asks for, and other loops."""
+"""Is the loop stable? How far it is from oscillating, which rate the gain asks for, and loops with one change."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ROOM: Final = 2.0  # times the fastest change of ln xi that an approach makes
 _DEVIATIONS: Final = 6.0 * 2**0.5  # of the difference of two readings
 _SHORT_MEDIAN: Final = 3  # readings: it takes out single spikes
 _LOW: Final = 0.2  # of the rate: a cutoff that averages some readings
-_NOISES: Final = ("noise", "relative_noise", "distance_noise")
+NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +46,13 @@ class StabilityCheck(Value):
         limit: the strongest stable gain at each distance.
         margin: how many times the gain can grow until the loop is unstable; below 1 it is.
         rate: readings per second of the loop [Hz].
-        lowest_rate: the rate of the sensor from which on the gain is stable at every rate [Hz]; infinite where none is
-            high enough. It can be above `rate` with a margin above 1: then rates between the two are unstable.
+        lowest_rate: the rate of the sensor from which on the gain is stable at every rate and at every phase between
+            sensor and controller [Hz]; infinite where none is high enough. A controller that would be slower steps as
+            often as the sensor reads. It can be above `rate` with a margin above 1: then rates or phases between are
+            unstable.
         lowest_rate_with_margin: the rate from which on the gain could double [Hz]; infinite where none is high enough.
+        has_unknown_phase: whether the wait of a reading for the controller differs from run to run; limit and margin
+            are then those of the worst wait.
     """
 
     limit: GainLimit
@@ -56,6 +60,7 @@ class StabilityCheck(Value):
     rate: float
     lowest_rate: float
     lowest_rate_with_margin: float
+    has_unknown_phase: bool = False
 
     @property
     def strongest(self) -> float:
@@ -74,38 +79,40 @@ class StabilityCheck(Value):
 
     @property
     def text(self) -> str:
-        """Whether the sensor is fast enough, in one or two sentences."""
+        """Whether the loop is stable, and which rates that asks for, in two sentences."""
         if math.isinf(self.margin) and math.isfinite(self.strongest):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
             return f"Without a {n.name} nothing can oscillate; {strongest} would be the strongest stable one."
         if math.isinf(self.margin):
-            return "No gain makes this loop unstable: the sensor is fast enough."
+            return "No gain makes this loop unstable."
         if self.strongest == 0:
             return (
                 f"No gain is stable on this loop, however weak: its own oscillation at {self.frequency:.3g} Hz is "
                 "undamped or grows, and the virtual force comes too late to damp it."
             )
-        enough = (
-            "not fast enough" if self.margin < 1 else "fast enough, but only just" if self.margin < 2 else "fast enough"
-        )
-        text = f"The sensor is {enough}: it reads {self.rate:.6g} times a second, and {self._rates}."
+        stable = "unstable" if self.margin < 1 else "stable, but only just" if self.margin < 2 else "stable"
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
-        return text + (
-            f" The loop begins to oscillate{frequency} from {self.limit.law.number.equals(self.strongest)} on, "
-            f"{self.margin:.3g} times the gain, first at a distance of {format_quantity(self.critical_distance, 'm')}."
+        return (
+            f"The loop is {stable}: it begins to oscillate{frequency} from "
+            f"{self.limit.law.number.equals(self.strongest)} on, {self.margin:.3g} times the gain, first at a distance "
+            f"of {format_quantity(self.critical_distance, 'm')}{self._phase}. {self._rates}."
         )
+
+    @property
+    def _phase(self) -> str:
+        return " and at the worst phase between sensor and controller" if self.has_unknown_phase else ""
 
     @property
     def _rates(self) -> str:
         if math.isinf(self.lowest_rate):
-            return "no rate is high enough for this gain: delay, filters or robot forbid it"
-        text = f"this gain needs {self.lowest_rate:.3g} at the limit"
+            return "No rate of the sensor is high enough for this gain to be stable: delay, filters or robot forbid it"
+        text = f"For stability this gain needs {self.lowest_rate:.3g} readings a second"
         if self.margin >= 1 and self.lowest_rate > self.rate:
-            text += " (below that it is stable at some rates, as at this one, and unstable at others)"
+            text += " (below that it is stable at some rates or phases, as here, and unstable at others)"
         if math.isinf(self.lowest_rate_with_margin):
             return text + "; no rate is high enough for a margin of 2"
-        return text + f", {self.lowest_rate_with_margin:.3g} for a margin of 2"
+        return text + f", and {self.lowest_rate_with_margin:.3g} for a margin of 2"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the check as one JSON object, in SI."""
@@ -148,16 +155,21 @@ def check_stability(
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
-    told = told_period(law) * loop.chain.rate
 
     def timing_at(rate: float) -> LoopTiming:
-        return timing_of(chain_at(loop.chain, rate), controller_at(law, told / rate))
+        found: Any = loop_at(loop, rate)
+        return timing_of(found.chain, found.law, worst_ratio=True)
 
     known: dict[str, Any] = {"distance": passed[0], "relative_velocity": passed[1], "law": limit.law}
     known |= {"timing_at": timing_at, "plant": loop.plant}
     least = [lowest_rate(sensor, _own(law), gain, margin=factor, **known) if gain else 0.0 for factor in (1.0, 2.0)]
     return StabilityCheck(
-        limit=limit, margin=margin, rate=loop.chain.rate, lowest_rate=least[0], lowest_rate_with_margin=least[1]
+        limit=limit,
+        margin=margin,
+        rate=loop.chain.rate,
+        lowest_rate=least[0],
+        lowest_rate_with_margin=least[1],
+        has_unknown_phase=timing_of(loop.chain, law).delay_range > 0,
     )
 
 
@@ -254,8 +266,8 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     if chain.delay > 0:
         text = f"Hand over readings without the delay of {format_quantity(chain.delay, 's')} after their exposure."
         yield "delay", text, partial(_with, loop, chain={"delay": 0.0})
-    if any(getattr(chain, name) > 0 for name in _NOISES):
-        half = {name: getattr(chain, name) / 2 for name in _NOISES}
+    if any(getattr(chain, name) > 0 for name in NOISES):
+        half = {name: getattr(chain, name) / 2 for name in NOISES}
         parts = [f"{half['noise']:.3g} in the unit of xi instead of {chain.noise:.3g}"] if chain.noise else []
         if chain.relative_noise:
             parts.append(f"{100 * half['relative_noise']:.3g} % of xi instead of {100 * chain.relative_noise:.3g} %")
@@ -292,7 +304,7 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
     law = loop.law
     if not isinstance(law, Controller):
         return
-    c, noisy = law.conditioning, any(getattr(loop.chain, name) > 0 for name in _NOISES)
+    c, noisy = law.conditioning, any(getattr(loop.chain, name) > 0 for name in NOISES)
     if c.median_window > 1:
         text = f"Leave out the median over {c.median_window} readings."
         yield "median", text, partial(_with, loop, conditioning={"median_window": 1})

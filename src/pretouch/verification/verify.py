@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
+
+import numpy as np
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import finite
-from pretouch._core.units import format_quantity
 from pretouch.design import GainDesign, Task, design_gain
 from pretouch.design.gain import designed_number
 from pretouch.design.task import placed
@@ -18,22 +18,21 @@ from pretouch.simulation import ClosedLoop
 from pretouch.simulation.law import TunableLaw
 from pretouch.simulation.result import refuse_too_many_runs
 from pretouch.simulation.stability import passage
-from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import LoopProblem, draw_encounters, foreseen_impact, predicted_contact
 from .calibration_check import check_calibration
 from .checks import assumptions_of, cautions_of, check_limits, check_reached, compare_quantities
+from .effect import VerdictStatus, compare_with_fast_sensor, effect_of, without_noise
 from .encounter import SimulatedEncounter
 from .improvement import Verified, find_improvements
-from .result import LimitCheck, Verdict, VerdictStatus
+from .reasons import judge
+from .result import Verdict
 from .stability import check_stability, limit_of, stability_margin
 
 _NO_LOOP: Final = (
     "loop: found none, expected the sampled loop, loop=ClosedLoop(...); in a file [chain] and [controller], such as "
     '[chain] with part = "VCNL4010" and [controller] with rate = "1 kHz"'
 )
-_MARGIN: Final = 2.0  # of the gain to instability: the usual 6 dB
-_ROOM: Final = 0.03  # of a limit
 
 
 @check_arguments
@@ -82,12 +81,13 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
         chosen = float(finite(task.gain, "gain", task.law.number.unit))
     same = ("runs", "confidence", "scenario", "sensor", "loop", "uncertainty")
     asked: dict[str, Any] = {name: getattr(task, name) for name in same}
+    asked |= {"speed_tolerance": task.speed_tolerance}
     asked |= {"seed": task.loop.seed, "definition": task.goal, "gain": chosen, "design": design}
     if chosen is None:
         reason = f"the ideal design is {design.status.value}"
         return Verdict(**asked, status=VerdictStatus.NO_GAIN, reasons=(reason,), compared_runs=0)
     found = Verdict(**asked, status=VerdictStatus.HOLDS, reasons=(), **_found(task, design, chosen, changes))
-    status, reasons = _judge(found)
+    status, reasons = judge(found)
     return replace(found, status=status, reasons=reasons)
 
 
@@ -98,26 +98,33 @@ def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[s
     _check_horizon(loop, predicted)
     draws = draw_encounters(task)
     unmitigated = draws.run(loop, 0.0)
-    problem = LoopProblem(draws=draws, predicted=draws.predicted(gain), unmitigated=unmitigated)
+    foreseen = draws.predicted(gain)
+    problem = LoopProblem(draws=draws, predicted=np.isfinite(foreseen), unmitigated=unmitigated)
     passed = passage(task.law, task.scenario, sensor, gain, float(draws.distance.max()))
     limit = limit_of(loop, sensor, passed)
     outcomes = replace(problem.appraise(loop, gain), margin=stability_margin(limit, gain))
+    effect = effect_of(outcomes.result, unmitigated, foreseen)
+    quiet = draws.run(without_noise(loop), gain, draws.compared)
+    fast = compare_with_fast_sensor(loop, lambda one: draws.run(one, gain, draws.compared), quiet, task.speed_tolerance)
     stability = check_stability(loop, sensor, passed, gain, limit)
     runs = outcomes.result, unmitigated
     comparisons = compare_quantities(task, runs, (predicted, free))
     known = Verified(gain, predicted, outcomes, design, stability, limit, passed)
-    loss, tried = find_improvements(problem, known) if changes else (None, ())
+    loss, tried, as_it_is = find_improvements(problem, known) if changes else (None, (), ())
     return {
         "reached": check_reached(outcomes.result, problem.predicted, task.confidence),
-        "effect": outcomes.effect,
+        "effect": effect,
+        "noiseless_effect": effect_of(quiet, unmitigated),
         "limits": check_limits(task, outcomes, predicted, gain),
         "stability": stability,
+        "sensor_speed": fast,
         "calibration_check": None if task.calibration is None else check_calibration(task, task.calibration, gain),
         "predicted": predicted,
         "comparisons": comparisons,
         "stability_text": stability.text if stability else _no_stability_in_words(task, gain, limit is not None),
         "loss": loss,
         "changes": tried,
+        "as_it_is": as_it_is,
         "assumptions": assumptions_of(task, draws.compared),
         "warnings": cautions_of(draws, runs, comparisons, design, gain),
         "compared_runs": draws.compared,
@@ -134,6 +141,10 @@ def _checked(task: Task) -> Task:
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
             f"loop: found a law ({type(law).__name__}) without with_value, which gives it another gain"
+        )
+    if not finite(task.speed_tolerance, "speed_tolerance") >= 0:
+        raise InvalidInputError(
+            f"speed_tolerance: found {task.speed_tolerance:g}, expected 0 or more, such as 0.1 for 10 %"
         )
     if type(task.runs) is not int or task.runs < 1:
         raise InvalidInputError(f"runs: found {task.runs!r}, expected a positive whole number")
@@ -177,75 +188,10 @@ def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
         )
 
 
-def _judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Return the status and the reasons why it is not `holds`, the graver first."""
-    missed, narrow = list(_missed(v)), list(_narrow(v))
-    if missed:
-        return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
-    return VerdictStatus.HOLDS_NARROWLY if narrow else VerdictStatus.HOLDS, tuple(narrow)
-
-
-def _missed(v: Verdict) -> Iterator[str]:
-    """Say what is missed, worst first."""
-    stability, reached, effect, calibration = v.stability, v.reached, v.effect, v.calibration_check
-    if stability is not None and stability.margin < 1:
-        if stability.strongest == 0:
-            yield "the loop is unstable with any gain, however weak"
-        else:
-            strongest = format_quantity(stability.strongest, v.law.number.unit)
-            place = format_quantity(stability.critical_distance, "m")
-            yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
-    if reached is not None and reached.missing:
-        yield f"{reached.missing} of {v.runs} runs end without the contact that is predicted"
-    if effect is not None and effect.is_harder:
-        speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
-        error = f" +- {effect.standard_error:.1g}" if effect.standard_error > 0 else ""
-        yield (
-            f"contact is harder than without mitigation: {speed} on average instead of {free} "
-            f"(+{effect.difference:.2g}{error} m/s)"
-        )
-    yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
-    if calibration is not None and not calibration.is_good_enough:
-        yield calibration.reason
-
-
-def _limit_missed(check: LimitCheck, runs: int) -> str:
-    """Say that a limit is missed, how often and by how much."""
-    p = check.required.probability
-    required = "always" if p == 1 else f"in {100 * p:g} %"
-    text = f"{check.statement} holds in {round(check.held * runs)} of {runs} runs, and must {required}"
-    if check.value is not None:
-        worst = "the worst run reaches" if p == 1 else f"{100 * p:g} % of the runs stay within"
-        text += f" ({worst} {format_quantity(check.value, check.unit)})"
-    return text
-
-
-def _narrow(v: Verdict) -> Iterator[str]:
-    """Say what is near, or not shown."""
-    stability, reached = v.stability, v.reached
-    if stability is None:
-        yield "how far the loop is from instability is not known"
-    elif 1 <= stability.margin < _MARGIN:
-        yield f"a gain {stability.margin:.3g} times as strong makes the loop unstable, where a margin of 2 is usual"
-    for check in (check for check in v.limits if check.is_met):
-        p = check.required.probability
-        if check.low < p < 1:  # no bound can reach 1, which is asked of the runs alone
-            yield (
-                f"{check.statement} holds in {share_in_words(check.held)} of the runs, which shows at least "
-                f"{share_in_words(check.low)} at {100 * v.confidence:g} % confidence, where {100 * p:g} % are required"
-            )
-        # the gain is chosen, and on its limit as good as within
-        elif check.name != "gain" and check.margin is not None and check.margin < _ROOM * check.limit:
-            yield f"{check.statement} has no more than {format_quantity(check.margin, check.unit)} of room"
-    if reached is not None and not reached.predicted:
-        share = share_in_words(reached.simulated)
-        yield f"no contact is predicted with this gain, and {share} of the runs come to one"
-
-
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
     """Return why nothing is said of stability with a gain: of the law or, where that has a limit, of the gain."""
     if known:
-        return f"Nothing is said of stability: {task.law.number.equals(gain)} does not mitigate."
+        return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
     return (
         f"How far the loop is from oscillating is not known: of this law, {task.law.kind}, neither damping nor timing "
         "are."

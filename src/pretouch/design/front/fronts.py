@@ -27,19 +27,24 @@ class FoundFront:
     piece: IntArray  # the number of the piece that each point belongs to, from 0 on
     scanned: FloatArray  # coordinates of everything that was tried side by side, shape (m, size)
     scanned_values: FloatArray  # the quantities there, infinite where not feasible
-    missed: float  # the most by which the front misses what was tried, of its extent in every quantity at once
+    missed: float  # the most by which its points miss an encounter, of its extent in every quantity at once
 
     @classmethod
     def of(
-        cls, at: FloatArray, values: FloatArray, piece: Any, scanned: FloatArray, scanned_values: FloatArray
+        cls,
+        at: FloatArray,
+        values: FloatArray,
+        piece: Any,
+        scanned: tuple[FloatArray, FloatArray],
+        between: FloatArray,
     ) -> FoundFront:
-        """Put a front beside what was tried."""
+        """Compare a front with what was tried, and with encounters between its points, whose quantities are given."""
         missed = np.inf
         if len(at):
-            extent = extent_of(values)
-            missed = max(float(shortfall(scanned_values / extent, values / extent).max()), 0.0)
+            extent, others = extent_of(values), np.concatenate([scanned[1], between])
+            missed = max(float(shortfall(others / extent, values / extent).max()), 0.0)
         numbers = np.asarray(piece, dtype=np.int64)
-        return cls(at=at, values=values, piece=numbers, scanned=scanned, scanned_values=scanned_values, missed=missed)
+        return cls(at=at, values=values, piece=numbers, scanned=scanned[0], scanned_values=scanned[1], missed=missed)
 
 
 def extent_of(values: FloatArray) -> FloatArray:
@@ -114,7 +119,32 @@ def trace_front(evaluate: Callable[[FloatArray], FloatArray]) -> FoundFront:
     kept = np.flatnonzero(_thinned(samples.values, best))
     order = kept[np.argsort(samples.values[kept, 0] if samples.values.shape[1] == 2 else kept, kind="stable")]
     numbers = np.concatenate([[0], np.cumsum(np.diff(piece[order]) != 0)])[: len(order)]
-    return FoundFront.of(samples.at[order, None], samples.values[order], numbers, samples.at[:, None], samples.values)
+    alike = np.diff(piece[kept]) == 0
+    between = _between(evaluate, samples.at[kept], samples.values[kept], alike)
+    known = samples.at[order, None], samples.values[order], numbers
+    return FoundFront.of(*known, (samples.at[:, None], samples.values), between)
+
+
+_PARTS: Final = 8  # of an interval, at whose ends the curve is compared with the points of the front
+_WORST: Final = 16  # intervals, which are looked at more closely
+
+
+def _between(
+    evaluate: Callable[[FloatArray], FloatArray], at: FloatArray, values: FloatArray, alike: BoolArray
+) -> FloatArray:
+    """Return the quantities between neighbors of one piece, to 1/128 of where the points miss the curve by most."""
+    low, high = at[:-1][alike], at[1:][alike]
+    if not len(low):
+        return values[:0]
+    shares = np.arange(1, _PARTS) / _PARTS
+    first = evaluate((low[:, None] + shares * (high - low)[:, None]).ravel())
+    extent = extent_of(values)
+    missed = shortfall(first / extent, values / extent).reshape(len(low), -1)
+    worst = np.argsort(-missed.max(axis=1), kind="stable")[:_WORST]
+    place = shares[missed[worst].argmax(axis=1)]
+    near = place[:, None] + np.linspace(-1, 1, 2 * _WORST + 1) / _PARTS
+    again = evaluate((low[worst, None] + near * (high - low)[worst, None]).ravel())
+    return np.concatenate([first, again])
 
 
 class _Samples:
@@ -186,6 +216,9 @@ _SPACING: Final = 0.03  # between neighbors of the front, of its extent; with th
 _GAP: Final = 2.5  # times that: what neither points nor searches between them have closed
 _POINTS: Final = {2: 40, 3: 90}
 _MISSED: Final = 2e-3  # of the extent: a test encounter that the front misses by more is searched from
+_NEIGHBORS: Final = 6  # of a point of a front of three quantities, between which the front is looked at
+_MIXTURES: Final = 60  # of them
+_MOVED: Final = 24  # of all mixtures, those that are missed most, are moved onto the front
 _PULL: Final = 1e-3  # of the other quantities, where one alone is minimized: of equally good encounters the better
 
 
@@ -202,7 +235,7 @@ def find_front(trials: Trials) -> FoundFront:
     tests_values = trials.values(tests)
     every, every_values = np.concatenate([grid, tests]), np.concatenate([grid_values, tests_values])
     if not len(best):
-        return FoundFront.of(grid[:0], grid_values[:0], [], every, every_values)
+        return FoundFront.of(grid[:0], grid_values[:0], [], (every, every_values), every_values[:0])
     extent = extent_of(grid_values[best])
     found = _FrontPoints(trials, extent)
     for k in range(grid_values.shape[1]):
@@ -221,7 +254,7 @@ def find_front(trials: Trials) -> FoundFront:
         if not len(worst):
             break
         found.fill()
-    return FoundFront.of(found.at, found.values, found.pieces(), every, every_values)
+    return FoundFront.of(found.at, found.values, found.pieces(), (every, every_values), found.between())
 
 
 class _FrontPoints:
@@ -262,6 +295,41 @@ class _FrontPoints:
                 self.search(start, origin)
             if not pairs:
                 return
+
+    def between(self) -> FloatArray:
+        """Return the quantities of encounters between neighbors that the front's points miss, as searches find them."""
+        return self._between_two() if self.values.shape[1] == 2 else self._between_many()
+
+    def _between_two(self) -> FloatArray:
+        # The corner from which both neighbors lie equally far, each in the quantity that it has more of, is where the
+        # least shift with which one of them dominates is largest: the ray through it meets the worst in between.
+        bounds = (np.abs(np.diff(self.values, axis=0)) / self.extent).min(axis=1)
+        found, most = [self.values[:0]], 0.0
+        for i in np.argsort(bounds)[::-1]:
+            if bounds[i] <= most:  # no encounter between these two is missed by more
+                break
+            start, corner = self.at[i : i + 2].mean(axis=0), self.values[i : i + 2].max(axis=0)
+            if (one := advance(self.trials, start, corner, self.extent)) is not None:
+                found.append(self.trials.values(one[0][None]))
+                most = max(most, self._missed(found[-1])[0])
+        return np.concatenate(found)
+
+    def _between_many(self) -> FloatArray:
+        # Mixtures of neighbors lie near the front; those that are missed most are moved onto it.
+        shares = self.values / self.extent
+        near = np.argsort(np.abs(shares[:, None] - shares[None]).max(axis=2), axis=1, kind="stable")[
+            :, : _NEIGHBORS + 1
+        ]
+        rng = np.random.default_rng(0)
+        weights = rng.dirichlet(np.full(near.shape[1], 1 / 3), (_MIXTURES, len(near)))
+        mixed = np.einsum("mni,nid->mnd", weights, self.at[near]).reshape(-1, self.at.shape[1])
+        values = self.trials.values(mixed)
+        worst = np.argsort(-self._missed(values), kind="stable")[:_MOVED]
+        moved = [advance(self.trials, mixed[i], values[i], self.extent) for i in worst]
+        return np.concatenate([values, *(self.trials.values(one[0][None]) for one in moved if one is not None)])
+
+    def _missed(self, values: FloatArray) -> FloatArray:
+        return shortfall(values / self.extent, self.values / self.extent)
 
     def pieces(self) -> IntArray:
         """Number the stretches of the front between which no search has found anything."""

@@ -154,8 +154,8 @@ def _evidence(front: ParetoFront) -> Chapter:
         ("the front", f"{_count(len(front.gain), 'point')} in {_count(pieces, 'piece')}"),
         (
             "missed",
-            f"none of those encounters is better than it by more than {100 * front.missed:.2g} % of its extent in "
-            "every quantity at once",
+            "no encounter that was tried, nor one found between the points, is better than they are by more than "
+            f"{100 * front.missed:.2g} % of the front's extent in every quantity at once",
         ),
     )
     return Chapter(title="How this is known", titled=True, blocks=(Rows(rows=rows, wraps=True, brief=True),))

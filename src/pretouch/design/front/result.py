@@ -92,8 +92,8 @@ class ParetoFront(Answer):
         no_bound: why there is no comparison; empty where there is one.
         scanned: magnitudes of every feasible encounter that was tried, shape (m, k).
         tried: how many encounters were tried on the way.
-        missed: the largest amount by which the front misses an encounter that was tried, of its extent, in all
-            quantities at once: what lies between its points.
+        missed: the largest amount by which the points of the front miss an encounter, of the front's extent, in all
+            quantities at once. It is sought between the points as well as among all that was tried.
         natural_frequency_bounds: between which it was sought [rad/s]; None where it is not free.
         damping_ratio_bounds: likewise; None where it is not free.
         result: the encounters of the points; None where there are none.

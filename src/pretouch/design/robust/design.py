@@ -187,7 +187,7 @@ def design_robust_gain(task: Task) -> RobustDesign:
         >>> round(design.gain, 3)
         -0.778
     """
-    axis, task = GainAxis.between(task.stable_bounds(), task.law.number.unit), _settled(task)
+    axis, task = GainAxis.between(task.stable_bounds(), task.law.number), _settled(task)
     samples, validation, seed, evaluate = task.samples or 0, task.validation or 0, task.seed or 0, task.evaluate
     nominal = GainDesign.of(GainProblem(task=task.replace(evaluate=None), axis=axis)).gain
     unseen = _draw(task, validation, seed + _FRESH, "random")

@@ -11,7 +11,9 @@ import numpy as np
 
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray, finite
+from pretouch._core.units import pretty_unit
 from pretouch._core.values import Value
+from pretouch.motion import LawNumber
 
 _ROUNDING = 16 * np.finfo(np.float64).eps  # of u: its inverse function is good to 4 units by whichever processor
 
@@ -31,12 +33,19 @@ class GainAxis:
     high: float
 
     @classmethod
-    def between(cls, bounds: Sequence[float], unit: str = "N*s") -> GainAxis:
-        """Make the axis between two bounds in the unit of a law's number, and refuse what is no interval."""
+    def between(cls, bounds: Sequence[float], number: LawNumber | None = None) -> GainAxis:
+        """Make the axis between two bounds, and refuse no interval, and none of a law's numbers that mitigate."""
+        unit = "N*s" if number is None else number.unit
         low, high = bounds
         low, high = finite(low, "bounds", unit), finite(high, "bounds", unit)
         if not low < high:
             raise InvalidInputError(f"bounds: found [{low:g}, {high:g}] {unit}, expected the smaller gain first")
+        if number is not None and max(number.sign * low, number.sign * high) <= 0:
+            shown = pretty_unit(unit)
+            raise InvalidInputError(
+                f"bounds: {low:g} to {high:g} {shown} make the robot chase the object; mitigating {number.name}s are "
+                f"{number.mitigating}. Did you mean {0.0 - high:g} to {0.0 - low:g} {shown}?"
+            )
         return cls(low=low, high=high)
 
     @property

@@ -118,7 +118,7 @@ def make_freedom(
     law: ContinuousLaw = DAMPER,
 ) -> Freedom:
     """Check what is free: bounds of the gain, and where given of natural frequency [rad/s] and damping ratio."""
-    axis = GainAxis.between(bounds, law.number.unit)
+    axis = GainAxis.between(bounds, law.number)
     if law == DRAG and not (natural_frequency is None and damping_ratio is None):
         raise InvalidInputError(
             f"{'damping_ratio' if natural_frequency is None else 'natural_frequency'}: found it free with a virtual "

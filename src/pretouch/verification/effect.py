@@ -1,0 +1,268 @@
+"""What a gain does to the speed at contact, compared with no mitigation and with an infinitely fast sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+
+from pretouch._core.numbers import FloatArray
+from pretouch._core.units import format_quantity
+from pretouch._core.values import Value
+from pretouch.control import Controller
+from pretouch.motion import LawNumber
+from pretouch.simulation import ClosedLoop, SimulationResult
+
+from .stability import NOISES, controller_at
+
+OFTEN: Final = 0.05  # of the runs
+EFFECT: Final = 0.01  # of the speed without mitigation: a gain that changes less does nothing
+_ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
+_ALIKE: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less
+_SHOWN: Final = 5e-5  # of a speed: what four digits do not tell apart
+_SHOWN_SHARE: Final = 5e-4  # of a speed: a share that is not told
+_FAULTS: Final = ("jitter", "dropout", "misfit", "drift", "resolution", "distance_resolution")
+_MOST: Final = 0.95  # of the runs
+_LEAST_SPEED: Final = 1e-9  # m/s, beside which no ratio is formed
+
+
+class VerdictStatus(StrEnum):
+    """What a verdict comes to. `meaning` says it in a sentence."""
+
+    HOLDS = "holds"
+    HOLDS_NARROWLY = "holds-narrowly"
+    DOES_NOT_HOLD = "does-not-hold"
+    NO_GAIN = "no-gain"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for a person."""
+        return {
+            VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
+            "gain can at least double until the loop is unstable.",
+            VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
+            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is no softer than without "
+            "mitigation, the loop is unstable, or the calibration is not good enough.",
+            VerdictStatus.NO_GAIN: "There is no gain to verify.",
+        }[self]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect(Value):
+    """What a gain does to the speed at contact, over the runs that come to a contact with it.
+
+    A run that comes to none without the gain has the speed 0 there.
+
+    Args:
+        speed: mean |l'| with the gain [m/s].
+        unmitigated: mean |l'| with D_p = 0 [m/s].
+        difference: mean of the one less the other, run by run [m/s].
+        standard_error: of that mean; NaN for a single run.
+        runs: how many.
+        harder: in how many of them contact is harder with the gain.
+        predicted: mean |l'| in continuous time with a perfect sensor, over those of the runs for which a contact is
+            predicted [m/s]; None where that is not asked, or none is.
+        reached: mean |l'| with the gain over the same [m/s].
+
+    Examples:
+        >>> Effect(speed=0.39, unmitigated=0.3, difference=0.09, standard_error=0.01, runs=20).is_harder
+        True
+    """
+
+    speed: float
+    unmitigated: float
+    difference: float
+    standard_error: float
+    runs: int
+    harder: int = 0
+    predicted: float | None = None
+    reached: float | None = None
+
+    @property
+    def is_harder(self) -> bool:
+        """Whether contact is harder with the gain: on average, or in more runs than half, by more than chance."""
+        half = self.runs / 2
+        return self.difference > self._chance or self.harder > half + _ERRORS * math.sqrt(half / 2)
+
+    @property
+    def is_softer(self) -> bool:
+        """Whether contact is softer with the gain, by more than two standard errors and rounding."""
+        return -self.difference > self._chance
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether contact is as without the gain: neither harder nor softer by 1 %."""
+        return not self.is_harder and self.difference > -EFFECT * self.unmitigated
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether contact is softer by more than chance, and harder in no more than one run in 20."""
+        return self.is_softer and self.harder <= OFTEN * self.runs
+
+    @property
+    def excess(self) -> float | None:
+        """By which share the mean speed exceeds the predicted one; None where none is predicted."""
+        return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the effect as one JSON object, in SI."""
+        found = {name: getattr(self, name) for name in ("is_harder", "is_absent", "excess")}
+        return {**asdict(self), **found}
+
+    @property
+    def _chance(self) -> float:
+        chance = _ERRORS * self.standard_error if math.isfinite(self.standard_error) else 0.0
+        return max(chance, _ALIKE * self.unmitigated)
+
+
+def effect_of(
+    result: SimulationResult, unmitigated: SimulationResult, foreseen: FloatArray | None = None
+) -> Effect | None:
+    """Return the effect of a gain on the first encounters; None where no run comes to a contact with it."""
+    n, some = result.shape[0], result.touched
+    if not some.any():
+        return None
+    speed = np.abs(np.asarray(result.relative_velocity)[some])
+    free = np.where(unmitigated.touched[:n], np.abs(np.asarray(unmitigated.relative_velocity)[:n]), 0.0)[some]
+    difference, error = mean_and_error(speed - free)
+    mean, without = float(speed.mean()), float(free.mean())
+    promised = np.full(len(speed), np.nan) if foreseen is None else foreseen[:n][some]
+    known = np.isfinite(promised)
+    return Effect(
+        speed=mean,
+        unmitigated=without,
+        difference=difference,
+        standard_error=error,
+        runs=len(speed),
+        harder=int((speed > free * (1 + _ALIKE)).sum()),
+        predicted=float(promised[known].mean()) if known.any() else None,
+        reached=float(speed[known].mean()) if known.any() else None,
+    )
+
+
+def chase_in_words(number: LawNumber, gain: float | None) -> Iterator[str]:
+    """Say that a gain has the sign of those that drive the robot toward the object."""
+    if gain is not None and number.sign * gain < 0:
+        text = f"{number.equals(gain)} makes the robot chase the object"
+        yield f"{text}: mitigating {number.name}s are {number.mitigating}"
+
+
+def mean_and_error(values: FloatArray) -> tuple[float, float]:
+    """Return the mean of the values of independent runs and its standard error; NaN for both where one is infinite."""
+    if not len(values) or not np.isfinite(values).all():
+        return math.nan, math.nan
+    error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else math.nan
+    return float(np.mean(values)), float(error)
+
+
+def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
+    """Yield that a gain drives the robot toward the object, and that contact is harder with it than without."""
+    yield from (f"{text}." for text in chase_in_words(number, gain))
+    speed, before = _speeds(run, free)
+    if speed > before * (1 + _SHOWN):
+        yield (
+            f"With the gain contact is harder than without mitigation: {_text(speed)} instead of "
+            f"{_text(before) if free.touched else 'no contact'}."
+        )
+
+
+def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
+    """Yield that contact is as without the gain; nothing for the gain 0."""
+    speed, before = _speeds(run, free)
+    if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
+        text = f"The {number.name} has no effect in this run: contact is at {_text(speed)}"
+        yield f"{text}, and at {_text(before)} without it."
+
+
+def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float]:
+    """Return the speeds at contact with the gain and without [m/s], 0 without contact."""
+    speed, before = (abs(one.relative_velocity) if one.touched else 0.0 for one in (run, free))
+    return speed, before
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSpeed(Value):
+    """How contact on the loop compares with what an infinitely fast sensor would give, both without noise.
+
+    Args:
+        rate: readings per second of the loop [Hz].
+        speed: mean |l'| at contact on the loop [m/s].
+        fast: mean |l'| with a reading for every step of the controller, without exposure and delay [m/s].
+        harder: the share by which contact is harder than that in 95 % of the runs at most; negative where it is softer.
+        tolerance: the share that is allowed.
+
+    Examples:
+        >>> SensorSpeed(rate=60.0, speed=0.081, fast=0.079, harder=0.04, tolerance=0.1).is_fast_enough
+        True
+    """
+
+    rate: float
+    speed: float
+    fast: float
+    harder: float
+    tolerance: float
+
+    @property
+    def is_fast_enough(self) -> bool:
+        """Whether contact is as with an infinitely fast sensor, or softer, within the tolerance."""
+        return self.harder <= self.tolerance
+
+    @property
+    def text(self) -> str:
+        """Whether the sensor is fast enough, in one sentence."""
+        enough = "fast enough" if self.is_fast_enough else "too slow"
+        speed, fast = format_quantity(self.speed, "m/s", 3), format_quantity(self.fast, "m/s", 3)
+        text = f"The sensor is {enough}: read {self.rate:.6g} times a second, contact is at {speed} on average, "
+        text += f"{fast} with an infinitely fast sensor; in 95 % of the runs it is {self.harder_in_words}"
+        return f"{text} ({100 * self.tolerance:.3g} % are allowed; without noise)."
+
+    @property
+    def harder_in_words(self) -> str:
+        """By how much contact is harder, as `at most 4 % harder`."""
+        share = f"{100 * abs(self.harder):.2g} %"
+        return f"at most {share} harder" if self.harder > _SHOWN_SHARE else "no harder"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as one JSON object, in SI."""
+        return {**asdict(self), "is_fast_enough": self.is_fast_enough}
+
+
+def without_noise(loop: ClosedLoop) -> ClosedLoop:
+    """Return a loop whose readings come as they should: without noise, jitter, steps and gaps, on the curve."""
+    quiet: dict[str, Any] = dict.fromkeys((*NOISES, *_FAULTS), 0.0)
+    return replace(loop, chain=replace(loop.chain, **quiet), follow=0.0)
+
+
+def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
+    """Return a loop that gets a reading for every step, of that instant; None for a law that is told no rate."""
+    law = loop.law
+    if not isinstance(law, Controller):
+        return None
+    quick: dict[str, Any] = {"rate": 1 / law.period, "exposure": 0.0, "delay": 0.0, "phase": 0.0, "random_phase": False}
+    return replace(loop, chain=replace(loop.chain, **quick), law=controller_at(law, law.period))
+
+
+def compare_with_fast_sensor(
+    loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
+) -> SensorSpeed | None:
+    """Compare runs without noise with those of an infinitely fast sensor; None where no run touches both ways."""
+    fast = with_fast_sensor(without_noise(loop))
+    if fast is None:
+        return None
+    other = run(fast)
+    both = quiet.touched & other.touched
+    if not both.any():
+        return None
+    speed, ideal = (np.abs(np.asarray(r.relative_velocity)[both]) for r in (quiet, other))
+    ratio = speed / np.maximum(ideal, _LEAST_SPEED)
+    harder = float(np.quantile(ratio, _MOST)) - 1
+    means = {"speed": float(speed.mean()), "fast": float(ideal.mean())}
+    return SensorSpeed(rate=loop.chain.rate, **means, harder=harder, tolerance=tolerance)
+
+
+def _text(velocity: float) -> str:
+    return format_quantity(velocity, "m/s", 3)

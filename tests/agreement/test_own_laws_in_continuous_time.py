@@ -218,6 +218,18 @@ def test_a_touch_is_a_contact() -> None:
     assert before.contact.relative_velocity == pytest.approx(-math.sqrt(0.16 - 0.08 * 1.9999), rel=1e-7)
 
 
+def test_a_touch_in_the_last_of_several_pieces_leaves_the_others_as_they_are() -> None:
+    """A table is followed from knot to knot; the last piece passes the contact, and is cut there."""
+    floats = Admittance(mass=1.0, damping=0.0, stiffness=0.0)
+    obstacle = Obstacle(position=0.04, velocity=-0.4, acceleration=1.9999)
+    scenario = Scenario(admittance=floats, obstacle=obstacle)
+    motion = solve_motion(scenario, CURVES["table"], 0.0, law=DAMPER_AGAIN, horizon=1.0, samples=41)
+    assert motion.result.status is ContactStatus.CONTACT
+    assert motion.time[-1] == pytest.approx((0.4 - math.sqrt(0.16 - 0.08 * 1.9999)) / 1.9999, rel=1e-9)
+    path = 0.04 - 0.4 * motion.time + 1.9999 * motion.time**2 / 2
+    np.testing.assert_allclose(motion.distance, path, atol=1e-12)
+
+
 def test_a_plant_that_is_held_off_goes_along_until_the_admittance_lets_go() -> None:
     """F = c (l - l_1) whatever s' is: the object stops at l' = 0, where the pull alone would bring it near again.
 

@@ -173,6 +173,17 @@ def test_between_rails_that_meet_it_is_the_constant_drag(name: str, steps: int) 
     assert found.gap < 1e-9
 
 
+@pytest.mark.parametrize(("ratio", "rails", "monotone"), [(0.26, WIDE, False), (0.7, (1e-3, 1e3), True)])
+def test_a_step_that_goes_too_far_is_taken_back_halfway(
+    ratio: float, rails: tuple[float, float], monotone: bool
+) -> None:
+    """On the way to these two some drags have excursions of 5,000 and 10^33 times that of the constant one."""
+    found = schedule_drag(POWER, DISTANCE, 1.0, ratio=ratio, reflectance=(0.5, 2.0), rails=rails, monotone=monotone)
+    assert (found.ratio <= ratio * (1 + 1e-9)).all()
+    assert found.excursion.max() <= found.constant.excursion * (1 + 1e-9)
+    assert found.gap < 1e-4
+
+
 @given(seed=st.integers(0, 2**32 - 1), monotone=st.booleans(), known=st.sampled_from(["20 %", "10 %"]))
 @examples(60)
 def test_no_schedule_that_keeps_the_ratio_is_better_than_the_lower_bound(seed: int, monotone: bool, known: str) -> None:

@@ -584,12 +584,12 @@ class Case:
 
 VERBS = ("fit", "design", "design", "robust", "pareto", "sweep", "sweep", "simulate", "verify", "reproduce")
 _SCENARIOS = {
-    "design": ("approach.toml", "approach.toml", "fingertip.toml", "robust.toml", "tradeoff.toml", "loop.toml"),
-    "robust": ("robust.toml",),
+    "design": ("approach.toml", "fingertip.toml", "robust.toml", "tradeoff.toml", "loop.toml", "drag.toml"),
+    "robust": ("robust.toml", "robust.toml", "loop.toml"),
     "pareto": ("tradeoff.toml", "approach.toml", "fingertip.toml"),
-    "sweep": ("approach.toml", "fingertip.toml", "tradeoff.toml"),
-    "simulate": ("loop.toml",),
-    "verify": ("loop.toml",),
+    "sweep": ("approach.toml", "fingertip.toml", "tradeoff.toml", "drag.toml"),
+    "simulate": ("loop.toml", "loop.toml", "drag.toml", "course.toml"),
+    "verify": ("loop.toml", "loop.toml", "drag.toml"),
 }
 _AXES = (
     *(
@@ -629,6 +629,11 @@ _IDS = (
     "TABLE-1",
     "-x",
     "nan",
+    "figure-4",
+    "figure-5",
+    "figure-6",
+    "table-2",
+    "table-3",
 )
 
 
@@ -707,7 +712,7 @@ def make_case(seed: int, index: int, verb: str = "") -> Case:
     """Make a case that repeats with its seed and index, of any verb or of one."""
     dice = Dice(seed, index)
     verb = verb or dice.pick(VERBS)
-    if verb == "reproduce" and not dice.chance(0.2):  # it reads no file: a few
+    if verb == "reproduce" and not dice.chance(0.5):  # it reads no file: not so many
         verb = "simulate"
     scenario = dice.pick(_SCENARIOS[verb]) if verb in _SCENARIOS else ""
     changes = []
@@ -718,4 +723,7 @@ def make_case(seed: int, index: int, verb: str = "") -> Case:
     arguments = _arguments(verb, dice)
     if verb == "reproduce":
         changes, arguments = [], (*(dice.pick(_IDS) for _ in range(dice.number(1, 2))), *arguments)
+    elif dice.chance(0.03):  # no input is ever written over
+        inputs = ([scenario] if scenario else []) + (["./sensor.csv"] if scenario in {"", "fingertip.toml"} else [])
+        arguments = (*arguments, "--output", dice.pick(inputs), "--force")
     return Case(verb=verb, scenario=scenario, changes=tuple(changes), arguments=arguments, seed=(seed, index, 99))

@@ -17,6 +17,7 @@ from pretouch.control import Controller
 from pretouch.motion import LawNumber
 from pretouch.simulation import ClosedLoop, SimulationResult
 
+from .encounter_parts import percent
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # of the runs
@@ -222,9 +223,8 @@ class SensorSpeed(Value):
 
     @property
     def harder_in_words(self) -> str:
-        """By how much contact is harder, as `at most 4 % harder`."""
-        share = f"{100 * abs(self.harder):.2g} %"
-        return f"at most {share} harder" if self.harder > _SHOWN_SHARE else "no harder"
+        """By how much contact is harder, as `up to 4 % harder`."""
+        return f"up to {percent(self.harder)} harder" if self.harder > _SHOWN_SHARE else "no harder"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as one JSON object, in SI."""

@@ -10,6 +10,7 @@ from pretouch.uncertainty.ensemble import share_in_words
 
 from .appraisal import ROOM, USUAL_MARGIN
 from .effect import OFTEN, Effect, VerdictStatus, chase_in_words
+from .encounter_parts import percent
 from .result import LimitCheck, Verdict
 
 _ROUNDING: Final = 1e-9  # of a speed
@@ -114,7 +115,7 @@ def _harder_than_promised(v: Verdict) -> Iterator[str]:
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))
         yield (
-            f"contact is {100 * effect.excess:.2g} % harder than predicted, {reached} on average instead of "
+            f"contact is {percent(effect.excess)} harder than predicted, {reached} on average instead of "
             f"{predicted} ({allowed:.3g} % are allowed)"
         )
     if sensor is not None and not sensor.is_fast_enough:

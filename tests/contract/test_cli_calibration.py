@@ -157,7 +157,8 @@ def test_a_contact_nearer_than_the_data_is_refused_with_the_calibration_as_the_r
     near, reason = near_end()
     assert code == 2
     assert f"starts {near} in front of the contact surface, where the calibration supports it ({reason})" in err
-    assert f'sink the sensor with recess = "{near}", or calibrate nearer, or extend the curve' in err
+    assert f'sink the sensor with recess = "{near}", or calibrate again with a lower amplification, so that the ' in err
+    assert "does not flatten or clip there, or extend the curve" in err
 
 
 def test_the_ways_out_of_a_refusal_lead_out(run):

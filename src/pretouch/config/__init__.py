@@ -247,7 +247,8 @@ class _Builder(Reading):
             cause, extending = "", 'extend the curve with minimum_distance = "0 mm" where the model allows it'
             if window is not None and window.l_min >= recess + low * (1 - _ROUNDING):
                 cause = f", where the calibration supports it ({window.start_reason})"
-                extending = f"calibrate nearer, or {extending} (a table does not): {told}"
+                nearer = "calibrate again with a lower amplification, so that the output does not flatten or clip there"
+                extending = f"{nearer}, or {extending} (a table does not): {told}"
             self.refuse(
                 ("sensor",),
                 f"found a valid range that starts {1e3 * low:.4g} mm in front of the contact surface{cause}, expected "

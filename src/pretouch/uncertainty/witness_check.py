@@ -26,7 +26,7 @@ _UNDER: Final = 60  # curves under ceilings
 _FEW: Final = 4, 6  # the same for a law that is integrated one encounter after the other
 _SEED: Final = 1
 _DISAGREE: Final = 0.25  # of the curves under ceilings: if more of them break the promise, it is not supported
-_QUANTILES: Final = (0.05, 0.95)  # of the curves under ceilings, between which the stated range lies
+_QUANTILES: Final = (0.05, 0.95)  # of either kind of curves: the stated range holds both
 _BEYOND: Final = 12  # points on the fitted curve where there are no readings, on either side
 _SMALLEST: Final = 1e-3  # of a drawn signal: less is not left of it where its offset differs
 _MOST: Final = 500  # encounters of an array that are tried
@@ -44,8 +44,8 @@ class WitnessCheck(Value):
         curves: how many curves.
         promised: |l'| at contact on the fitted curve [m/s].
         unmitigated: |l'| at contact without mitigation [m/s].
-        low: the least |l'| at contact on these curves [m/s], without the extreme 5 % of those under ceilings.
-        high: the largest, likewise.
+        low: the least |l'| at contact on these curves [m/s], without the lowest 5 % of either kind.
+        high: the largest, without the highest 5 %.
         outside: the share of the curves under ceilings on which |l'| differs from the promise by more than 15 %.
         harder: on how many curves contact is harder than without mitigation, which the fitted curve does not say.
         is_contradicted: whether no curve through the readings comes within 15 % of the promise.
@@ -81,7 +81,7 @@ class WitnessCheck(Value):
         if self.harder:
             return (
                 f"Not supported by the readings: on {self.harder} of {self.curves} curves that they allow, contact is "
-                f"not softer than without mitigation ({free}); the fitted curve promises {promised}{of}."
+                f"harder than without mitigation ({free}); the fitted curve promises {promised}{of}."
             )
         return (
             f"Not supported by the readings: the curves that they allow lead to contact at {low} to {high}, the fitted "
@@ -140,8 +140,8 @@ def check_on_readings(
 
 def _judge(through: FloatArray, under: FloatArray, promised: float, free: float) -> WitnessCheck:
     """Compare the speeds on curves through the readings and under ceilings with one promise [m/s]."""
-    inner = np.quantile(under[np.isfinite(under)], _QUANTILES) if np.isfinite(under).any() else under[:0]
-    ends = np.concatenate([through[np.isfinite(through)], inner, [np.nan] if not len(inner) else []])
+    groups = [group[np.isfinite(group)] for group in (through, under)]
+    ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
     kept = np.abs(under - promised) <= CLOSE * promised
     near = through[np.isfinite(through)]
     agrees = len(near) > 0 and (1 - CLOSE) * near.min() <= promised <= (1 + CLOSE) * near.max()
@@ -149,8 +149,8 @@ def _judge(through: FloatArray, under: FloatArray, promised: float, free: float)
         curves=len(through) + len(under),
         promised=float(promised),
         unmitigated=float(free),
-        low=float(np.nanmin(ends)),
-        high=float(np.nanmax(ends)),
+        low=float(ends.min()),
+        high=float(ends.max()),
         outside=float(np.mean(~kept)),
         harder=int((np.concatenate([through, under]) > _HARDER * free).sum()) if promised <= free else 0,
         is_contradicted=not agrees,

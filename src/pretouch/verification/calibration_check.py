@@ -89,10 +89,11 @@ class CalibrationCheck(Value):
     def text(self) -> str:
         """What was found, in a sentence."""
         if self.is_good_enough:
+            wider = "" if self.witness is None else f" ({self.witness.text})"
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
             return (
-                f"The calibration is good enough for this gain: {kept} that its readings allow keep what the fitted "
-                f"curve promises ({self._spread})."
+                f"The calibration is good enough for this gain: {kept} drawn from fits to its readings keep what the "
+                f"fitted curve promises ({self._spread}), and curves through the readings do not contradict it{wider}."
             )
         return f"{self.reason[:1].upper()}{self.reason[1:]}."
 

@@ -355,18 +355,24 @@ SILENT = {
     "a limit that it breaks": TASK.replace(constraints=[pt.Constraint(name="speed", limit=0.23)]),
     "no gain at all": TASK.replace(constraints=[pt.Constraint(name="relative_velocity", limit=1e-5)]),
     "a curve that ends": TASK.replace(sensor=replace(SENSOR, minimum_distance=1e-4)),
-    "a curve that turns": TASK.replace(
-        sensor=pt.CustomSensor(
-            log_output_function=lambda distance: (700 * distance - 40) * distance,
-            log_slope_function=lambda distance: 1400 * distance - 40,
-        )
-    ),
 }
 
 
 @pytest.mark.parametrize("name", SILENT)
 def test_nothing_is_said_of_a_drag_where_it_is_not_known_or_no_better(name: str) -> None:
     assert "virtual drag" not in str(pt.design_gain(SILENT[name]))
+
+
+def test_a_custom_curve_that_turns_before_the_start_has_neither_gain_nor_drag() -> None:
+    """Beyond 28.6 mm the virtual force would have the wrong sign. A gain was designed all the same."""
+    turning = pt.CustomSensor(
+        log_output_function=lambda distance: (700 * distance - 40) * distance,
+        log_slope_function=lambda distance: 1400 * distance - 40,
+    )
+    with pytest.raises(pt.errors.InvalidInputError, match="must not be positive"):
+        pt.design_gain(TASK.replace(sensor=turning))
+    nearer = replace(SCENARIO, obstacle=pt.Obstacle(position=0.028, velocity=-0.3))
+    assert "Optimal gain" in str(pt.design_gain(TASK.replace(sensor=turning, scenario=nearer)))
 
 
 def test_the_command_shows_the_drag_of_a_file_with_an_effect(

@@ -67,8 +67,8 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
             "loop horizon: found 10 s, which is 1e+10 steps of a sensor with 1e+09 readings per second",
         ),
         (
-            lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e9)),
-            "steps of a robot followed in steps of 1.59155e-11 s",
+            lambda: simulate(horizon=10.0, plant=pt.simulation.PositionPlant(mass=1.0, bandwidth=1e5)),
+            "steps of a robot followed in steps of",
         ),
         (
             lambda: simulate(plant=QUICK_PLANT, contact=pt.simulation.SpringDamper(stiffness=1e30)),

@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--only", default="", help="only mutants of sources whose path matches this pattern")
     parser.add_argument("--map-only", action="store_true", help="only record which tests reach which lines")
-    parser.add_argument("--recorded", action="store_true", help="leave out tests that were never recorded")
+    parser.add_argument("--record", default="", help="of tests never recorded, only those of files that match this")
     parser.add_argument("--budget", type=float, default=600.0, help="processor seconds of tests for one mutant")
     asked = parser.parse_args()
     tree.WORK.mkdir(parents=True, exist_ok=True)
@@ -56,17 +56,17 @@ def work(asked: argparse.Namespace) -> int:
     tree.copy_tree()
     if not tree.build_library():
         raise SystemExit("the compiled core of the tree as it is does not compile")
-    known = read_map(record=not asked.recorded)
+    known = read_map(asked.record)
     return 0 if asked.map_only else try_mutants(known, asked)
 
 
-def read_map(*, record: bool) -> reach.Reach:
+def read_map(record: str) -> reach.Reach:
     """Read which tests reach what, and record each group of tests that was changed, or is new and asked for."""
     known, groups = reach.Reach(tree.TREE), reach.groups(tree.TREE)
     for number, (name, paths) in enumerate(groups.items(), 1):
         kept = REACH / f"{name}.json"
         if not kept.exists() or json.loads(kept.read_text())["digest"] != reach.tests_digest(tree.TREE, paths):
-            if not (record or kept.exists()):
+            if not (kept.exists() or re.search(record, name)):
                 continue
             print(f"recording {name}, {number} of {len(groups)}", flush=True)
             reach.record(tree.TREE, REACH, name, paths)

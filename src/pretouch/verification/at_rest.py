@@ -16,12 +16,14 @@ from pretouch.design import Task
 from pretouch.motion import Obstacle, Scenario
 from pretouch.simulation import IdealPlant
 
-_REST: Final = 30.0  # s
+_REST: Final = 30.0  # s, at most
+_STEPS: Final = 30_000  # of the law, at most: a quick controller rests for a shorter time
 _RESTS: Final = 59  # runs: the largest of so many exceeds 95 % of all with a confidence of 95 %
 _SCANS: Final = 5  # runs at each of some places, by which the worst is found
 _DEVIATIONS: Final = np.array([-0.5, 0.0, 0.5, 1.0, 1.5, 2.5, 4.0, 8.0])  # of the noise above the floor, where to look
 _STILL: Final = 1e-3  # m
 _KEPT: Final = 0.9  # of that: what a lower floor aims at
+_WORTH: Final = 0.95  # of a floor that is known to do: a lower one nearer to it is not tried
 _QUIET: Final = 0.3  # of that: a mean below leaves no run of 20 above
 _TRIES: Final = 4  # of a higher floor
 _FARTHEST: Final = 2.0  # m
@@ -41,13 +43,18 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
     text = (
         f"At rest before an object noise alone moves the robot, farthest at {where}, near where it is just detected: "
     )
-    text += f"in 95 % of the runs by {far} at most within {_REST:g} s ({_RESTS} runs, 95 % confidence)"
+    text += f"in 95 % of the runs by {far} at most within {_rest(law):g} s ({_RESTS} runs, 95 % confidence)"
     quiet = _quiet_floor(task, gain, law, moved)
     if quiet is None:
         yield f"{text}; no floor that was tried keeps it within {still}: less noise does, or a law with a dead zone."
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
     yield f"{text}; with a floor of {quiet:g} it is {still} at most, and objects are detected from {sees} on."
+
+
+def _rest(law: Controller) -> float:
+    """Return for how long a robot is watched at rest [s]."""
+    return float(f"{min(_REST, _STEPS * law.period):.3g}")
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> float | None:
@@ -65,7 +72,7 @@ def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> floa
     # a floor that is higher than need be costs distance: one between is tried, by a power law through both
     part = math.log(far / (_KEPT * _STILL)) / math.log(far / moved)
     between = float(f"{below * (floor / below) ** min(part, 1.0):.2g}")
-    return between if below < between < floor and _drift(task, gain, law, between)[1] <= _STILL else floor
+    return between if below < between < _WORTH * floor and _drift(task, gain, law, between)[1] <= _STILL else floor
 
 
 def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[float, float]:
@@ -79,7 +86,7 @@ def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[floa
     if not len(places):
         return 0.0, np.nan  # nothing is ever detected
     loop = replace(task.loop, law=replace(law, conditioning=replace(law.conditioning, floor=floor)))
-    at_rest = replace(loop, plant=IdealPlant(), contact=None, horizon=_REST, seed=task.loop.seed + 1)
+    at_rest = replace(loop, plant=IdealPlant(), contact=None, horizon=_rest(law), seed=task.loop.seed + 1)
 
     def largest(places: FloatArray, count: int, first: int) -> FloatArray:
         here = Scenario(admittance=task.scenario.admittance, obstacle=Obstacle(position=np.repeat(places, count)))

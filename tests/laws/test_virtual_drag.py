@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from scipy.special import lambertw
 
 from encounters import CURVES
 from pretouch._core.errors import InvalidInputError
-from pretouch.design import HertzImpact, SpringImpact
+from pretouch.config import load_scenario
+from pretouch.design import HertzImpact, SpringImpact, design_drag, design_gain
 from pretouch.design.drag import DragRails, drag_by, drag_trade_off, predict_drag
-from pretouch.motion import Admittance, Obstacle, Scenario
+from pretouch.motion import DRAG, Admittance, Obstacle, Scenario
 from pretouch.motion.drag import slope_integral, solve_drag
 from pretouch.sensors import InversePower, SensorModel, Table
 from properties import examples
@@ -451,3 +453,16 @@ def test_the_equation_and_its_integrals_symbolically() -> None:
     assert sp.simplify(sp.diff(excursion, u) - c * sp.exp(u - u_d) / u**2) == 0
     lag = c * (2 * sp.Ei(2 * u) - sp.exp(2 * u) / u)
     assert sp.simplify(sp.diff(lag, u) - c * sp.exp(2 * u) / u**2) == 0
+
+
+@pytest.mark.parametrize(("position", "velocity"), [(1e200, -0.3), (1e300, -1e200), (1e6, -1e200)])
+def test_a_drag_on_numbers_without_a_square_is_refused(position: float, velocity: float) -> None:
+    """They overflowed on the way, with a warning of NumPy."""
+    task = load_scenario(Path(__file__).parents[2] / "examples/drag.toml")
+    far = replace(task.scenario, obstacle=replace(task.scenario.obstacle, position=position, velocity=velocity))
+    verbs = [lambda: DRAG.contact(far, task.sensor, 0.0144), lambda: design_gain(task.replace(scenario=far))]
+    if position > 1e6:  # the drag of a ratio follows from the distance alone
+        verbs.append(lambda: design_drag(task.replace(scenario=far)))
+    for verb in verbs:
+        with pytest.raises(InvalidInputError, match=r"found -?1e\+[23]00.*, expected .*at most 1e\+60"):
+            verb()

@@ -8,7 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, float_or_array, positive
+from pretouch._core.units import MAGNITUDES
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
@@ -231,6 +233,9 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     Returns:
         G [1/m], of the same shape: a float for a scalar.
 
+    Raises:
+        InvalidInputError: a distance is not positive, or beyond MAGNITUDES.
+
     Examples:
         >>> from pretouch.sensors import ExponentialFirstOrder
         >>> round(slope_integral(ExponentialFirstOrder(scale=1.0, rate=-60.0), 0.04), 9)
@@ -238,6 +243,8 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
     """
     given = np.asarray(positive(distance, "distance", "m"))
     flat = given.reshape(-1)
+    if flat.max(initial=0.0) > MAGNITUDES[1]:
+        raise InvalidInputError(f"distance: found {flat.max():g} m, expected at most {MAGNITUDES[1]:g} m")
     check_curve(sensor, flat)
     grid = np.linspace(max(sensor.valid_range[0], 0.0), flat.max(initial=0.0), _PROBES)
     steepest = float(np.abs(sensor.log_slope(grid)).max())

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError, OutOfRangeError
 from pretouch._core.numbers import BoolArray, FloatArray, nonnegative, positive
+from pretouch._core.units import MAGNITUDES
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
 
@@ -92,6 +93,9 @@ def _flushed(values: FloatArray) -> FloatArray:
     return np.where(np.abs(values) < _LEAST, 0.0, values)
 
 
+_BEYOND: Final = f"expected a magnitude of at most {MAGNITUDES[1]:g} in SI, beyond which its square is no number"
+
+
 def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
     """Check a call and flatten it.
 
@@ -116,6 +120,8 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
     request = DragRequest(
         scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
     )
+    for name, values in (("position", request.distance), ("velocity", request.velocity)):
+        _refuse(np.abs(values) > MAGNITUDES[1], values, f"obstacle {name}: found {{0:g}}, {_BEYOND}")
     low, high = sensor.valid_range
     start = request.distance
     outside = (start < low) | (start > high)

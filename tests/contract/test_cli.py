@@ -183,19 +183,31 @@ def test_a_reader_that_leaves_is_no_error(folder):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals and pipes")
+WAITING = """
+import sys, time
+import pretouch.config
+from pretouch.cli import main
+
+def wait(*_, **__):
+    print("reading", flush=True)
+    time.sleep(600)
+
+pretouch.config.load_scenario = wait
+sys.argv = ["pretouch", "design", "approach.toml"]
+main()
+"""
+
+
 def test_ctrl_c_ends_with_130_and_no_traceback(folder):
-    os.mkfifo("slow.toml")
-    command = [sys.executable, "-m", "pretouch", "design", "slow.toml"]
     # what a shell runs in the background ignores the signal, and so would what is started here
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    command = [sys.executable, "-c", WAITING]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         signal.signal(signal.SIGINT, before)
-        writer = os.open("slow.toml", os.O_WRONLY)  # returns once pretouch has opened it for reading, and waits
-        time.sleep(0.2)
+        assert process.stdout.readline() == b"reading\n"
         process.send_signal(signal.SIGINT)
         told = process.stderr.read()
         assert (process.wait(), told) == (130, b"")
-        os.close(writer)
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])

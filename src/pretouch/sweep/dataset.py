@@ -248,8 +248,10 @@ def open_netcdf(path: str | os.PathLike[str]) -> xr.Dataset | None:
     """Open a sweep that was written as NetCDF, numbers when they are used; None where the file is no sweep of ours."""
     xarray = require("xarray")
     require(_ENGINE)
-    require("h5py")
     try:
+        with require("h5py").File(path, "r") as file:  # of other files h5netcdf complains once more when it is deleted
+            if DIGEST not in file.attrs:
+                return None
         dataset: xr.Dataset = xarray.open_dataset(path, engine=_ENGINE)
     except Exception:
         return None

@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -182,7 +181,6 @@ def test_a_reader_that_leaves_is_no_error(folder):
         assert (process.wait(), told) == (141, b"")
 
 
-@pytest.mark.skipif(os.name == "nt", reason="POSIX signals and pipes")
 WAITING = """
 import sys, time
 import pretouch.config
@@ -198,6 +196,7 @@ main()
 """
 
 
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals and pipes")
 def test_ctrl_c_ends_with_130_and_no_traceback(folder):
     # what a shell runs in the background ignores the signal, and so would what is started here
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

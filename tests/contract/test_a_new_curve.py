@@ -190,7 +190,10 @@ def failing(kind: str, module: str) -> type[SensorModel]:
         ("raises", "ZeroDivisionError: division by zero"),
         ("not a number", "InvalidInputError: scale: found nan"),
         ("incomplete start", "KeyError: 'other'"),
-        ("parameters that cannot be told apart", "ValueError: math domain error"),
+        (
+            "parameters that cannot be told apart",
+            "InvalidInputError: rate and other: found parameters that cannot be told apart",
+        ),
     ],
 )
 def test_a_family_whose_fit_fails_costs_no_other_its_fit(kind: str, reason: str, module: str) -> None:

@@ -91,7 +91,7 @@ def test_a_run_without_contact_ends_with_1(run):
 def test_verify_prints_the_verdict_and_where_the_page_is(run):
     code, out, err = run("verify", "loop.toml", "--no-changes")
     assert (code, err) == (0, "")
-    for words in ("relative velocity at contact", "held in every run", "40 runs", "predicted", "without mitigation"):
+    for words in ("relative velocity at contact", "met in every run", "40 runs", "predicted", "without mitigation"):
         assert words in out
     assert "loop-verify.html" in out.splitlines()[-1]
     assert is_own_unchanged("loop-verify.html")

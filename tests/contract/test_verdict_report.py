@@ -44,8 +44,8 @@ def test_reports_are_sound_for_every_status(found: pt.Verdict) -> None:
     sections = {
         "Predicted and simulated": found.gain is not None,
         "Is the sensor fast enough, and is the loop stable?": found.gain is not None,
-        "What was tried": bool(found.changes),
-        "What this rests on": found.gain is not None,
+        "Tried changes": bool(found.changes),
+        "Assumptions": found.gain is not None,
         "The loop": True,
         "Inputs": True,
         "Provenance": True,
@@ -78,11 +78,11 @@ def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
         )
         assert tuple(row(page, label)) == expected
     assert row(page, "strongest stable gain") == [f"{s.strongest:.4g} N s"]
-    assert row(page, "where it oscillates at") == [f"{s.frequency:.4g} Hz"]
-    assert row(page, "rate from which on this gain is stable") == [f"{s.lowest_rate:.3g} Hz"]
-    assert row(page, "rate from which on it has a margin of 2") == [f"{s.lowest_rate_with_margin:.3g} Hz"]
+    assert row(page, "oscillation frequency at the limit") == [f"{s.frequency:.4g} Hz"]
+    assert row(page, "lowest sensor rate for a stable loop") == [f"{s.lowest_rate:.3g} Hz"]
+    assert row(page, "lowest sensor rate for a gain margin of 2") == [f"{s.lowest_rate_with_margin:.3g} Hz"]
     assert row(page, "readings") == ["250 Hz, one every 4 ms"]
-    best = row(page, "best gain on this loop with a margin of 2 to instability, mean of the runs")
+    best = row(page, "best gain on this loop with a gain margin of 2, mean of the runs")
     assert best == [f"{loss.loop_gain:.4g} N s", f"{loss.loop_objective:.5g}"]
     own, mean = row(page, "verified gain, mean of the runs")
     assert (own, mean.split(" \u00b1 ")[0]) == (f"{one.gain:.4g} N s", f"{loss.objective:.5g}")
@@ -92,29 +92,35 @@ def test_a_report_contains_the_numbers_of_the_verdict(one: pt.Verdict) -> None:
         assert cells[0] == check.label
         assert cells[2:5] == [every, share_in_words(check.held), share_in_words(check.low)]
     words = parse(page).words
-    assert f"\u00d7 {s.margin:.3g} margin to instability" in words
-    assert "Each was simulated on the same 40 runs" in words
+    assert f"{s.margin:.3g} gain margin" in words
+    assert "Each change was simulated on the same 40 runs" in words
 
 
 def test_the_change_that_helps_most_stands_out_with_its_numbers() -> None:
     slow = case("8x8 that is too slow")
-    best, title = slow.best_change, "What would help most, though it alone is not enough"
+    best, title = slow.best_change, "What would help most (not enough alone)"
     assert best is not None
     assert best.standing < 1
     page = report_html(slow)
-    margins = [f"\u00d7 {slow.stability.margin:.3g}", f"\u00d7 {best.margin:.3g}"]
-    assert row(page, "margin to instability", title) == margins
+    margins = [f"{slow.stability.margin:.3g}", f"{best.margin:.3g}"]
+    assert row(page, "gain margin", title) == margins
     shares = [f"{100 * slow.limits[0].held:.4g} %", f"{100 * best.held:.4g} %"]
-    assert row(page, "relative velocity at contact <= 0.12 m/s holds in", title) == shares
+    assert row(page, "runs with relative velocity at contact <= 0.12 m/s", title) == shares
     titles = sections_of(page)
     assert titles.index("Why it does not hold") + 1 == titles.index(title)
-    head, *tried = table(page, "What was tried")
-    assert head == ["change", "objective", "limits kept", "margin", "what to do"]
+    head, *tried = table(page, "Tried changes")
+    assert head == ["change", "objective", "limits met", "gain margin", "what to do"]
     own, *tried = tried
-    assert own == ["as it is", "", f"not all: {100 * slow.as_it_is[0].held:.4g} %", margins[0], "Nothing is changed."]
+    assert own == [
+        "unchanged",
+        "",
+        f"not all: {100 * slow.as_it_is[0].held:.4g} %",
+        margins[0],
+        "Compare changes with this row.",
+    ]
     assert [cells[-1] for cells in tried] == [change.sentence for change in slow.changes]
     assert [cells[0].endswith(": helps") for cells in tried] == [change.helps for change in slow.changes]
-    assert best.sentence in parse(page[page.index(title) : page.index("What was tried")]).words
+    assert best.sentence in parse(page[page.index(title) : page.index("Tried changes")]).words
 
 
 def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hold() -> None:
@@ -125,7 +131,7 @@ def test_a_contact_that_is_harder_than_without_mitigation_is_why_it_does_not_hol
     assert f"contact is harder than without mitigation: {wild.effect.speed:.4g} m/s on average instead of 0.3" in words
     assert wild.best_change.standing == 1
     assert row(page, "contact harder than without mitigation", "What would help most") == ["yes", "no"]
-    best = row(page, "best gain on this loop with a margin of 2 to instability, mean of the runs")
+    best = row(page, "best gain on this loop with a gain margin of 2, mean of the runs")
     assert best[0] == f"{wild.loss.loop_gain:.4g} N s"
     assert row(page, "largest excursion", "Limits")[:2] == ["300 mm", "every run"]
 
@@ -143,7 +149,7 @@ def test_a_verdict_without_a_gain_says_how_near_each_limit_can_be_come() -> None
     nearest = [f"{limited.best_value:.4g} m/s", f"{limited.best_gain:.4g} N s"]
     asked = row(page, "relative velocity at contact", "Why it was not verified")
     assert asked == ["0.001 m/s", *nearest]
-    assert "Nothing was run" in parse(page).words
+    assert "Nothing was simulated" in parse(page).words
 
 
 def test_where_nothing_helps_or_nothing_was_tried_the_report_says_so() -> None:
@@ -152,11 +158,11 @@ def test_where_nothing_helps_or_nothing_was_tried_the_report_says_so() -> None:
     page = report_html(still)
     assert "No change helps" in sections_of(page)
     assert (
-        "None of the changes that were tried turns the status to the better, or helps by more than chance"
+        "None of the tried changes improves the status, or lowers the objective significantly and by at least 1 %."
         in parse(page).words
     )
     untried = sections_of(report_html(case("one run, no changes")))
-    assert {"No change helps", "What would help most", "What was tried"}.isdisjoint(untried)
+    assert {"No change helps", "What would help most", "Tried changes"}.isdisjoint(untried)
 
 
 def test_reports_repeat_and_recognize_themselves(tmp_path: Path) -> None:

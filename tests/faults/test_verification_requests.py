@@ -26,11 +26,11 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
         (lambda: verdict(QUICK, gain=float("nan")), "gain: found nan"),
         (lambda: verdict(QUICK, bounds=(-0.1, -1.0)), "bounds: found [-0.1, -1] N*s"),
         (lambda: verdict(replace(QUICK, seed=-1), runs=1), "seed: found -1"),
-        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without with_value"),
+        (lambda: verdict(replace(QUICK, law=BareLaw(-0.7, 1e-3))), "without the method with_value"),
         (lambda: verdict(QUICK.law), "loop: found a Controller, expected a ClosedLoop"),
         (
             lambda: verdict(replace(QUICK, horizon=0.1)),
-            "loop horizon: found 0.1 s, before the contact that is predicted",
+            "loop horizon: found 0.1 s, but contact is predicted after",
         ),
         (
             lambda: verdict(QUICK, constraints=[velocity_limit(0.1), velocity_limit(0.2)]),
@@ -42,7 +42,7 @@ SEVERAL = replace(SCENARIO, obstacle=pt.Obstacle(position=[0.03, 0.04], velocity
         ),
         (
             lambda: verdict(QUICK, uncertainty={"admittance.mass": pt.robust.Uniform(low=1.0, high=2.0)}),
-            "a number in the law of the loop",
+            "a number in the controller and known exactly",
         ),
         (
             lambda: verdict(QUICK, uncertainty={"obstacle.speed": pt.robust.Uniform(low=1.0, high=2.0)}),
@@ -65,7 +65,9 @@ def test_the_law_of_a_task_is_that_of_its_loop(verb: Callable[[pt.Task], Any]) -
     task = pt.Task(SCENARIO, SENSOR, OBJECTIVE, bounds=(1e-3, 0.1), gain=0.0144, loop=drag, runs=2)
     assert task.law is pt.motion.DRAG
     assert task.replace(loop=QUICK, gain=-0.7).law is pt.motion.DAMPER
-    with pytest.raises(pt.errors.InvalidInputError, match=r"^law: found a virtual-damper beside a loop whose .*drag$"):
+    with pytest.raises(
+        pt.errors.InvalidInputError, match=r"^law: found virtual-damper, but the controller of the loop is a .*drag$"
+    ):
         verb(task.replace(law="virtual-damper"))
     with pytest.raises(
         pt.errors.InvalidInputError, match=r"^law: found 'friction', .* expected one of virtual-damper, "

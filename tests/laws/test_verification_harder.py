@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 import pretouch as pt
+from pretouch.motion import DAMPER
+from pretouch.simulation.stability import passage
 from pretouch.verification import Effect
 from pretouch.verification.effect import chase_in_words
+from pretouch.verification.stability import limit_of
 from verification_samples import BOUNDS, NOISY, OBJECTIVE, QUICK, SCENARIO, SENSOR, loop_of, verdict
 
 WILD = loop_of(rate=60.0, exposure=1 / 60, delay=0.004, distance_noise=0.008, reports_distance=True, random_phase=True)
@@ -200,9 +203,9 @@ def test_contact_that_is_harder_than_predicted_is_said_first_and_is_no_fast_sens
     excess = speed.mean() / predicted - 1
     assert excess > 0.1
     assert found.status is pt.VerdictStatus.HOLDS_NARROWLY
-    assert found.reasons[0].startswith(f"contact is {100 * excess:.2g} % harder than predicted, ")
+    assert found.reasons[0].startswith(f"contact is {100 * excess:.2g} % harder than predicted: ")
     assert found.reasons[0] in found.headline
-    assert found.reasons[1].startswith("the sensor is too slow: in 95 % of the runs contact is up to ")
+    assert found.reasons[1].startswith("the sensor is too slow: contact is at most ")
     # with a reading of each step, of that instant, the same controller gives what is compared with
     quick = loop_of(rate=1000.0)
     ideal = abs(float(quick.run(SCENARIO, SENSOR, -0.4).relative_velocity))
@@ -225,7 +228,26 @@ def test_simulate_warns_first_of_a_gain_that_makes_contact_harder() -> None:
     assert found.warnings[1].startswith("With the gain contact is harder than without mitigation: 0.81")
     shown = str(found).split("\n\n")
     assert "makes the robot chase the object" in shown[1]
+    assert found.headline.startswith("Harder than without mitigation: contact on the loop at 0.81")
     assert not pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=QUICK, gain=-0.7463)).warnings
+
+
+def test_simulate_warns_of_a_loop_that_is_unstable_or_nearly_and_of_a_force_far_above_the_predicted_one() -> None:
+    slow = loop_of(period=0.01, rate=100.0)
+    limit = limit_of(slow, SENSOR, passage(DAMPER, SCENARIO, SENSOR, -1.0, 0.0422))
+    assert limit is not None
+
+    def warnings(gain: float) -> str:
+        return " ".join(pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=slow, gain=gain)).warnings)
+
+    strongest = f"{limit.strongest:.3g} N s"
+    assert f"The loop is unstable: the strongest stable gain is {strongest}" in warnings(1.05 * limit.strongest)
+    assert "The gain margin of the loop is only 1.05 (2 is usual)" in warnings(limit.strongest / 1.05)
+    assert "gain margin" not in warnings(limit.strongest / 2.1)
+    wild = pt.simulate_encounter(pt.Task(SCENARIO, SENSOR, loop=loop_of(relative_noise=0.1), gain=-0.7463))
+    force = wild.comparison("largest_virtual_force")
+    assert abs(force.loop) > 1.5 * abs(force.predicted)
+    assert any(text.startswith(f"The virtual force on the loop reaches {force.loop:.3g} N") for text in wild.warnings)
 
 
 def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
@@ -246,7 +268,7 @@ def test_a_push_after_the_impact_that_grows_with_mitigation_is_named() -> None:
     assert grows
     for values in (result.peak_force, free.peak_force, result.impact_force, free.impact_force):
         assert f"{values.mean():.4g} N" in said[0]
-    assert "driven on, and the robot's drive push on" in said[0]
+    assert "because the driven obstacle and the robot's drive push" in said[0]
     light = replace(NOISY, plant=ROBOT, contact=pt.simulation.HuntCrossley(stiffness=1e7, obstacle_mass=0.2))
     other = verdict(light, gain=-0.7463, runs=20, changes=False)
     assert not any(text.startswith("The largest force") for text in other.warnings)

@@ -22,6 +22,11 @@ from .many_fits import Fits, gradient, intervals
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
 
+# Singular values of the Jacobian with columns of norm 1: above 0.01 for sensible families, 1e-7 (the error of the
+# differences) if two parameters change the curve in the same way.
+_REDUNDANT: Final = 1e-5
+_INVOLVED: Final = 0.1  # component of a parameter in the direction that changes nothing
+
 
 def root_mean_square(values: FloatArray) -> float:
     """Return the root of the mean square."""
@@ -71,6 +76,7 @@ def estimates(
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     family, x = problem.family, best.x[0]
+    _check_identifiable(best, [item.name for item in sensor._declared()])
     dof = max(best.residuals.shape[1] - len(x), 1)
     inflation = max(1.0, float(best.costs[0]) / dof)  # a model that does not fit does not know its parameters better
     known = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
@@ -115,6 +121,18 @@ def estimates(
         "identifiable": family.told_apart(parameters, middle, runaway=runaway),
         "warnings": warnings,
     }
+
+
+def _check_identifiable(best: Fits, names: list[str]) -> None:
+    """Refuse a fit of a family in which several parameters change the curve in exactly the same way."""
+    norms = np.linalg.norm(best.jacobian[0], axis=0)
+    free = np.flatnonzero(norms)  # a parameter at its bound has no derivatives
+    if not len(free):
+        return
+    _, s, vt = np.linalg.svd(best.jacobian[0][:, free] / norms[free], full_matrices=False)
+    if s[-1] < _REDUNDANT * s[0]:
+        involved = [names[free[i]] for i in np.flatnonzero(np.abs(vt[-1]) > _INVOLVED)]
+        raise InvalidInputError(f"{' and '.join(involved)}: found parameters that cannot be told apart by any readings")
 
 
 def _covariance(

@@ -1,4 +1,4 @@
-"""How far noise moves a robot that stands still near an object, and which floor of the readings keeps it still."""
+"""Compute how far sensor noise moves a robot at rest near an object, and a floor that keeps it still."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from pretouch.design import Task
 from pretouch.motion import Obstacle, Scenario
 from pretouch.simulation import IdealPlant
 
-_REST: Final = 30.0  # s, at most
-_STEPS: Final = 30_000  # of the law, at most: a quick controller rests for a shorter time
+_REST: Final = 30.0  # s: longest time at rest
+_STEPS: Final = 30_000  # of the controller: a fast one is simulated for a shorter time
 _RESTS: Final = 59  # runs: the largest of so many exceeds 95 % of all with a confidence of 95 %
-_SCANS: Final = 5  # runs at each of some places, by which the worst is found
-_DEVIATIONS: Final = np.array([-0.5, 0.0, 0.5, 1.0, 1.5, 2.5, 4.0, 8.0])  # of the noise above the floor, where to look
-_STILL: Final = 1e-3  # m
-_KEPT: Final = 0.9  # of that: what a lower floor aims at
-_WORTH: Final = 0.95  # of a floor that is known to do: a lower one nearer to it is not tried
-_QUIET: Final = 0.3  # of that: a mean below leaves no run of 20 above
-_TRIES: Final = 4  # of a higher floor
+_SCANS: Final = 5  # runs at each distance, to find the worst one
+# distances to try: where the mean reading is so many standard deviations of noise above the floor
+_DEVIATIONS: Final = np.array([-0.5, 0.0, 0.5, 1.0, 1.5, 2.5, 4.0, 8.0])
+_STILL: Final = 1e-3  # m: a robot that moves less counts as still
+_KEPT: Final = 0.9  # of _STILL: the drift that a lower floor aims at
+_WORTH: Final = 0.95  # of a floor that suffices: a lower floor closer to it is not tried
+_QUIET: Final = 0.3  # of _STILL: with a smaller mean, fewer than 1 run of 20 exceeds _STILL
+_TRIES: Final = 4  # higher floors
 _FARTHEST: Final = 2.0  # m
-_PLACES: Final = 2001  # between contact and there
+_PLACES: Final = 2001  # distances from contact to _FARTHEST
 
 
 def creep_in_words(task: Task, gain: float) -> Iterator[str]:
-    """Say how far noise moves a robot at rest near its detection limit, and which floor would keep it still."""
+    """Yield how far noise moves a robot at rest near an object, and which floor would keep it still."""
     law = task.loop.law
     if not isinstance(law, Controller) or not gain:
         return
@@ -41,24 +42,27 @@ def creep_in_words(task: Task, gain: float) -> Iterator[str]:
         return
     where, far, still = (format_quantity(x, "m", 3) for x in (place, moved, _STILL))
     text = (
-        f"At rest before an object noise alone moves the robot, farthest at {where}, near where it is just detected: "
+        f"Sensor noise alone moves a robot at rest near an object: in 95 % of the runs by at most {far} within "
+        f"{_rest(law):g} s at a distance of {where}, the worst one ({_RESTS} runs, 95 % confidence)."
     )
-    text += f"in 95 % of the runs by {far} at most within {_rest(law):g} s ({_RESTS} runs, 95 % confidence)"
     quiet = _quiet_floor(task, gain, law, moved)
     if quiet is None:
-        yield f"{text}; no floor that was tried keeps it within {still}: less noise does, or a law with a dead zone."
+        yield f"{text} No floor that was tried keeps it within {still}; reduce the noise or use a law with a dead zone."
         return
     sees = format_quantity(float(_places(task, law, quiet, np.zeros(1))[0]), "m", 3)
-    yield f"{text}; with a floor of {quiet:g} it is {still} at most, and objects are detected from {sees} on."
+    yield (
+        f"{text} A controller floor of {quiet:g} (now {floor:g}, unit of the readings) keeps it within {still}, but "
+        f"objects are then detected only from {sees} on."
+    )
 
 
 def _rest(law: Controller) -> float:
-    """Return for how long a robot is watched at rest [s]."""
+    """Return the simulated time at rest [s]."""
     return float(f"{min(_REST, _STEPS * law.period):.3g}")
 
 
 def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> float | None:
-    """Return a floor with which a robot at rest keeps still that moves so far [m] with its own; None if none does."""
+    """Return a floor that keeps a robot at rest still if it moves by `moved` [m] with the present one; None if none."""
     below = floor = law.conditioning.floor
     far = moved
     for _ in range(_TRIES):
@@ -69,17 +73,17 @@ def _quiet_floor(task: Task, gain: float, law: Controller, moved: float) -> floa
         below, far = floor, moved
     else:
         return None
-    # a floor that is higher than need be costs distance: one between is tried, by a power law through both
+    # a floor that is too high costs detection distance: try one between both, by a power law through them
     part = math.log(far / (_KEPT * _STILL)) / math.log(far / moved)
     between = float(f"{below * (floor / below) ** min(part, 1.0):.2g}")
     return between if below < between < _WORTH * floor and _drift(task, gain, law, between)[1] <= _STILL else floor
 
 
 def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[float, float]:
-    """Return where noise moves a robot at rest farthest [m], and how far in 95 % of the runs at most [m].
+    """Return the distance at which noise moves a robot at rest most [m], and the 95 % bound of that drift [m].
 
-    The largest of 59 runs exceeds 95 % of all with a confidence of 95 %, for 0.95^59 = 0.048. The places come from runs
-    of their own. The robot is the virtual object, which it follows.
+    The largest of 59 runs exceeds the 95 % quantile with a confidence of 95 %, since 0.95^59 = 0.048. The worst
+    distances are chosen by other runs. The robot follows the virtual object exactly.
     """
     places = np.unique(_places(task, law, floor, _DEVIATIONS))
     places = places[places > 0]
@@ -102,7 +106,7 @@ def _drift(task: Task, gain: float, law: Controller, floor: float) -> tuple[floa
 
 
 def _places(task: Task, law: Controller, floor: float, deviations: FloatArray) -> FloatArray:
-    """Return the farthest distances at which readings exceed a floor by so many deviations of their noise [m], or 0."""
+    """Return the farthest distance [m] at which the mean reading exceeds a floor by each number of noise deviations."""
     sensor, chain = task.sensor, task.loop.chain
     low, high = sensor.valid_range
     places = np.linspace(max(low, 0.0), min(high, _FARTHEST), _PLACES)

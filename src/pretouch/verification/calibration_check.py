@@ -1,4 +1,4 @@
-"""Is the calibration good enough? The gain on the sensors that its readings allow, and what to measure where not."""
+"""Check whether a calibration is good enough for a gain, and say what to measure if it is not."""
 
 from __future__ import annotations
 
@@ -20,35 +20,34 @@ from pretouch.uncertainty.witness_check import WitnessCheck, check_on_readings, 
 from .appraisal import simulated_quantity
 
 _DRAWS: Final = 100
-_ALIKE: Final = 20  # times as many are drawn, of which those with the nearest offsets are taken: as if it were known
+_ALIKE: Final = 20  # times as many draws, of which those with the nearest offsets are kept: as if it were known
 _FAILING: Final = 0.05  # of the draws
 _HARDER: Final = 0.15  # of the speed at contact
-_ROOM: Final = 0.03  # of a limit's quantity: what is on its limit by design is not moved beyond it by a calibration
+_ROOM: Final = 0.03  # of a limit: a design that lies exactly on its limit may exceed it by so much
 _SEED: Final = 1
 _CLOSE: Final = 1e-9  # m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationCheck(Value):
-    """What becomes of a gain on the sensors that the readings of its calibration allow.
+    """A gain, tried on sensors that the readings of its calibration allow.
 
-    Each draw is another sensor: a curve, the offset that goes with it, and the misfit of the chain. The controller goes
-    on subtracting the offset that it subtracts. The loop runs without noise, so that what differs is the calibration's.
+    Each draw is another sensor: a curve, its offset, and the misfit of the chain. The controller keeps subtracting its
+    configured offset. The loop runs without noise, so that all differences are due to the calibration.
 
     Args:
-        draws: how many sensors.
+        draws: number of sensors.
         promised: |l'| at contact on the fitted curve, on the same loop [m/s].
-        low: 5 % of the sensors stay below this |l'| [m/s]; None where some come to no contact, as the next two.
-        median: half of them stay below.
-        high: 95 % of them stay below.
-        missing: on how many the gain comes to no contact.
-        harder: on how many contact is more than 15 % harder than promised.
-        broken: on how many a limit is missed that the fitted curve keeps.
-        failing: on how many any of these.
-        witness: the nominal encounter in continuous time, tried on curves through the readings; None where it comes to
-            no contact.
-        decisive: what matters most: `offset`, `curve` or `misfit`; empty where the calibration is good enough.
-        remedy: what to measure, in words; likewise.
+        low: 5 % quantile of |l'| over the sensors [m/s]; None if some lead to no contact, like the next two.
+        median: median.
+        high: 95 % quantile.
+        missing: number of sensors without contact.
+        harder: number of sensors with a contact more than 15 % harder than promised.
+        broken: number of sensors on which a limit is missed that the fitted curve meets.
+        failing: number of sensors with any of these faults.
+        witness: the nominal encounter in continuous time on curves through the readings; None without contact.
+        decisive: the largest source of error: `offset`, `curve` or `misfit`; empty if the calibration is good enough.
+        remedy: what to measure, in words; empty if the calibration is good enough.
     """
 
     draws: int
@@ -66,44 +65,45 @@ class CalibrationCheck(Value):
 
     @property
     def is_good_enough(self) -> bool:
-        """Whether the gain does on 95 % of the sensors what it does on the fitted curve, and no reading contradicts."""
+        """Whether at least 95 % of the sensors agree with the fitted curve, and no reading contradicts it."""
         return self.failing <= _FAILING * self.draws and (self.witness is None or self.witness.is_supported)
 
     @property
     def reason(self) -> str:
         """Why the calibration is not good enough, and what to measure, as one clause."""
         named = (
-            (self.harder, f"contact is more than {100 * _HARDER:.0f} % harder than promised on {self.harder}"),
+            (self.harder, f"contact is more than {100 * _HARDER:.0f} % harder than predicted on {self.harder}"),
             (self.broken, f"a limit is missed on {self.broken}"),
-            (self.missing, f"no contact comes on {self.missing}"),
+            (self.missing, f"there is no contact on {self.missing}"),
         )
         counts = ", ".join(text for count, text in named if count)
-        parts = [f"of {self.draws} sensors that its readings allow, {counts} ({self._spread})"] if counts else []
         against = None if self.witness is None else self.witness.headline
-        if against is not None:
-            parts.append(f"{against[:1].lower()}{against[1:-1]}")
-        parts.append(f"its {self.decisive} matters most: {self.remedy}")
-        return f"the calibration is not good enough: {'; '.join(parts)}"
+        if counts:
+            return f"the calibration is not good enough: of {self.draws} sensors that its readings allow, {counts}"
+        return "the calibration is not good enough" + ("" if against is None else f": {_lower(against)}")
 
     @property
     def text(self) -> str:
-        """What was found, in a sentence."""
+        """The result in sentences."""
         if self.is_good_enough:
-            wider = "" if self.witness is None else f" ({self.witness.text})"
             kept = f"{f'all but {self.failing}' if self.failing else 'all'} of {self.draws} sensors"
+            wider = "" if self.witness is None else f" ({self.witness.text})"
             return (
-                f"The calibration is good enough for this gain: {kept} drawn from fits to its readings keep what the "
-                f"fitted curve promises ({self._spread}), and curves through the readings do not contradict it{wider}."
+                f"The calibration is good enough for this gain: {kept} drawn from fits to its readings agree with the "
+                f"fitted curve{self._spread}. Curves through the readings do not contradict it{wider}."
             )
-        return f"{self.reason[:1].upper()}{self.reason[1:]}."
+        reason = f"{self.reason[:1].upper()}{self.reason[1:]}{self._spread}."
+        against = None if self.witness is None else self.witness.headline
+        second = "" if against is None or _lower(against) in self.reason else f" {against}"
+        return f"{reason}{second} The largest source of error is its {self.decisive}: {self.remedy}."
 
     @property
     def _spread(self) -> str:
-        promised = f"{format_quantity(self.promised, 'm/s')} promised"
+        predicted = f"{format_quantity(self.promised, 'm/s', 3)} predicted"
         if self.low is None or self.high is None:
-            return promised
-        low, high = format_quantity(self.low, "m/s"), format_quantity(self.high, "m/s")
-        return f"contact at {low} to {high} on 90 % of them, {promised}"
+            return f" ({predicted})"
+        low, high = format_quantity(self.low, "m/s", 3), format_quantity(self.high, "m/s", 3)
+        return f" (contact at {low} to {high} on 90 % of them, {predicted})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI."""
@@ -113,13 +113,13 @@ class CalibrationCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """How the gain does on some sensors: speed and largest share of a limit of each, NaN and inf without contact."""
+    """Speed at contact and quantity / limit on each of several sensors; NaN and infinity without contact."""
 
     speed: FloatArray
     ratios: FloatArray
 
     def failures(self, promised: _Outcome) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Tell of each sensor whether it comes to no contact, to a harder one, to a broken limit."""
+        """Return for each sensor whether contact is missing, contact is harder, and a limit is missed."""
         missing = np.isnan(self.speed)
         allowed = np.maximum(1.0, (1 + _ROOM) * promised.ratios[0])
         return (
@@ -129,14 +129,14 @@ class _Outcome:
         )
 
     def badness(self, promised: _Outcome) -> tuple[int, float]:
-        """Return on how many sensors it fails and, among as many, how hard contact is."""
+        """Return the number of failing sensors and, to rank equal numbers, the 95 % quantile of the speed."""
         failing = int(np.any(self.failures(promised), axis=0).sum())
         return failing, float(np.quantile(np.where(np.isnan(self.speed), np.inf, self.speed), 0.95, method="higher"))
 
 
 def check_calibration(task: Task, report: CalibrationReport, gain: float) -> CalibrationCheck | None:
-    """Return how the nominal encounter does with a gain [N s] on sensors that the readings of the calibration allow."""
-    if report.curves is None or report.offset is None:  # too few readings to tell what they allow
+    """Run the nominal encounter with a gain on sensors that the readings of the calibration allow."""
+    if report.curves is None or report.offset is None:  # too few readings to draw other curves
         return None
     chain = _quiet(task.loop.chain)
     nominal = DrawnCurve(sensor=task.sensor, offset=report.offset.value)
@@ -167,14 +167,14 @@ def check_calibration(task: Task, report: CalibrationReport, gain: float) -> Cal
 
 
 def _quiet(chain: SensorChain) -> SensorChain:
-    """Return a chain that does the same in every run, but for its misfit."""
+    """Return a chain that is the same in every run, except for its misfit."""
     return replace(
         chain, noise=0.0, relative_noise=0.0, distance_noise=0.0, jitter=0.0, dropout=0.0, random_phase=False
     )
 
 
 def _mounted(drawn: DrawnCurve, task: Task) -> DrawnCurve:
-    """Extend and sink a curve as the one that was fitted; the controller's offset is a matter of the chain."""
+    """Extend and recess a drawn curve like the fitted one; the chain holds the controller's offset."""
     start = float(np.max(task.scenario.distance))
     return replace(drawn, sensor=mount(drawn, task.sensor, drawn.offset, start))
 
@@ -198,9 +198,9 @@ def _run(task: Task, gain: float, chain: SensorChain, sensors: tuple[DrawnCurve,
 
 
 def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Outcome, promised: _Outcome) -> str:
-    """Return what matters most, found by leaving out the misfit, what is open of the offset, and all but the misfit."""
-    # offset and curve are open together: a pedestal that is moved bends the curve through the same readings; so what is
-    # left where the offset is known is told by those of many draws whose offset is nearest to the fitted one
+    """Return the largest source of error, by removing the misfit, the uncertainty of the offset, or both curves."""
+    # offset and curve are correlated, because another offset bends the curve through the same readings. Draws whose
+    # offset is nearest to the fitted one show the uncertainty that remains if the offset is known.
     report: Any = task.calibration
     chain = _quiet(task.loop.chain)
     value = report.offset.value
@@ -217,25 +217,31 @@ def _decisive(task: Task, gain: float, drawn: tuple[DrawnCurve, ...], found: _Ou
 
 
 def _remedy(task: Task, report: CalibrationReport, decisive: str) -> str:
-    """Say what to measure."""
+    """Return what to measure, in words."""
     window, recess = report.window, getattr(task.sensor, "recess", 0.0)
     if decisive == "offset":
-        again = "again, more often, " if report.offset is not None and report.offset.kind == "measured" else ""
-        return f"record the output {again}with no object in range, and give it to the calibration as no_object"
+        again = "more " if report.offset is not None and report.offset.kind == "measured" else ""
+        return f"record {again}readings without an object in range, and add them to the calibration as no_object"
     if decisive == "misfit":
         apart = format_quantity(task.loop.chain.misfit_length, "m", 2)
         return (
-            f"check how distances were set, and calibrate anew at distances no farther apart than {apart}, or sink the "
-            "sensor by a larger recess where the curve is missed near contact"
+            f"check how the distances were set, and calibrate again at distances at most {apart} apart; if the curve "
+            "misses readings near contact, recess the sensor farther"
         )
     where = "" if report.slope is None else f" around {format_quantity(report.slope.worst_at, 'm', 3)}"
-    parts = [f"measure at more distances and more often at each{where}"]
+    parts = [f"record more distances, and more readings at each{where}"]
     if window.l_min - recess > _CLOSE:
-        deeper = recess_in_words(window.l_min)
-        parts.append(f'nearer than {format_quantity(window.l_min, "m")}, or sink the sensor by recess = "{deeper}"')
+        deeper, now = recess_in_words(window.l_min), format_quantity(recess, "m")
+        nearest = format_quantity(window.l_min, "m")
+        parts.append(f'record distances below {nearest}, or set recess = "{deeper}" (now {now})')
     start = float(np.max(task.scenario.distance))
     if window.l_max - recess < start:
-        parts.append(f"out to {format_quantity(start + recess, 'm')}")
+        parts.append(f"record distances up to {format_quantity(start + recess, 'm')}")
     if report.offset is not None and report.offset.kind == "fitted":
-        parts.append("and record the output with no object in range, which tells curve and offset apart")
+        parts.append("record readings without an object in range, which separate curve and offset")
     return "; ".join(parts)
+
+
+def _lower(sentence: str) -> str:
+    """Return a sentence as a clause, without its period."""
+    return f"{sentence[:1].lower()}{sentence[1:].removesuffix('.')}"

@@ -1,4 +1,4 @@
-"""What runs come to beside the prediction, what a verdict rests on, and what to look at beside it."""
+"""Compare simulated runs with the prediction; collect assumptions and warnings of a verdict."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from .effect import mean_and_error
 from .result import Comparison, LimitCheck, Reached, RunSpread
 
 _COMPARED: Final = ("relative_velocity", "time", "largest_excursion", "largest_virtual_force", "largest_speed")
-_SHARE: Final = 0.1  # of a late detection, below which a cause is not named
-_LATE: Final = 0.95  # of the distance at the start: nearer, a first detection is late
-_FORCE_APART: Final = 1.25  # times: beyond, a predicted impact force is another thing than the simulated one
-_ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
+_SHARE: Final = 0.1  # of the time to detection: a cause with a smaller share is not named
+_LATE: Final = 0.95  # of the distance at the start: a first detection below that is late
+_FORCE_APART: Final = 1.25  # ratio of simulated to predicted impact force from which a warning is given
+_ERRORS: Final = 2.0  # standard errors: a smaller difference is not significant
 _ROUNDING: Final = 1e-9  # of a force
-_TRACED: Final = 8  # runs, whose steps are looked at one by one
+_TRACED: Final = 8  # runs that are examined step by step
 _FLAGS: Final = {
     Status.SATURATED: "the sensor was saturated",
-    Status.INVALID: "readings were no numbers, too old or out of order",
-    Status.IMPLAUSIBLE: "readings changed faster than any approach that was allowed for",
-    Status.LOST: "the sensor was lost",
+    Status.INVALID: "readings were not numbers, too old or out of order",
+    Status.IMPLAUSIBLE: "readings changed faster than largest_rate allows",
+    Status.LOST: "the sensor signal was lost",
     Status.FORCE_LIMITED: "the virtual force was limited",
     Status.MOTION_LIMITED: "the motion was limited",
-    Status.INPUT_FAULT: "contact force or reference were no numbers",
+    Status.INPUT_FAULT: "contact force or reference were not numbers",
 }
 
 
@@ -48,7 +48,7 @@ def compare_quantities(
     runs: tuple[SimulationResult, SimulationResult],
     foreseen: tuple[ContactResult, ContactResult],
 ) -> tuple[Comparison, ...]:
-    """Return magnitudes of the runs beside those predicted for the nominal encounter, with the gain and D_p = 0."""
+    """Compare magnitudes of the runs with the predicted ones of the nominal encounter, with the gain and without."""
     contact, impact = task.loop.contact, foreseen_impact(task)
     names = [*_COMPARED, *(["impact_force"] if contact is not None else [])]
     if contact is not None and any(np.any(r.peak_force > (1 + _ROUNDING) * r.impact_force) for r in runs):
@@ -64,7 +64,7 @@ def compare_quantities(
 
 
 def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
-    """Summarize a quantity over the runs that count; None where none does."""
+    """Return the spread of a quantity over the counted runs; None if there are none."""
     some = values[counted]
     if not len(some):
         return None
@@ -75,7 +75,7 @@ def _spread_of(values: FloatArray, counted: BoolArray) -> RunSpread | None:
 
 
 def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, gain: float) -> tuple[LimitCheck, ...]:
-    """Return how often each limit holds in the runs with a gain [N s], beside the nominal encounter as predicted."""
+    """Return how often each limit is met in the runs with a gain, and the prediction for the nominal encounter."""
     found, impact = [], foreseen_impact(task)
     for required, ratio in zip(limits_of(task.constraints), outcomes.ratios, strict=True):
         constraint = required.constraint
@@ -98,14 +98,14 @@ def check_limits(task: Task, outcomes: LoopOutcomes, predicted: ContactResult, g
 
 
 def _source_of(name: str, loop: ClosedLoop) -> str:
-    """Say where a quantity of a run comes from, such as `simulated contact force`."""
+    """Return how a quantity of a run is computed, such as `simulated contact force`."""
     if name == "impact_force":
         return "impact model at the simulated speed of contact" if loop.contact is None else "simulated contact force"
     return "robot mass times largest simulated acceleration" if name == "drive_force" else "simulated"
 
 
 def check_reached(result: SimulationResult, predicted: BoolArray, confidence: float) -> Reached:
-    """Return which runs came to a contact beside those that do in continuous time, with a bound of some confidence."""
+    """Return how many runs end in contact, compared with the prediction in continuous time."""
     expected, came = int(predicted.sum()), int(result.touched[predicted].sum())
     return Reached(
         predicted=float(predicted.mean()),
@@ -123,7 +123,7 @@ def _magnitude(name: str, result: ContactResult, impact: ImpactModel | None) -> 
 
 
 def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
-    """Return sentences on what a verdict rests on; changes and gains are compared by so many of its runs."""
+    """Return the assumptions of a verdict in sentences; `compared` is the number of runs of changes."""
     loop, runs = task.loop, task.runs
     uncertain = [f"Uncertain: {name} {text}." for name, text in uncertainty_in_words(task.uncertainty, task.sensor)]
     first = f" in the first {compared} of them" if compared < runs else ""
@@ -131,26 +131,26 @@ def assumptions_of(task: Task, compared: int) -> tuple[str, ...]:
     return (
         *loop_sentences(loop),
         *_force(task),
-        *(uncertain or ["Encounter: the nominal one in every run; nothing of it is uncertain."]),
-        f"Runs: {number}; other gains and changes meet the same noise{first}.",
-        "Predicted is the nominal encounter in continuous time with a perfect sensor, the robot following exactly.",
-        "Stability is that of the loop linearized at each distance of the nominal curve, without noise, misfit, "
-        "jitter, limits and friction.",
-        "Left out: whatever changes the sensor curve (color, shape and angle of the object, other light) beyond what "
-        "is named as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
+        *(uncertain or ["Encounter: the nominal one in every run; nothing is uncertain."]),
+        f"Runs: {number}; other gains and changes are simulated with the same noise{first}.",
+        "Prediction: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly.",
+        "Stability: of the loop linearized at each distance of the nominal curve, without noise, misfit, jitter, "
+        "limits and friction.",
+        "Not modeled: changes of the sensor curve (color, shape and angle of the object, other light) that are not "
+        "listed as uncertain, elasticity between drive and contact surface, and contact elsewhere on the robot.",
     )
 
 
 def _force(task: Task) -> Iterator[str]:
-    """Say where the predicted impact force comes from."""
+    """Yield how the impact force is predicted."""
     if task.loop.contact is None:
         if task.impact is not None:
-            yield "An impact model makes an impact force of the speed of contact."
+            yield "The impact force is computed by the impact model from the simulated speed at contact."
         return
-    own = "the same stiffness without loss on the robot's mass alone"
+    own = "the same contact stiffness without loss, and the mass of the robot"
     yield (
-        f"The predicted impact force is that of {own if task.impact is None else 'the impact model that was given'}; "
-        "loss in the contact lowers the simulated one, the robot's drive and a driven obstacle raise it."
+        f"The impact force is predicted with {own if task.impact is None else 'the given impact model'}. Loss in the "
+        "contact lowers the simulated force; the robot's drive and a driven obstacle raise it."
     )
 
 
@@ -161,7 +161,7 @@ def cautions_of(
     design: GainDesign,
     gain: float,
 ) -> tuple[str, ...]:
-    """Return sentences on what to look at, from the runs with mitigation and without."""
+    """Return the warnings of a verdict, from the runs with the gain and without."""
     loop = draws.task.loop
     return (
         *(() if design.gain is not None else (f"The ideal design has no gain. {design.headline.removesuffix('.')}.",)),
@@ -196,8 +196,8 @@ def _recession(loop: ClosedLoop) -> Iterator[str]:
         return
     if chain.dropout > 0 or chain.lowest <= law.conditioning.offset + law.conditioning.floor:
         yield (
-            "largest_rate is not set: a cable that breaks reads 0, which looks like an object that recedes at once, "
-            "and the robot leaps after it. No run here has such a fault."
+            "largest_rate is not set. A broken sensor cable reads 0, which looks like an object that recedes "
+            "suddenly: the robot would jump toward it. No run here has such a fault."
         )
 
 
@@ -208,7 +208,7 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
     free = np.all(s.plant.position == s.reference.position) and np.all(s.plant.velocity == s.reference.velocity)
     if not (seen.any() and free):
         return
-    # until it is detected nothing acts: the robot goes on with its reference
+    # until detection there is no virtual force: the robot follows its reference
     t = np.asarray(result.detection_time)
     velocity = np.asarray(s.obstacle.velocity) - s.reference.velocity
     acceleration = np.asarray(s.obstacle.one_acceleration()) - s.reference.acceleration
@@ -223,18 +223,18 @@ def _detection(loop: ClosedLoop, draws: Draws, result: SimulationResult) -> Iter
 
 
 def _why_late(loop: ClosedLoop, late: float) -> str:
-    """Say how much of the time until an object is detected the sensor takes, and how much its floor."""
+    """Return whether the sensor or the floor causes a late detection, in words."""
     chain = loop.chain
     phase = chain.period / 2 if chain.random_phase else chain.phase
     wait = phase + chain.exposure + chain.delay + loop.law.period / 2
-    hidden = "farther away, what is read is not above the floor"
+    hidden = "at larger distances the reading is below the floor"
     if late - wait < _SHARE * late:
-        return "no reading can be had before, for the sensor is that slow"
+        return "the sensor is too slow for an earlier reading"
     return hidden if wait < _SHARE * late else f"a first reading takes {format_quantity(wait, 's')}, and {hidden}"
 
 
 def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationResult) -> Iterator[str]:
-    """Say that the largest force of the whole contact grows with mitigation, where that is not the impact's."""
+    """Yield that the largest force of the whole contact is larger with mitigation, if a push causes it."""
     contact, both = loop.contact, result.touched & unmitigated.touched
     if contact is None or not both.any():
         return
@@ -247,12 +247,12 @@ def _push(loop: ClosedLoop, result: SimulationResult, unmitigated: SimulationRes
     if more <= chance or not np.any(peak > (1 + _ROUNDING) * impact):
         return
     driven = contact.obstacle_mass == np.inf
-    pushing = "the obstacle, which is driven on, and the robot's drive push" if driven else "the robot's drive pushes"
+    pushing = "the driven obstacle and the robot's drive push" if driven else "the robot's drive pushes"
     newton = [format_quantity(float(values.mean()), "N") for values in (peak, free, impact, free_impact)]
     yield (
         f"The largest force of the whole contact is larger with mitigation, {newton[0]} on average, than without, "
-        f"{newton[1]}. It is not that of the impact ({newton[2]} with, {newton[3]} without), but of the push after it: "
-        f"{pushing} on while the bodies are in contact."
+        f"{newton[1]}. The impact itself is {newton[2]} with and {newton[3]} without; the larger force follows it, "
+        f"because {pushing} while the bodies are in contact."
     )
 
 
@@ -263,13 +263,13 @@ def _impact(comparisons: tuple[Comparison, ...]) -> Iterator[str]:
     times = force.simulated.mean / force.predicted
     if 1 / _FORCE_APART < times < _FORCE_APART:
         return
-    pushed = "the robot's drive and the obstacle push on while the bodies are in contact"
-    why = pushed if times > 1 else "the contact loses energy, or the robot gives way while it lasts"
-    yield f"The simulated impact force is {times:.3g} times the predicted one, which is elastic: {why}."
+    pushed = "the robot's drive and the obstacle push while the bodies are in contact"
+    why = pushed if times > 1 else "the contact loses energy, or the robot yields during it"
+    yield f"The simulated impact force is {times:.3g} times the predicted elastic one: {why}."
 
 
 def _reported(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
-    if not isinstance(loop.law, Controller):  # what another law reports is its own
+    if not isinstance(loop.law, Controller):  # the flags of custom laws are unknown
         return
     for flag, text in _FLAGS.items():
         share = float(np.mean((np.asarray(result.flags) & int(flag)) != 0))
@@ -277,11 +277,11 @@ def _reported(loop: ClosedLoop, result: SimulationResult) -> Iterator[str]:
             yield f"In {_percent(share)} of the runs {text}."
     stale = _stale(result)
     if stale > 0:
-        yield f"While an object was detected, no reading that was due could be used in {_percent(stale)} of the steps."
+        yield f"While an object was detected, the expected reading was missing in {_percent(stale)} of the steps."
 
 
 def _stale(result: SimulationResult) -> float:
-    """Return the share of steps without a reading that was due; before the first one, all are, and none counts."""
+    """Return the share of controller steps with an overdue reading, after the first detection."""
     late = count = 0
     for i in range(min(result.shape[0], _TRACED)):
         flags = result.trace(i).flags.astype(np.int64)
@@ -295,10 +295,10 @@ def _percent(share: float) -> str:
 
 
 def _unknown_calibration(report: CalibrationReport | None) -> Iterator[str]:
-    """Say that a calibration has too few readings to tell what else they allow."""
+    """Yield that a calibration has too few readings to be checked."""
     if report is None or report.best is None or report.curves is not None:
         return
     yield (
-        f"The calibration has {len(report.window.distances)} usable distances, too few to tell which other curves its "
-        "readings allow: nothing is said of whether it is good enough."
+        f"The calibration has only {len(report.window.distances)} usable distances, too few to check whether it is "
+        "good enough."
     )

@@ -1,4 +1,4 @@
-"""What a gain does to the speed at contact, compared with no mitigation and with an infinitely fast sensor."""
+"""Compare the speed at contact with that without mitigation, and with that of an infinitely fast sensor."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from .encounter_parts import percent
 from .stability import NOISES, controller_at
 
 OFTEN: Final = 0.05  # of the runs
-EFFECT: Final = 0.01  # of the speed without mitigation: a gain that changes less does nothing
+EFFECT: Final = 0.01  # of the speed without mitigation: a gain that changes it by less has no effect
 _ERRORS: Final = 2.0  # standard errors: one in twenty differences is larger by chance, and half of these harder
 _ALIKE: Final = 1e-9  # of a speed: without noise, runs that do the same differ by less
-_SHOWN: Final = 5e-5  # of a speed: what four digits do not tell apart
-_SHOWN_SHARE: Final = 5e-4  # of a speed: a share that is not told
+_SHOWN: Final = 5e-5  # of a speed: a smaller difference does not show in four digits
+_SHOWN_SHARE: Final = 5e-4  # of a speed: a smaller share is not reported
 _FAULTS: Final = ("jitter", "dropout", "misfit", "drift", "resolution", "distance_resolution")
 _MOST: Final = 0.95  # of the runs
-_LEAST_SPEED: Final = 1e-9  # m/s, beside which no ratio is formed
+_LEAST_SPEED: Final = 1e-9  # m/s: smaller speeds are not divided by
 
 
 class VerdictStatus(StrEnum):
-    """What a verdict comes to. `meaning` says it in a sentence."""
+    """Status of a verdict. `meaning` explains it in a sentence."""
 
     HOLDS = "holds"
     HOLDS_NARROWLY = "holds-narrowly"
@@ -43,31 +43,32 @@ class VerdictStatus(StrEnum):
     def meaning(self) -> str:
         """One sentence for a person."""
         return {
-            VerdictStatus.HOLDS: "Every limit held as often as it must, contact came where it was predicted, and the "
-            "gain can at least double until the loop is unstable.",
-            VerdictStatus.HOLDS_NARROWLY: "Nothing was missed in these runs, but something is near, or not shown.",
-            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, contact did not come or is no softer than without "
-            "mitigation, the loop is unstable, or the calibration is not good enough.",
+            VerdictStatus.HOLDS: "Every limit was met as often as required, every predicted contact happened, and the "
+            "gain margin is at least 2.",
+            VerdictStatus.HOLDS_NARROWLY: "Nothing failed in these runs, but something is close to failing or not "
+            "shown.",
+            VerdictStatus.DOES_NOT_HOLD: "A limit was missed, a predicted contact did not happen, contact is no softer "
+            "than without mitigation, the loop is unstable, or the calibration is not good enough.",
             VerdictStatus.NO_GAIN: "There is no gain to verify.",
         }[self]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect(Value):
-    """What a gain does to the speed at contact, over the runs that come to a contact with it.
+    """Effect of a gain on the speed at contact, over the runs that end in contact with it.
 
-    A run that comes to none without the gain has the speed 0 there.
+    A run that ends without contact if the gain is 0 counts as a speed of 0 there.
 
     Args:
         speed: mean |l'| with the gain [m/s].
         unmitigated: mean |l'| with D_p = 0 [m/s].
-        difference: mean of the one less the other, run by run [m/s].
+        difference: mean of speed - unmitigated speed, run by run [m/s].
         standard_error: of that mean; NaN for a single run.
         runs: how many.
         harder: in how many of them contact is harder with the gain.
-        predicted: mean |l'| in continuous time with a perfect sensor, over those of the runs for which a contact is
-            predicted [m/s]; None where that is not asked, or none is.
-        reached: mean |l'| with the gain over the same [m/s].
+        predicted: mean |l'| in continuous time with a perfect sensor, over the runs for which a contact is
+            predicted [m/s]; None if there are none.
+        reached: mean |l'| with the gain over the same runs [m/s].
 
     Examples:
         >>> Effect(speed=0.39, unmitigated=0.3, difference=0.09, standard_error=0.01, runs=20).is_harder
@@ -85,7 +86,7 @@ class Effect(Value):
 
     @property
     def is_harder(self) -> bool:
-        """Whether contact is harder with the gain: on average, or in more runs than half, by more than chance."""
+        """Whether contact is harder with the gain: on average or in most runs, by more than two standard errors."""
         half = self.runs / 2
         return self.difference > self._chance or self.harder > half + _ERRORS * math.sqrt(half / 2)
 
@@ -96,17 +97,17 @@ class Effect(Value):
 
     @property
     def is_absent(self) -> bool:
-        """Whether contact is as without the gain: neither harder nor softer by 1 %."""
+        """Whether the gain has no effect: contact is neither harder, nor softer by 1 % or more."""
         return not self.is_harder and self.difference > -EFFECT * self.unmitigated
 
     @property
     def is_clear(self) -> bool:
-        """Whether contact is softer by more than chance, and harder in no more than one run in 20."""
+        """Whether contact is significantly softer, and harder in no more than one run in 20."""
         return self.is_softer and self.harder <= OFTEN * self.runs
 
     @property
     def excess(self) -> float | None:
-        """By which share the mean speed exceeds the predicted one; None where none is predicted."""
+        """Relative excess of the mean speed over the predicted one; None if no contact is predicted."""
         return self.reached / self.predicted - 1 if self.predicted and self.reached is not None else None
 
     def to_dict(self) -> dict[str, Any]:
@@ -123,7 +124,7 @@ class Effect(Value):
 def effect_of(
     result: SimulationResult, unmitigated: SimulationResult, foreseen: FloatArray | None = None
 ) -> Effect | None:
-    """Return the effect of a gain on the first encounters; None where no run comes to a contact with it."""
+    """Return the effect of a gain on the first encounters; None if no run ends in contact with it."""
     n, some = result.shape[0], result.touched
     if not some.any():
         return None
@@ -146,14 +147,14 @@ def effect_of(
 
 
 def chase_in_words(number: LawNumber, gain: float | None) -> Iterator[str]:
-    """Say that a gain has the sign of those that drive the robot toward the object."""
+    """Yield that the sign of a gain drives the robot toward the object, if it does."""
     if gain is not None and number.sign * gain < 0:
         text = f"{number.equals(gain)} makes the robot chase the object"
         yield f"{text}: mitigating {number.name}s are {number.mitigating}"
 
 
 def mean_and_error(values: FloatArray) -> tuple[float, float]:
-    """Return the mean of the values of independent runs and its standard error; NaN for both where one is infinite."""
+    """Return the mean of independent runs and its standard error; NaN for both if a value is infinite."""
     if not len(values) or not np.isfinite(values).all():
         return math.nan, math.nan
     error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else math.nan
@@ -172,7 +173,7 @@ def harm_in_words(number: LawNumber, gain: float, run: SimulationResult, free: S
 
 
 def idleness_in_words(number: LawNumber, gain: float, run: SimulationResult, free: SimulationResult) -> Iterator[str]:
-    """Yield that contact is as without the gain; nothing for the gain 0."""
+    """Yield that the gain has no effect on contact; nothing for the gain 0."""
     speed, before = _speeds(run, free)
     if gain and before * (1 - EFFECT) < speed <= before * (1 + _SHOWN):
         text = f"The {number.name} has no effect in this run: contact is at {_text(speed)}"
@@ -187,13 +188,13 @@ def _speeds(run: SimulationResult, free: SimulationResult) -> tuple[float, float
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSpeed(Value):
-    """How contact on the loop compares with what an infinitely fast sensor would give, both without noise.
+    """Speed at contact on the loop, compared with an infinitely fast sensor; both without noise.
 
     Args:
         rate: readings per second of the loop [Hz].
         speed: mean |l'| at contact on the loop [m/s].
         fast: mean |l'| with a reading for every step of the controller, without exposure and delay [m/s].
-        harder: the share by which contact is harder than that in 95 % of the runs at most; negative where it is softer.
+        harder: 95 % quantile over the runs of the relative excess over the fast sensor; negative if contact is softer.
         tolerance: the share that is allowed.
 
     Examples:
@@ -209,7 +210,7 @@ class SensorSpeed(Value):
 
     @property
     def is_fast_enough(self) -> bool:
-        """Whether contact is as with an infinitely fast sensor, or softer, within the tolerance."""
+        """Whether contact is at most `tolerance` harder than with an infinitely fast sensor."""
         return self.harder <= self.tolerance
 
     @property
@@ -217,14 +218,15 @@ class SensorSpeed(Value):
         """Whether the sensor is fast enough, in one sentence."""
         enough = "fast enough" if self.is_fast_enough else "too slow"
         speed, fast = format_quantity(self.speed, "m/s", 3), format_quantity(self.fast, "m/s", 3)
-        text = f"The sensor is {enough}: read {self.rate:.6g} times a second, contact is at {speed} on average, "
-        text += f"{fast} with an infinitely fast sensor; in 95 % of the runs it is {self.harder_in_words}"
-        return f"{text} ({100 * self.tolerance:.3g} % are allowed; without noise)."
+        text = f"The sensor is {enough}: with {self.rate:.6g} readings per second, contact is at {speed} on average; "
+        text += f"with an infinitely fast sensor at {fast} (both without noise). Contact is {self.harder_in_words}"
+        return f"{text} ({100 * self.tolerance:.3g} % allowed)."
 
     @property
     def harder_in_words(self) -> str:
-        """By how much contact is harder, as `up to 4 % harder`."""
-        return f"up to {percent(self.harder)} harder" if self.harder > _SHOWN_SHARE else "no harder"
+        """By how much contact is harder, such as `at most 4 % harder in 95 % of the runs`."""
+        size = f"at most {percent(self.harder)} harder" if self.harder > _SHOWN_SHARE else "no harder"
+        return f"{size} in 95 % of the runs"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as one JSON object, in SI."""
@@ -232,13 +234,13 @@ class SensorSpeed(Value):
 
 
 def without_noise(loop: ClosedLoop) -> ClosedLoop:
-    """Return a loop whose readings come as they should: without noise, jitter, steps and gaps, on the curve."""
+    """Return a loop with ideal readings: without noise, jitter, quantization, dropouts and misfit."""
     quiet: dict[str, Any] = dict.fromkeys((*NOISES, *_FAULTS), 0.0)
     return replace(loop, chain=replace(loop.chain, **quiet), follow=0.0)
 
 
 def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
-    """Return a loop that gets a reading for every step, of that instant; None for a law that is told no rate."""
+    """Return a loop with an instant reading for every controller step; None for a law without a sensor rate."""
     law = loop.law
     if not isinstance(law, Controller):
         return None
@@ -249,7 +251,7 @@ def with_fast_sensor(loop: ClosedLoop) -> ClosedLoop | None:
 def compare_with_fast_sensor(
     loop: ClosedLoop, run: Callable[[ClosedLoop], SimulationResult], quiet: SimulationResult, tolerance: float
 ) -> SensorSpeed | None:
-    """Compare runs without noise with those of an infinitely fast sensor; None where no run touches both ways."""
+    """Compare runs without noise with those of an infinitely fast sensor; None if no run ends in contact in both."""
     fast = with_fast_sensor(without_noise(loop))
     if fast is None:
         return None

@@ -1,4 +1,4 @@
-"""One run of the sampled loop beside what was predicted for it, and beside the same run without mitigation."""
+"""Simulate one encounter on the sampled loop, and compare it with the prediction and with no mitigation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from pretouch.motion.describing import inputs_section, method_section
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 from pretouch.simulation.closed_loop import loop_section
+from pretouch.simulation.stability import passage
 
+from .appraisal import USUAL_MARGIN
 from .effect import harm_in_words, idleness_in_words
 from .encounter_parts import (
     Detection,
@@ -33,45 +35,45 @@ from .encounter_parts import (
     detection_of,
     ending_in_words,
     flags_of,
+    force_in_words,
     headline_of,
     run_as_dict,
 )
+from .stability import limit_of, stability_margin
 
 _SAMPLES: Final = 400
 _PUSH: Final = 1.05  # times the impact force, from which a push that follows is another thing
 _COMPARED: Final = (
     "Predicted: the continuous solution, with a perfect sensor and a plant that follows exactly. On the loop: one run "
-    "with the sensor chain, the controller, the robot and the contact that are stated below. With {symbol} = 0, "
-    "without mitigation, the same loop meets the same noise. An approach has a negative relative velocity l\u2032; "
-    '"largest" means until the first contact, or until the end where there is none. Shares compare magnitudes. '
+    "with the sensor chain, controller, robot and contact listed below. {symbol} = 0: no mitigation, with the same "
+    "noise. An approach has a negative relative velocity l\u2032. "
+    '"Largest" means until the first contact, or until the end if there is none. Percentages compare magnitudes. '
     "Simulated and predicted, not measured."
 )
 _ELASTIC: Final = (
     "The predicted impact force is that of a lossless impact of two free bodies at the predicted relative velocity. "
-    "The impact force on the loop is the largest until the bodies stop approaching each other: the robot's drive and "
-    "an obstacle that does not yield add to it, losses take from it."
+    "The impact force on the loop is the largest until the bodies stop approaching each other. The robot's drive and "
+    "an obstacle that does not yield raise it; losses lower it."
 )
 _COURSE: Final = (
-    "The run on the loop, the prediction where there is one, and the run without mitigation until its contact. Dotted: "
-    "when the law first saw the object, where that is not at the start, and the first contact. Virtual force and "
-    "reading stay the same over a period of the law; the predicted reading is the output of the curve at the predicted "
-    "distance, without delay and noise."
+    "The run on the loop, the prediction if there is one, and the run without mitigation until its contact. Dotted "
+    "lines: first detection, if it is not at the start, and first contact. Virtual force and reading are held over a "
+    "controller period. The predicted reading is the sensor curve at the predicted distance, without delay and noise."
 )
-_NOTHING: Final = "nothing, since the continuous solution knows no obstacle with a course"
+_NOTHING: Final = "nothing, since the continuous solution does not support an obstacle with a course"
 _SEEN: Final = (
-    "A law answers the change of ln \u03be that it sees; what had passed before is lost to it. Seen too late, an "
-    "object is met as hard as without mitigation. A prediction begins at the start."
+    "The controller responds to changes of ln \u03be after detection; changes before detection are ignored. If "
+    "detection is too late, contact is as hard as without mitigation. The prediction assumes detection at the start."
 )
 _OF_THE_LOOP: Final = (
-    "One run, with one draw of the noise: another seed comes to another contact. How often a limit holds is a question "
-    "to many runs.",
-    "The sensor chain is as stated: its noise is normal and independent from reading to reading, and the curve holds "
-    "for the object that comes.",
-    "The robot is the mass, the controller and the friction that are stated; its actuators have no other limits, its "
-    "links do not bend, and its contact point moves in one dimension.",
-    "The contact force is a function of depth and its rate. Plant and contact are integrated by Runge-Kutta's method "
-    "of order 4, at 1/50 of the contact's time scale.",
-    "The law starts with the encounter, with nothing detected.",
+    "One run with one realization of the noise: another seed leads to another contact. `pretouch verify` reports how "
+    "often a limit is met.",
+    "Sensor noise is normal and independent from reading to reading, and the sensor curve is valid for this object.",
+    "The robot consists of the listed mass, controller and friction. Its actuators have no other limits, its links are "
+    "rigid, and its contact point moves in one dimension.",
+    "The contact force is a function of depth and its rate. Plant and contact are integrated by a Runge-Kutta method "
+    "of order 4, with steps of 1/50 of the time scale of the contact.",
+    "The controller starts with the encounter, with nothing detected.",
 )
 
 Row = tuple[Cell, ...]
@@ -79,20 +81,20 @@ Row = tuple[Cell, ...]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SimulatedEncounter(Described, Value):
-    """What `simulate_encounter` returns: the runs and predictions at once, what they come to when it is first read.
+    """Result of `simulate_encounter`: runs and predictions; comparisons are computed when first read.
 
     Args:
         scenario: the encounter.
         sensor: the sensor curve.
-        loop: the loop that it was run on.
+        loop: the sampled loop.
         law: the law in continuous time.
-        gain: its number: D_p [N s].
-        impact: the physical properties, where given.
-        method: by which the encounter was predicted, as `find_contact` takes it.
+        gain: the law's number, such as D_p [N s].
+        impact: the physical properties, if given.
+        method: method of the prediction, as in `find_contact`.
         horizon: how long the prediction waits for contact [s].
         run: on the loop with the gain.
         unmitigated: on the loop with gain 0, and with the same noise.
-        prediction: by the continuous solution with the gain; None for an obstacle with a course, which it knows not.
+        prediction: by the continuous solution with the gain; None for an obstacle with a course.
         unmitigated_prediction: by the continuous solution with gain 0; None for such an obstacle.
     """
 
@@ -123,12 +125,12 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def motion(self) -> Motion:
-        """The predicted motion with the gain, until contact, or for as long as the run where there is none."""
+        """The predicted motion with the gain, until contact, or until the end of the run without one."""
         return self._motion(self.gain, self.prediction, self.run)
 
     @cached_property
     def unmitigated_motion(self) -> Motion:
-        """The predicted motion with gain 0, until contact, or for as long as the run where there is none."""
+        """The predicted motion with gain 0, until contact, or until the end of the run without one."""
         return self._motion(0.0, self.unmitigated_prediction, self.unmitigated)
 
     def _motion(self, gain: float, prediction: ContactResult | None, run: SimulationResult) -> Motion:
@@ -168,27 +170,49 @@ class SimulatedEncounter(Described, Value):
 
     @cached_property
     def flags(self) -> tuple[ReportedFlag, ...]:
-        """What the law reported in the run with the gain, in the order in which it came."""
+        """The flags that the controller reported in the run with the gain, in order of time."""
         return flags_of(self.trace, self.loop.law.period, self.run.time)
 
     @cached_property
     def detection(self) -> Detection | None:
-        """When and how far away the law first saw the object; None where it never did."""
+        """Time and distance of the first detection; None if the object was never detected."""
         return detection_of(self.run, self.trace, self.sensor, self.scenario)
 
     @cached_property
     def headline(self) -> str:
-        """What the run came to beside the prediction, in one sentence or two."""
+        """The contact on the loop, compared with the prediction and no mitigation, in one or two sentences."""
         compared = self.comparison("relative_velocity"), self.comparison("time")
         grows = self.grows_after_impact if self.has_contact_force else None
         return headline_of(self.run, self.unmitigated, self.prediction, compared, grows)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences that a user should read beside the numbers, in order of weight."""
+        """Sentences to read before relying on the numbers, most important first."""
         found = self.detection, self.flags, self.contacts, self.grows_after_impact
         both = self.law.number, self.gain, self.run, self.unmitigated
-        return (*harm_in_words(*both), *cautions_in_words(self.run, *found), *idleness_in_words(*both))
+        return (
+            *harm_in_words(*both),
+            *self._instability(),
+            *cautions_in_words(self.run, *found),
+            *force_in_words(self.comparison("largest_virtual_force")),
+            *idleness_in_words(*both),
+        )
+
+    def _instability(self) -> Iterator[str]:
+        """Yield that the loop is unstable with the gain, or has a small gain margin."""
+        distances = passage(self.law, self.scenario, self.sensor, self.gain, float(self.scenario.distance))
+        limit = limit_of(self.loop, self.sensor, distances)
+        margin = stability_margin(limit, self.gain)
+        if limit is None or margin is None or margin >= USUAL_MARGIN:
+            return
+        number, place = self.law.number, format_quantity(limit.critical_distance, "m", 3)
+        if limit.strongest == 0:
+            yield "The loop is unstable with any gain, however weak."
+        elif margin < 1:
+            strongest = number.text(limit.strongest, 3)
+            yield f"The loop is unstable: the strongest stable {number.name} is {strongest}, at a distance of {place}."
+        else:
+            yield f"The gain margin of the loop is only {margin:.3g} (2 is usual), at a distance of {place}."
 
     @property
     def grows_after_impact(self) -> bool:
@@ -232,7 +256,7 @@ class SimulatedEncounter(Described, Value):
 
 
 def _part_as_dict(part: object) -> dict[str, Any]:
-    """Return the fields of a part of the loop; a class of a user's own may have none."""
+    """Return the fields of a part of the loop; a user-defined class may have none."""
     return {"model": type(part).__name__, **(plain(part) if is_dataclass(part) else {})}
 
 
@@ -330,8 +354,8 @@ def _contact_row(contact: LoopContact) -> Row:
 
 
 def _detection(e: SimulatedEncounter) -> Chapter:
-    said = "The law never saw the object." if e.detection is None else e.detection.sentence
-    head = ("the law reported", "which means", "since", "in all", "before contact")
+    said = "The controller never detected the object." if e.detection is None else e.detection.sentence
+    head = ("controller flag", "meaning", "since", "total", "before contact")
     flags = Rows(head=head, rows=tuple(map(_flag_row, e.flags)), wraps=True, brief=True) if e.flags else None
     seen = (Paragraph(text=said, brief=e.detection is not None), Paragraph(text=_SEEN, quiet=True))
     return Chapter(title="Detection", blocks=(*seen, flags))

@@ -1,4 +1,4 @@
-"""What a run of the loop is asked, and in words: numbers beside the predicted ones, contacts, flags, what it saw."""
+"""Parts of a simulated encounter: comparisons, contacts, controller flags, detection, headline and warnings."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from pretouch.motion import ContactResult, ContactStatus, Scenario
 from pretouch.sensors import SensorModel
 from pretouch.simulation import LoopTrace, SimulationResult
 
-_SAME: Final = 5e-5  # relative: what four digits do not tell apart
-_LATE: Final = 0.1  # of the change of ln xi until contact, from which a detection is called late
-_PASSING: Final = 0.01  # of the approach: readings that are late for less are no news
+_SAME: Final = 5e-5  # relative: a smaller difference does not show in four digits
+_LATE: Final = 0.1  # of the change of ln xi until contact: a detection after that is late
+_PASSING: Final = 0.01  # of the approach: shorter gaps of the readings are not reported
+_STRONG: Final = 1.5  # ratio of simulated to predicted virtual force from which a warning is given
 _AT_CONTACT: Final = ("time", "relative_velocity", "position")
 _LARGEST: Final = ("largest_excursion", "largest_virtual_force")
 _RUN: Final = (
@@ -34,10 +35,10 @@ _OF_CONTACT: Final = ("impact_force", "peak_force", "impulse", "rebound_velocity
 
 @dataclass(frozen=True, slots=True)
 class QuantityComparison(Value):
-    """One quantity of an encounter, on the loop and as predicted, with the gain and without; None where it has none."""
+    """One quantity of an encounter, on the loop and as predicted, with the gain and without; None if not available."""
 
     name: str  # as SimulationResult and ContactState call it
-    label: str  # words for it
+    label: str  # in words
     unit: str  # its SI unit
     loop: float | None  # on the loop with the gain
     predicted: float | None  # by the continuous solution with the gain
@@ -51,24 +52,24 @@ class QuantityComparison(Value):
 
     @property
     def is_empty(self) -> bool:
-        """Whether none of the four is there."""
+        """Whether none of the four is available."""
         return all(value is None for value in self.values)
 
     @property
     def difference(self) -> float | None:
-        """The number of the loop less the predicted one, in SI."""
+        """Loop - prediction, in SI."""
         return None if self.loop is None or self.predicted is None else self.loop - self.predicted
 
     @property
     def relative_difference(self) -> float | None:
-        """By what share the magnitude on the loop exceeds the predicted one; None beside nothing."""
+        """Relative excess of the magnitude on the loop over the predicted one; None if not available."""
         if self.loop is None or not self.predicted:
             return None
         return abs(self.loop) / abs(self.predicted) - 1
 
     @property
     def difference_in_words(self) -> str:
-        """The difference in the unit of the quantity, and as a share of its magnitude; empty where it is not known."""
+        """The difference with its unit and in percent; empty if it is not known."""
         share = self.relative_difference
         if self.difference is None:
             return ""
@@ -85,74 +86,74 @@ class QuantityComparison(Value):
 
 @dataclass(frozen=True, slots=True)
 class LoopContact(Value):
-    """One contact of a run; None for what a run without a contact model does not tell."""
+    """One contact of a run; None for quantities that need a contact model."""
 
     time: float  # of the touch [s]
     relative_velocity: float  # l' there [m/s]
     peak_force: float | None  # largest contact force [N]
     impulse: float | None  # of the contact force [N s]
-    rebound_velocity: float | None  # l' at its end [m/s]; None where the bodies still touch when the run ends
-    duration: float | None  # how long it lasts, or has lasted when the run ends [s]
+    rebound_velocity: float | None  # l' at its end [m/s]; None if the bodies still touch at the end of the run
+    duration: float | None  # of the contact, or until the end of the run [s]
 
 
 @dataclass(frozen=True, slots=True)
 class ReportedFlag(Value):
-    """A flag that the law reported in a run."""
+    """A flag that the controller reported in a run."""
 
     name: str  # such as `force-limited`
-    meaning: str  # what it says
-    since: float  # when it was reported first [s]
-    duration: float  # for how long in all [s], in whole periods of the law
-    approach_duration: float  # for how long of that before the first contact [s]
+    meaning: str  # in words
+    since: float  # time of the first report [s]
+    duration: float  # total [s], in whole controller periods
+    approach_duration: float  # the part before the first contact [s]
 
     @property
     def is_trouble(self) -> bool:
-        """Whether it speaks of readings, forces or motions that are not what they should be."""
+        """Whether it reports faulty readings or limited forces or motions."""
         return self.meaning not in _NO_TROUBLE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection(Value):
-    """When the law first saw the object. The prediction lets it act from the start on."""
+    """First detection of the object. The prediction assumes detection at the start."""
 
-    time: float  # when the law first reported an object [s]
-    distance: float  # how far it was then [m]
-    start_distance: float  # how far it was at the start [m]
-    # of the change of ln xi from the start to contact, what had passed by then, 0 to 1: what the law cannot have
-    # answered; None where the curve does not change
+    time: float  # of the first detection [s]
+    distance: float  # at that time [m]
+    start_distance: float  # at the start [m]
+    # share of the change of ln xi from start to contact that happened before detection, 0 to 1, to which the controller
+    # could not respond; None if the curve is flat
     missed_share: float | None
     time_left: float | None  # from then until contact [s]; None without contact
 
     @property
     def sentence(self) -> str:
-        """When and how far away the law first saw the object, in one sentence."""
+        """Time and distance of the first detection, in one sentence."""
         if self.time == 0:
-            return f"The law saw the object from the start, at {format_quantity(self.distance, 'm')}."
-        text = f"The law first saw the object after {format_quantity(self.time, 's', 3)}, at "
-        text += f"{format_quantity(self.distance, 'm')} of {format_quantity(self.start_distance, 'm')}"
+            return f"The object was detected at the start, at {format_quantity(self.distance, 'm')}."
+        text = f"The object was first detected after {format_quantity(self.time, 's', 3)}, at "
+        text += f"{format_quantity(self.distance, 'm')} (start: {format_quantity(self.start_distance, 'm')})"
         if self.missed_share is not None:
-            text += f"; {100 * self.missed_share:.2g} % of the change of ln xi until contact had passed by then"
+            text += f". {100 * self.missed_share:.2g} % of the change of ln xi until contact happened before that"
         return f"{text}."
 
 
 _MEANINGS: Final[dict[Status, str]] = {
-    Status.DETECTING: "an object is seen",
-    Status.STALE: "a reading was due, and none came that can be used",
-    Status.SATURATED: "readings of a saturated sensor, not used",
-    Status.INVALID: "readings that are no finite number, too late or out of order, not used",
-    Status.IMPLAUSIBLE: "readings that changed faster than any approach, not used",
+    Status.DETECTING: "an object is detected",
+    Status.STALE: "the expected reading did not arrive, or could not be used",
+    Status.SATURATED: "readings of a saturated sensor were ignored",
+    Status.INVALID: "readings that are not finite, too old or out of order were ignored",
+    Status.IMPLAUSIBLE: "readings that changed faster than largest_rate were ignored",
     Status.LOST: "no usable reading for longer than the timeout",
-    Status.FORCE_LIMITED: "the virtual force was cut off at its limit",
-    Status.MOTION_LIMITED: "excursion, speed or acceleration were held at a limit",
+    Status.FORCE_LIMITED: "the virtual force was limited",
+    Status.MOTION_LIMITED: "excursion, speed or acceleration was limited",
     Status.IN_CONTACT: "the contact force exceeds its threshold",
-    Status.INPUT_FAULT: "contact force or reference were no finite numbers",
+    Status.INPUT_FAULT: "contact force or reference was not finite",
 }
-_OWN: Final = "a flag of the law's own"
+_OWN: Final = "a user-defined flag"
 _NO_TROUBLE: Final = frozenset({_MEANINGS[Status.DETECTING], _MEANINGS[Status.IN_CONTACT], _OWN})
 
 
 def percent(share: float) -> str:
-    """Return the size of a share in percent, in two digits or whole ones."""
+    """Return the magnitude of a share in percent, with two digits."""
     size = abs(100 * share)
     return f"{size:.0f} %" if size >= 99.5 else f"{size:.2g} %"
 
@@ -163,7 +164,7 @@ def compare_contacts(
     impact: ImpactModel | None,
     has_force: bool,
 ) -> tuple[QuantityComparison, ...]:
-    """Return the numbers of runs and predictions side by side, with the gain and without, of a contact with a force."""
+    """Compare quantities of runs and predictions, with the gain and without."""
     ends = [None if p is None or not p.reached.all() else p.end for p in predictions]
 
     def row(name: str, loop: Iterable[float], predicted: Iterable[float]) -> QuantityComparison:
@@ -190,7 +191,7 @@ def compare_contacts(
 
 
 def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ...]:
-    """Read the contacts of a single run, of which it tells 32 apart."""
+    """Return the contacts of a single run, at most 32."""
     found = []
     for row in run.contact_list[~np.isnan(run.contact_list[:, 0])]:
         time, velocity, *rest = map(finite_or_none, row)
@@ -199,7 +200,7 @@ def contacts_of(run: SimulationResult, has_force: bool) -> tuple[LoopContact, ..
 
 
 def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[ReportedFlag, ...]:
-    """Return the flags that a law of a period [s] reported, before and after the contact [s, or NaN], as they came."""
+    """Return the reported flags in order of time; `period` [s] is the controller period, `contact_time` may be NaN."""
     flags = trace.flags.astype(np.int64)
     before = ~(trace.time >= contact_time)
     found = []
@@ -207,7 +208,7 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
         on = (flags & bit) != 0
         if not on.any():
             continue
-        known = Status(bit) if bit in _MEANINGS else None  # one that `Status` does not know goes by its number
+        known = Status(bit) if bit in _MEANINGS else None  # a flag that `Status` does not define is named by its number
         name = f"flag-{bit}" if known is None else str(known.name).lower().replace("_", "-")
         meaning = _OWN if known is None else _MEANINGS[known]
         since, lasts = float(trace.time[on.argmax()]), (float(part.sum() * period) for part in (on, on & before))
@@ -216,7 +217,7 @@ def flags_of(trace: LoopTrace, period: float, contact_time: float) -> tuple[Repo
 
 
 def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, scenario: Scenario) -> Detection | None:
-    """Tell when and how far away the law first saw the object; None where it never did."""
+    """Return time and distance of the first detection; None if there is none."""
     if math.isnan(run.detection_time):
         return None
     distance = float(trace.distance[int(np.abs(trace.time - run.detection_time).argmin())])
@@ -234,7 +235,7 @@ def detection_of(run: SimulationResult, trace: LoopTrace, sensor: SensorModel, s
 
 
 def run_as_dict(run: SimulationResult) -> dict[str, Any]:
-    """Return the numbers of a run, in SI, and how it ended."""
+    """Return the quantities of a run, in SI, and how it ended."""
     return {"status": ContactStatus(run.status).label, **{name: getattr(run, name) for name in _RUN}}
 
 
@@ -245,32 +246,46 @@ def headline_of(
     compared: tuple[QuantityComparison, QuantityComparison],
     grows: bool | None,
 ) -> str:
-    """Say what a run came to beside its prediction, by speed and time, and beside that without mitigation."""
-    text = _loop_clause(run)
+    """Return contact speed and time of a run, compared with prediction and no mitigation, in words."""
+    text = _loop_clause(run, free)
     if predicted is None:
-        text += "; not predicted, since the obstacle has a course"
+        text += "; no prediction, since the obstacle has a course"
     elif predicted.reached.all():
-        text += f"; predicted {_speed(predicted.end.relative_velocity)} after {_time(predicted.end.time)}"
+        text += f"; predicted {_speed(predicted.end.relative_velocity)}"
+        text += "" if run.touched else f" after {_time(predicted.end.time)}"
         text += f" ({_against(*compared)})" if run.touched else ""
     else:
         nearest = format_quantity(float(predicted.closest_distance), "m", 3)
-        text += f"; predicted: {ending_in_words(predicted.status)}, {nearest} at the nearest"
-    text += f"; without mitigation {_speed(free.relative_velocity) if free.touched else 'no contact'}."
-    # the contact force may grow after the impact; None where there is none
+        text += f"; predicted: {ending_in_words(predicted.status)}, closest distance {nearest}"
+    text += "." if _is_harder(run, free) else f"; without mitigation {_speed_or_none(free)}."
+    # `grows` is None without a contact model
     return text + (_force_sentence(run, free, grows) if grows is not None and run.touched else "")
 
 
-def _loop_clause(run: SimulationResult) -> str:
+def _is_harder(run: SimulationResult, free: SimulationResult) -> bool:
+    """Return whether contact is harder with the gain than without mitigation."""
+    before = abs(free.relative_velocity) if free.touched else 0.0
+    return bool(run.touched and abs(run.relative_velocity) > before * (1 + _SAME))
+
+
+def _loop_clause(run: SimulationResult, free: SimulationResult) -> str:
+    if _is_harder(run, free):
+        speed = _speed(run.relative_velocity)
+        return f"Harder than without mitigation: contact on the loop at {speed} instead of {_speed_or_none(free)}"
     if run.touched:
-        return f"Contact on the loop at {_speed(run.relative_velocity)} after {_time(run.time)}"
+        return f"Contact on the loop at {_speed(run.relative_velocity)}"
     if run.status == ContactStatus.UNRESOLVED:
-        return f"The loop runs away: its numbers leave all bounds after {_time(run.end_time)}"
+        return f"The loop diverges: its numbers exceed all bounds after {_time(run.end_time)}"
     nearest = format_quantity(run.closest_distance, "m", 3)
-    return f"No contact on the loop within {_time(run.end_time)}, {nearest} at the nearest"
+    return f"No contact on the loop within {_time(run.end_time)}; closest distance {nearest}"
+
+
+def _speed_or_none(run: SimulationResult) -> str:
+    return _speed(run.relative_velocity) if run.touched else "no contact"
 
 
 def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
-    """Say how much harder and earlier the contact is than predicted."""
+    """Return how much harder and earlier the contact is than predicted, in words."""
     share, late = speed.relative_difference, time.difference
     parts = []
     if share is not None:
@@ -283,7 +298,7 @@ def _against(speed: QuantityComparison, time: QuantityComparison) -> str:
 
 
 def _force_sentence(run: SimulationResult, free: SimulationResult, grows: bool) -> str:
-    """Say what the contact force comes to, which may grow after the impact, beside that without mitigation."""
+    """Return the contact force with the gain and without mitigation, in words."""
     text = f" Impact force {_force(run.impact_force)}"
     text += f" instead of {_force(free.impact_force)} without mitigation" if free.touched else ""
     text += f", later up to {_force(run.peak_force)}" if grows else ""
@@ -297,37 +312,47 @@ def cautions_in_words(
     contacts: tuple[LoopContact, ...],
     grows: bool,
 ) -> Iterator[str]:
-    """Yield what a user should read beside the numbers of a run, in order of weight."""
+    """Yield warnings about detection, controller flags and contacts of a run, most important first."""
     if seen is None:
-        yield "The law never saw the object, so it made no force: look at its floor, its offset and the sensor's range."
+        yield "The object was never detected, so there was no virtual force. Check floor, offset and sensor range."
     elif seen.missed_share is not None and seen.missed_share > _LATE:
         yield (
-            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} A prediction lets the law act from "
-            f"{format_quantity(seen.start_distance, 'm')} on."
+            f"Late detection: {seen.sentence[0].lower()}{seen.sentence[1:]} The prediction assumes detection at "
+            f"{format_quantity(seen.start_distance, 'm')}."
         )
     approach = run.time if run.touched else run.end_time
     for flag in flags:
         if flag.is_trouble and flag.approach_duration > (_PASSING * approach if flag.name == "stale" else 0.0):
             yield (
-                f"During the approach the law reported {flag.name} ({flag.meaning}): from {_time(flag.since)} on, for "
-                f"{_time(flag.approach_duration)} in all."
+                f"During the approach the controller reported {flag.name} ({flag.meaning}): first after "
+                f"{_time(flag.since)}, for {_time(flag.approach_duration)} in total."
             )
     if run.contacts > 1:
         hardest = max(contacts, key=lambda contact: -contact.relative_velocity)
         which = f"the one after {_time(hardest.time)}, at {_speed(hardest.relative_velocity)},"
         which = "the first" if hardest is contacts[0] else which
         told = len(contacts)
-        beyond = f"; the first {told} are told apart" if run.contacts > told else ""
-        yield f"The bodies meet {run.contacts} times; {which} is the fastest{beyond}."
+        beyond = f"; only the first {told} are listed" if run.contacts > told else ""
+        yield f"There are {run.contacts} contacts; {which} is the fastest{beyond}."
     if grows:
         yield (
-            f"After the impact the contact force grows to {_force(run.peak_force)}: a push or another contact, not the "
-            "first impact, is the strongest."
+            f"After the impact the contact force grows to {_force(run.peak_force)}: a push or another contact is "
+            "stronger than the first impact."
+        )
+
+
+def force_in_words(force: QuantityComparison) -> Iterator[str]:
+    """Yield that the virtual force on the loop is much larger than predicted, if it is."""
+    if force.relative_difference is not None and force.relative_difference > _STRONG - 1:
+        loop, predicted = (_force(abs(value or 0.0)) for value in (force.loop, force.predicted))
+        yield (
+            f"The virtual force on the loop reaches {loop}, predicted {predicted}. Noise, slow readings or a loop "
+            "close to instability cause such peaks."
         )
 
 
 def ending_in_words(status: Any) -> str:
-    """Return how a run or a prediction ended, as `never in contact`."""
+    """Return how a run or a prediction ended in words, such as `no contact`."""
     return ContactStatus(status).label.replace("-", " ")
 
 

@@ -1,6 +1,6 @@
-"""What would help: the best gain for the loop and what the verified one loses beside it, and the one best change.
+"""Search improvements: the best gain for the loop, and the change of the loop that helps most.
 
-Every candidate is run with the noise that the verdict has met.
+Every candidate is simulated with the same noise as the verdict.
 """
 
 from __future__ import annotations
@@ -23,15 +23,13 @@ from .effect import VerdictStatus, effect_of, mean_and_error
 from .stability import Candidate, Passed, StabilityCheck, candidates_of, limit_of, stability_margin
 
 _ERRORS: Final = 2.0  # standard errors that a change must gain: one in twenty does by chance
-_WORTH: Final = 0.01  # of the objective: less is not worth a change
-_MARGIN: Final = (
-    2.0  # to instability: a gain that is proposed has it where any within the bounds can, a change keeps it
-)
-_FALL: Final = 0.8  # of the margin: what is left of it is said where it is less
-_BEYOND: Final = 1e3  # a margin that needs no word
+_WORTH: Final = 0.01  # of the objective: a smaller improvement is not worth a change
+_MARGIN: Final = 2.0  # gain margin of a proposed gain, if any within the bounds has it; a change must keep it
+_FALL: Final = 0.8  # of the margin: a change that leaves less is reported with the new margin
+_BEYOND: Final = 1e3  # a larger margin is not reported
 _SAME: Final = 1e-6  # of a gain
 _ORDER: Final = (VerdictStatus.DOES_NOT_HOLD, VerdictStatus.HOLDS_NARROWLY, VerdictStatus.HOLDS)
-_DIGITS: Final = 12  # of u = ln|D_p|: beyond, it is the same gain
+_DIGITS: Final = 12  # decimals of u = ln|D_p| that distinguish two gains
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -39,12 +37,12 @@ class LoopCurve(Value):
     """The gains that were tried on the loop.
 
     Args:
-        gain: D_p [N s], ascending, shape (n,).
-        objective: its mean over the runs; infinite where a run ends without contact.
-        standing: the least share of runs in which a limit holds beside the share required, at most 1; less where
-            contact is no softer than without mitigation.
-        share: the share of runs in which all limits hold at once.
-        runs: how many runs of each.
+        gain: the law's number, such as D_p [N s], ascending, shape (n,).
+        objective: its mean over the runs; infinite if a run ends without contact.
+        standing: score, at most 1: the smallest ratio of the share of runs that meet a limit to the required share;
+            lower if contact is no softer than without mitigation.
+        share: share of the runs that meet all limits.
+        runs: number of runs of each gain.
     """
 
     gain: FloatArray
@@ -61,15 +59,15 @@ class LoopCurve(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss(Value):
-    """What the gain costs beside the best one for this loop.
+    """Cost of the verified gain compared with the best one for this loop.
 
     Args:
         predicted: the objective of the nominal encounter in continuous time; None without contact.
-        objective: its mean over the runs; None where a run ends without contact.
+        objective: its mean over the runs; None if a run ends without contact.
         standard_error: of that mean.
-        loop_gain: the best gain on the loop that keeps the limits [N s]; None where none that was tried does.
-        sought_margin: to instability, which the best gain was sought with: 2; 1 where no gain within the bounds has
-            that; None where the margin is not known.
+        loop_gain: the best gain on the loop that meets the limits, such as D_p [N s]; None if no tried gain does.
+        sought_margin: gain margin required of the best gain: 2; 1 if no gain within the bounds has that; None if the
+            margin is not known.
         loop_objective: the mean objective with that gain, over the same runs.
         loss: mean of objective - objective with the loop gain, run by run.
         loss_error: standard error of that mean.
@@ -89,21 +87,21 @@ class Loss(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopChange(Value):
-    """One change of the loop or the gain, as it was simulated.
+    """One simulated change of the loop or the gain.
 
     Args:
         name: short name, such as `sensor-rate`.
         sentence: what to do, with numbers.
-        gain: D_p with which it was run [N s].
-        objective: the mean objective with it; None where a run ends without contact.
-        improvement: by how much the objective falls, as a share of what it was; None where either is not known.
+        gain: the gain of these runs, such as D_p [N s].
+        objective: the mean objective with the change; None if a run ends without contact.
+        improvement: relative decrease of the objective; None if it is not known.
         improvement_error: standard error of that.
-        standing: the least share of runs in which a limit holds beside the share required, with it; at most 1, less
-            where contact is no softer than without mitigation or the loop unstable.
-        held: the share of runs with it in which the limit holds that was missed most; None where none was missed.
-        margin: to instability with it; None where that is not known.
-        status: by limits, effect and margin over the runs that it was compared by.
-        helps: whether it turns that status to the better, or gains more than chance can, and leaves the loop stable.
+        standing: score with the change, at most 1: the smallest ratio of the share of runs that meet a limit to the
+            required share; lower if contact is no softer than without mitigation or the loop is unstable.
+        held: share of the runs with the change that meet the limit that was missed most; None if none was missed.
+        margin: gain margin with the change; None if it is not known.
+        status: by limits, effect and gain margin over the runs on which it was compared.
+        helps: whether it improves that status, or is a significant improvement, and leaves the loop stable.
     """
 
     name: str
@@ -120,13 +118,13 @@ class LoopChange(Value):
 
 
 class Verified(NamedTuple):
-    """The verified gain, and what is known of it before anything else is tried."""
+    """The verified gain with its prediction, outcomes and stability, before changes are tried."""
 
-    gain: float  # D_p [N s]
+    gain: float  # such as D_p [N s]
     predicted: ContactResult  # the nominal encounter with it in continuous time
-    outcomes: LoopOutcomes  # what it leads to on the loop, over all runs
-    design: GainDesign  # the ideal one
-    stability: StabilityCheck | None  # None where it is not known, as the limit
+    outcomes: LoopOutcomes  # on the loop, over all runs
+    design: GainDesign  # the ideal design
+    stability: StabilityCheck | None  # None if it is not known, like the limit
     limit: GainLimit | None  # the strongest stable gains of the loop
     passed: Passed  # the distances that the encounter passes
 
@@ -134,14 +132,14 @@ class Verified(NamedTuple):
 def find_improvements(
     problem: LoopProblem, known: Verified
 ) -> tuple[Loss, tuple[LoopChange, ...], tuple[LoopChange, ...]]:
-    """Return what a verified gain loses, changes, the most helpful first, and the loop as it is over the same runs."""
+    """Return the cost of the verified gain, the changes, most helpful first, and the unchanged loop."""
     task, gain, runs = problem.draws.task, known.gain, problem.draws.compared
     loop = task.loop
     search = _best_on_loop(problem, known)
     optimum, best, found = search.best, None, []
     better = search.nearest if optimum is None else optimum
     if better is not None:
-        # over all runs: over those alone that it was chosen by, it would look better than it is
+        # over all runs: on the runs by which it was chosen alone, it would look too good
         same, margin = math.isclose(better, gain, rel_tol=_SAME), stability_margin(known.limit, better)
         outcomes = known.outcomes if same else problem.appraise(problem.compared(loop), better)
         best = None if optimum is None else outcomes.objective
@@ -162,7 +160,7 @@ def find_improvements(
 
 
 def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
-    """Return what could be changed; readings are noisiest where ln xi deviates most, from contact to start."""
+    """Return candidate changes, from the fastest change and the largest noise of ln xi in the encounter."""
     draws, check, free = problem.draws, known.stability, problem.unmitigated
     sensor, c = draws.task.sensor, draws.task.loop.chain
     slope = np.abs(np.asarray(sensor.log_slope(known.passed[0])))
@@ -177,7 +175,7 @@ def _candidates(problem: LoopProblem, known: Verified) -> list[Candidate]:
 
 
 def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None) -> Loss:
-    """Put the objective of every run beside that with the best gain on the loop; None where there is none."""
+    """Compare the objective of every run with that of the best gain on the loop."""
     predicted, ideal = known.predicted, None
     if predicted.reached.all():
         speed = abs(task.scenario.obstacle.velocity)
@@ -200,26 +198,26 @@ def _loss(task: Task, known: Verified, search: _Search, best: FloatArray | None)
 
 
 class _Tried(NamedTuple):
-    """What is kept of a gain that was tried."""
+    """Summary of a gain that was tried."""
 
     gain: float  # D_p [N s]
     objective: float  # its mean
-    standing: float  # how well limits are kept
-    share: float  # of runs in which all are
-    kept: bool  # whether they are kept as they must
+    standing: float  # score, at most 1
+    share: float  # of the runs that meet all limits
+    kept: bool  # whether all requirements are met
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """The search for the gain that is best on the loop: over the same encounters and noise for each."""
+    """Search for the best gain on the loop; every gain has the same encounters and noise."""
 
     problem: LoopProblem
     axis: GainAxis
-    margin: float | None  # to instability, which all gains within the axis have; None where it is not known
+    margin: float | None  # gain margin of all gains on the axis; None if it is not known
     tried: dict[float, _Tried] = field(default_factory=dict)  # by the coordinate
 
     def merit(self, coordinate: FloatArray) -> FloatArray:
-        """Return the mean objective at coordinates u where the limits are kept, infinity elsewhere."""
+        """Return the mean objective at coordinates u; infinity where a requirement is missed."""
         places = {round(u, _DIGITS): u for u in coordinate.tolist()}
         new = {place: u for place, u in places.items() if place not in self.tried}
         if new:
@@ -231,24 +229,24 @@ class _Search:
         return np.array([one.objective if one.kept else math.inf for one in of])
 
     def landscape(self, coordinate: FloatArray) -> Landscape:
-        """Return the merit as a scan takes it."""
+        """Return the merit in the form that a scan takes."""
         return Landscape(objective=self.merit(coordinate), ratios=np.empty((0, len(coordinate))))
 
     @property
     def best(self) -> float | None:
-        """The best gain that keeps the limits [N s]; None where none that was tried does."""
+        """The best tried gain that meets the requirements; None if none does."""
         kept = [one for one in sorted(self.tried.values()) if one.kept]
         return min(kept, key=lambda one: one.objective).gain if kept else None
 
     @property
     def nearest(self) -> float | None:
-        """The gain that stands best where none keeps them [N s]; None where none may be tried."""
+        """The tried gain with the highest score; None if none could be tried."""
         tried = sorted(self.tried.values())
         return max(tried, key=lambda one: (one.standing, -one.objective)).gain if tried else None
 
     @property
     def curve(self) -> LoopCurve:
-        """All gains that were tried."""
+        """All tried gains."""
         columns = np.array(sorted(self.tried.values()), dtype=np.float64).reshape(-1, len(_Tried._fields)).T
         gain, objective, standing, share, _ = columns
         runs = self.problem.draws.compared
@@ -256,17 +254,17 @@ class _Search:
 
 
 def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
-    """Search the gain that is best on the loop, the verified and the ideal one among those that are tried."""
+    """Search the best gain on the loop; the verified and the ideal gain are among those tried."""
     (low, high), limit = problem.draws.task.stable_bounds(), known.limit
     margin, sign = None, problem.draws.task.law.number.sign
     if limit is not None:
         margin = _MARGIN if limit.allowed(_MARGIN) >= min(sign * low, sign * high) else 1.0
-        # the ends of the axis are met to the bit: a gain that is proposed has the margin that it was sought with
+        # the ends of the axis are exact, so that every proposed gain has the required margin
         strongest = limit.strongest / margin
         low, high = (max(low, strongest), high) if sign < 0 else (low, min(high, strongest))
     axis = GainAxis(low=low, high=high)
     search = _Search(problem=problem, axis=axis, margin=margin)
-    if axis.low <= axis.high:  # else no gain within the bounds may be tried
+    if axis.low <= axis.high:  # else no gain within the bounds has the margin
         among = [g for g in (known.gain, known.design.gain) if g is not None and axis.low <= g <= axis.high]
         search.merit(axis.coordinate(np.array(among)))
         scan(search.landscape, *axis.span, RUNS)
@@ -276,9 +274,9 @@ def _best_on_loop(problem: LoopProblem, known: Verified) -> _Search:
 
 
 def _redesign(number: LawNumber, gain: float, loop_gain: float, margin: float | None) -> str:
-    """Say which gain to take, and how far the loop is from instability with it."""
-    beside = "" if margin is None or margin > _BEYOND else f"; the loop is unstable at {margin:.3g} times that"
-    return f"Take {number.equals(loop_gain)} instead of {number.text(gain)}{beside}."
+    """Return which gain to use instead, and its gain margin, in words."""
+    stable = "" if margin is None or margin > _BEYOND else f" (gain margin {margin:.3g})"
+    return f"Use {number.equals(loop_gain)} instead of {number.text(gain)}{stable}."
 
 
 def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcomes, after: LoopOutcomes) -> LoopChange:
@@ -305,26 +303,26 @@ def _compared(task: Task, candidate: Candidate, gain: float, before: LoopOutcome
 
 
 def _worst_of_both(before: LoopOutcomes, after: LoopOutcomes) -> tuple[Requirement, Requirement]:
-    """Return what was missed most, before and after."""
+    """Return the requirement that was missed most, before and after the change."""
     worst = before.worst
     return worst, next(r for r in after.requirements if r.name == worst.name)
 
 
 def _with_margin(candidate: Candidate, before: float | None, after: float | None) -> str:
-    """Return the sentence of a change; where it costs margin to instability, with what is left of it."""
-    if candidate.name == "gain" or before is None or after is None:  # another gain has it in its sentence
+    """Return the sentence of a change, with the new gain margin if that is clearly smaller."""
+    if candidate.name == "gain" or before is None or after is None:  # the sentence of a gain names its margin
         return candidate.sentence
     if after > _BEYOND or after >= _FALL * before:
         return candidate.sentence
     was = f" from {before:.3g}" if math.isfinite(before) else ""
-    return f"{candidate.sentence.removesuffix('.')}; the margin to instability falls{was} to {after:.3g}."
+    return f"{candidate.sentence.removesuffix('.')}; the gain margin falls{was} to {after:.3g}."
 
 
 def _stands_better(before: LoopOutcomes, after: LoopOutcomes) -> bool:
-    """Tell whether what was missed most is missed less, by more than chance."""
+    """Return whether the requirement that was missed most is missed significantly less often."""
     if after.standing <= before.standing:
         return False
-    if before.stable <= before.standing:  # it was the margin, which no chance moves
+    if before.stable <= before.standing:  # the margin was decisive, which is free of chance
         return True
     if before.softness <= before.standing:
         change = effect_of(after.result, before.result)  # whether the speed at contact falls
@@ -335,7 +333,7 @@ def _stands_better(before: LoopOutcomes, after: LoopOutcomes) -> bool:
 
 
 def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, float | None]:
-    """Return the mean fall of the objective run by run and its standard error, as shares of what it was."""
+    """Return the relative mean decrease of the objective, run by run, and its standard error."""
     whole, _ = mean_and_error(before)
     with np.errstate(invalid="ignore"):
         fall, error = mean_and_error(before - after)
@@ -345,6 +343,6 @@ def _improvement(before: FloatArray, after: FloatArray) -> tuple[float | None, f
 
 
 def _rank(change: LoopChange) -> tuple[bool, int, float, float]:
-    # in what is missed, what differs by rounding is a tie
+    # scores that differ by rounding count as equal
     gained = -math.inf if change.improvement is None else change.improvement
     return (not change.helps, -_ORDER.index(change.status), -round(change.standing, 9), -gained)

@@ -1,4 +1,4 @@
-"""What a verdict says of what could be better: the one change that helps most, all that was tried, the best gain."""
+"""Report sections on improvements: the change that helps most, all tried changes, and the best gain."""
 
 from __future__ import annotations
 
@@ -17,52 +17,48 @@ from .result import Verdict
 
 Row = tuple[Cell, ...]
 
-_MARGIN: Final = 2.0  # to instability: the usual 6 dB
-_ERRORS: Final = 2.0  # standard errors, below which a difference is no more than chance
+_MARGIN: Final = 2.0  # gain margin: the usual 6 dB
+_ERRORS: Final = 2.0  # standard errors: a smaller difference is not significant
 _KEPT: Final = 1 - 1e-12
 _HELPS: Final = (
-    " A change helps if it turns the status to the better by limits, effect and margin; or if what is missed most is "
-    "missed less often, by more than chance; or, with nothing missed more often and a margin of 2 to instability kept, "
-    "if the objective falls by more than chance and by enough to be worth the effort; never if the loop is unstable "
-    "with it. Objective: its mean change with the standard error. Limits kept: whether every limit held as often as it "
-    "must, contact came and was softer than without mitigation, and the loop is stable; where a limit was missed, also "
-    "in how many of the runs the limit holds that was missed most."
+    " A change helps if it improves the status (limits, effect and gain margin), if the most missed limit is missed "
+    "significantly less often, or if the objective falls significantly and by at least 1 %, with nothing missed more "
+    "often and a gain margin of 2. A change that makes the loop unstable never helps. Objective: mean change with its "
+    "standard error. Limits met: whether every limit is met as often as required, contact happens and is softer than "
+    "without mitigation, and the loop is stable; the percentage is that of the most missed limit."
 )
 
 
 def best_change_section(v: Verdict) -> Chapter | None:
-    """Describe the one change that helps most: each effect as it is, and with the change; None where none was tried."""
+    """Describe the change that helps most, with the quantities before and after; None if no change was tried."""
     if not v.changes:
         return None
     best, rate = v.best_change, _rate_in_words(v)
     if best is None:
         text = (
-            "None of the changes that were tried turns the status to the better, or helps by more than chance and 1 % "
-            f"of the objective. {rate}"
+            "None of the tried changes improves the status, or lowers the objective significantly and by at least 1 %."
+            f" {rate}"
         ).strip()
         return Chapter(title="No change helps", titled=True, blocks=(Paragraph(text=text, brief=True),))
-    title = "What would help most" + ("" if best.standing >= _KEPT else ", though it alone is not enough")
-    effects = Rows(head=("", "as it is", "with the change"), rows=tuple(_effects(v, best)))
+    title = "What would help most" + ("" if best.standing >= _KEPT else " (not enough alone)")
+    effects = Rows(head=("", "now", "with the change"), rows=tuple(_effects(v, best)))
     said = Paragraph(text=f"{best.sentence} {rate}".strip(), brief=True)
     return Chapter(title=title, titled=True, blocks=(said, effects))
 
 
 def _rate_in_words(v: Verdict) -> str:
-    """Say which rate of the sensor the gain asks for, where its margin is below 2 and no change is enough."""
+    """Return the sensor rate that the gain needs, if its margin is below 2 and no change is enough."""
     check, best = v.stability, v.best_change
     enough = best is not None and best.standing >= 1 and (best.margin is None or best.margin >= _MARGIN)
     if check is None or check.margin >= _MARGIN or enough:
         return ""
     gain = f"With {v.law.number.equals(v.gain or 0.0)}"
     if math.isfinite(check.lowest_rate_with_margin):
-        return (
-            f"{gain} the sensor would have to be read {check.lowest_rate_with_margin:.3g} times a second for a margin "
-            "of 2 to instability."
-        )
-    text = f"{gain} no rate of the sensor is high enough for a margin of 2 to instability"
+        return f"{gain} a gain margin of 2 needs a sensor rate of {check.lowest_rate_with_margin:.3g} Hz."
+    text = f"{gain} no sensor rate results in a gain margin of 2: latency, filters or robot are too slow"
     if math.isfinite(check.lowest_rate):
-        text += f", {check.lowest_rate:.3g} times a second at the limit"
-    return f"{text}: delay, filters or robot forbid it."
+        text += f"; stability needs {check.lowest_rate:.3g} Hz"
+    return f"{text}."
 
 
 def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
@@ -77,42 +73,42 @@ def _effects(v: Verdict, change: LoopChange) -> Iterator[Row]:
     if v.effect is not None and v.effect.is_absent and change.standing >= _KEPT:
         yield "contact softer than without mitigation", "no", "yes"
     if change.margin is not None and v.stability is not None:
-        yield "margin to instability", _times(v.stability.margin), _times(change.margin)
+        yield "gain margin", _times(v.stability.margin), _times(change.margin)
     if change.objective is not None and change.improvement is not None:
-        # over the runs that the change was compared by, which are not all
+        # over the runs on which the change was compared, which are not all
         before = change.objective / (1 - change.improvement) if change.improvement < 1 else None
         yield "objective", Measured(before), Measured(change.objective, beside=f" ({_objective_change(change)})")
 
 
 def _missed_most(v: Verdict) -> str:
-    """Name what is missed most compared with what is required."""
+    """Return the requirement that is missed most, in words."""
     shares: list[tuple[float, str]] = []
     if v.reached is not None and v.reached.missing:
-        shares.append((1 - v.reached.missing / round(v.reached.predicted * v.runs), "contact comes in"))
-    shares += [(c.held / c.required.probability, f"{c.statement} holds in") for c in v.limits if not c.is_met]
-    # else it is missed in the runs that changes are compared by, and not in all
-    return min(shares)[1] if shares else "what is missed most holds in"
+        shares.append((1 - v.reached.missing / round(v.reached.predicted * v.runs), "runs with the predicted contact"))
+    shares += [(c.held / c.required.probability, f"runs with {c.statement}") for c in v.limits if not c.is_met]
+    # else it is missed on the compared runs, but not over all runs
+    return min(shares)[1] if shares else "runs that meet the most missed limit"
 
 
 def changes_section(v: Verdict) -> Chapter | None:
-    """Describe every change that was tried, the most helpful first; None where none was."""
+    """Describe every tried change, most helpful first; None if none was tried."""
     if not v.changes:
         return None
     n = v.compared_runs
-    note = f"Each was simulated on the same {n} run{'' if n == 1 else 's'}: the same encounters with the same noise"
-    note += f", the first of the {v.runs}; another gain on all {v.runs}" if n < v.runs else ""
-    head = ("change", "objective", "limits kept", "margin", "what to do")
+    note = f"Each change was simulated on the same {n} run{'' if n == 1 else 's'}, with the same encounters and noise"
+    note += f", the first of the {v.runs}; another gain was simulated on all {v.runs}" if n < v.runs else ""
+    head = ("change", "objective", "limits met", "gain margin", "what to do")
     rows = (*_rows_as_it_is(v), *map(_change_row, v.changes))
     table = Rows(head=head, rows=rows, note=f"{note}.{_HELPS}", wraps=True, brief=True)
-    return Chapter(title="What was tried", titled=True, blocks=(table,))
+    return Chapter(title="Tried changes", titled=True, blocks=(table,))
 
 
 def _rows_as_it_is(v: Verdict) -> Iterator[Row]:
-    """Yield the loop without a change, over the runs that the changes are compared by, and over all."""
+    """Yield rows of the unchanged loop, over the compared runs and over all runs."""
     for one, runs in zip(v.as_it_is, (v.compared_runs, v.runs), strict=False):
         of = f", {runs} run{'' if runs == 1 else 's'}" if len(v.as_it_is) > 1 else ""
-        told = "Nothing is changed." if runs == v.compared_runs else "Compare another gain with this row."
-        yield f"as it is{of}", "", _kept_cell(one), _margin_cell(one), told
+        text = "Compare changes with this row." if runs == v.compared_runs else "Compare another gain with this row."
+        yield f"unchanged{of}", "", _kept_cell(one), _margin_cell(one), text
 
 
 def _change_row(change: LoopChange) -> Row:
@@ -130,7 +126,7 @@ def _margin_cell(change: LoopChange) -> str:
 
 
 def _times(margin: float) -> str:
-    return "\u221e" if math.isinf(margin) else f"\u00d7 {margin:.3g}"
+    return "\u221e" if math.isinf(margin) else f"{margin:.3g}"
 
 
 def _percent(share: float) -> str:
@@ -178,38 +174,40 @@ def _gain_blocks(v: Verdict) -> Iterator[Paragraph | Rows]:
 def _loss_in_words(v: Verdict, loss: Loss) -> str:
     best = _best_gain_in_words(loss)
     if loss.loop_gain is None:
-        return f"{best[0].upper()}{best[1:]}, keeping every limit: none."
+        return "No gain was found that meets every limit on this loop."
     best = f"the {best}, {v.law.number.text(loss.loop_gain)}"
     if loss.loss is None or loss.loop_objective is None:
-        return f"A run ends without contact, so that nothing is said of the cost beside {best}."
+        return f"A run ends without contact, so the objective cannot be compared with that of {best}."
     share, error = 100 * loss.loss / loss.loop_objective, 100 * (loss.loss_error or 0.0) / loss.loop_objective
     apart = _percent_with_error(share, error)
     if share > max(_ERRORS * error, 0.0):
-        return f"The verified gain costs {share:.3g} % of the objective ({apart}) beside {best}."
+        return f"The objective of the verified gain is {share:.3g} % worse ({apart}) than that of {best}."
     lacks = _lacks_in_words(v) if share < -_ERRORS * error else ""
     if lacks:
-        return f"By the objective the verified gain is {-share:.3g} % better ({apart}) than {best}, but {lacks}."
-    return f"The verified gain costs no more than chance of the objective ({apart}) beside {best}."
+        return (
+            f"The objective of the verified gain is {-share:.3g} % better ({apart}) than that of {best}, but {lacks}."
+        )
+    return f"The objective of the verified gain is not significantly worse ({apart}) than that of {best}."
 
 
 def _best_gain_in_words(loss: Loss) -> str:
-    """Say among which gains the best one on the loop was sought."""
+    """Return which gains the search for the best one allowed, in words."""
     if loss.sought_margin is None:
         return "best gain on this loop"
     if loss.sought_margin >= _MARGIN:
-        return f"best gain on this loop with a margin of {loss.sought_margin:g} to instability"
-    return "best stable gain on this loop, where none within the bounds has a margin of 2 to instability"
+        return f"best gain on this loop with a gain margin of {loss.sought_margin:g}"
+    return "best stable gain on this loop (none within the bounds has a gain margin of 2)"
 
 
 def _lacks_in_words(v: Verdict) -> str:
-    """Say what the verified gain lacks that the best one on the loop has; a search over fewer runs cannot tell more."""
+    """Return which requirement the verified gain misses and the best one on the loop meets, in words."""
     check, loss = v.stability, v.loss
     if not all(limit.is_met for limit in v.limits):
         return "it misses a limit"
     if v.effect is not None and (v.effect.is_harder or v.effect.is_absent):
         return "it makes contact no softer than without mitigation"
     if check is not None and loss is not None and check.margin < (loss.sought_margin or 0.0):
-        return f"its margin to instability is only {check.margin:.3g}"
+        return f"its gain margin is only {check.margin:.3g}"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""What a verdict says: whether the gain holds and why not, what would help, and what it all rests on."""
+"""Report page of a verdict: status, reasons, improvements, comparisons and assumptions."""
 
 from __future__ import annotations
 
@@ -29,41 +29,40 @@ _WHY: Final = {
 }
 _COMPARED: Final = (
     "Predicted: the nominal encounter in continuous time, with a perfect sensor and a robot that follows exactly. "
-    "Simulated: {runs} of the loop that is stated below, those that came to a contact. With {symbol} = 0, without "
-    "mitigation, the same loop meets the same noise. Largest: until the first contact, but for the contact force. "
+    "Simulated: {runs} of the loop listed below, those that end in contact. {symbol} = 0: no mitigation, with the same "
+    "noise. Largest: until the first contact, except for contact forces. "
     "Simulated and predicted, not measured."
 )
 _SHARES: Final = (
-    "In which share of the runs a quantity stays below a value, on the loop with the gain and without mitigation. "
-    "Rings: predicted values, drawn at half of the runs. Dotted: limits, and the share of the runs that is required of "
-    "them. A curve that stays below 100 %: the others end without contact. A curve that is missing: the quantity is "
-    "zero in every run."
+    "Share of the runs in which a quantity stays below a value, with the gain and without mitigation. Circles: "
+    "predicted values, drawn at 50 %. Dotted lines: limits and the required share of the runs. If a curve ends below "
+    "100 %, the other runs end without contact. A missing curve means that the quantity is zero in every run."
 )
 _TWO_RUNS: Final = (
-    "Two of the runs until contact, by their speed there, beside the prediction for the nominal encounter. Where "
-    "inputs are uncertain, each run is another encounter."
+    "Two of the runs until contact, chosen by their speed at contact, and the prediction for the nominal encounter. "
+    "If inputs are uncertain, each run is another encounter."
 )
 _OF_LIMITS: Final = (
-    '"At least" is the exact lower bound (Clopper and Pearson) of the probability that the limit holds, with a '
-    'confidence of {confidence:g} %. "Shown": that bound is no less than what is required. No number of runs can show '
-    "that a limit always holds."
+    '"At least" is the exact lower confidence bound (Clopper-Pearson, {confidence:g} %) of the probability that the '
+    'limit is met. "Shown": this bound reaches the required share. No number of runs can show that a limit is always '
+    "met."
 )
 _STABLE: Final = (
-    "The gain from which on the loop, linearized at each distance, is unstable; half of it; and the verified gain. "
-    "What counts is the lowest point."
+    "The strongest stable gain of the loop, linearized at each distance; half of it; and the verified gain. The "
+    "distance with the weakest stable gain is decisive."
 )
 _OF_CALIBRATION: Final = (
-    "Each sensor is a curve, an offset and a misfit that the readings of the calibration allow, as likely as they make "
-    "it. The controller goes on subtracting the offset that it subtracts; the loop runs without noise."
+    "Each sensor has a curve, an offset and a misfit that are drawn from what the readings of the calibration allow. "
+    "The controller keeps subtracting its configured offset; the loop runs without noise."
 )
 _OF_THE_RUNS: Final = (
-    "Each run is an independent draw of encounter and noise, on the loop as it is stated above: the controller that a "
-    "robot would run, step by step at its own period, on readings with the delay, noise and steps of the sensor chain.",
-    "Robot and contact are integrated by Runge-Kutta's method of order 4; the first contact is located between two "
+    "Each run is an independent draw of encounter and noise on the loop listed above. The controller is the one that "
+    "runs on a robot, with its own period, on readings with the latency, noise and quantization of the sensor chain.",
+    "Robot and contact are integrated by a Runge-Kutta method of order 4; the first contact is located between two "
     "steps.",
-    "Other gains and changes meet the same encounters and the same noise, so that differences are those of the change "
-    "and not of chance; what is left of chance is the standard error.",
-    "Stability is that of the exactly discretized linear loop at each distance: eigenvalues on the unit circle.",
+    "Other gains and changes are simulated with the same encounters and noise, so that chance largely cancels in "
+    "differences; the standard error states the rest.",
+    "Stability is computed from the eigenvalues of the exactly discretized linear loop at each distance.",
 )
 
 
@@ -87,7 +86,7 @@ def verdict_page(verdict: Verdict) -> Page:
             _calibration(v),
             gain_section(v),
             changes_section(v),
-            _listed("What this rests on", v.assumptions),
+            _listed("Assumptions", v.assumptions),
             loop_section(v.loop),
             inputs_section(v.scenario, v.sensor),
             _uncertain(v),
@@ -100,8 +99,8 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
     if v.gain is None:
         return
     ideal, n = v.design.gain, v.law.number
-    beside = "the ideal optimum" if ideal == v.gain else "no ideal one" if ideal is None else f"ideal {n.text(ideal)}"
-    yield f"verified {n.label}; {beside}", Measured(v.gain, n.unit)
+    best = "the ideal optimum" if ideal == v.gain else "no ideal one" if ideal is None else f"ideal {n.text(ideal)}"
+    yield f"verified {n.label}; {best}", Measured(v.gain, n.unit)
     for name in ("relative_velocity", "impact_force", "peak_force"):
         c = v.comparison(name)
         if c is not None:
@@ -110,12 +109,12 @@ def _key_figures(v: Verdict) -> Iterator[tuple[str, Cell]]:
             yield "; ".join([f"mean {c.label}", *others]), Measured(_mean(c.simulated), c.unit, 3)
     check = v.stability
     if check is None:
-        yield "margin to instability", "not known"
+        yield "gain margin", "not known"
         return
-    margin = "none unstable" if math.isinf(check.margin) else f"\u00d7 {check.margin:.3g}"
-    yield f"margin to instability; unstable from {_strongest(check, n)}", margin
+    margin = "always stable" if math.isinf(check.margin) else f"{check.margin:.3g}"
+    yield f"gain margin; unstable beyond {_strongest(check, n)}", margin
     least = "none is enough" if math.isinf(check.lowest_rate_with_margin) else f"{check.lowest_rate_with_margin:.3g} Hz"
-    name = f"lowest rate for this gain; {least} for a margin of 2; the sensor has {check.rate:.3g} Hz"
+    name = f"lowest sensor rate for this gain; {least} for a gain margin of 2; the sensor has {check.rate:.3g} Hz"
     yield name, _rate(check.lowest_rate)
 
 
@@ -135,11 +134,11 @@ def _reasons(v: Verdict) -> Chapter | None:
     if v.gain is not None or not v.reasons:
         return _listed(_WHY.get(v.status, ""), v.reasons)
     tried = (
-        "Nothing was run. What can be tried: a relaxed limit, a wider range of gains, an earlier detection, another "
+        "Nothing was simulated. Relax a limit, widen the range of gains, detect the object earlier, or change the "
         "admittance."
     )
     unit = v.law.number.unit
-    head = ("limit", "at most", "nearest that a gain gets", f"at {v.law.number.symbol}")
+    head = ("limit", "at most", "best value of any gain", f"at {v.law.number.symbol}")
     asked: tuple[Row, ...] = tuple(
         (words_for(c.quantity), *(Measured(x, c.unit) for x in (c.limit, c.best_value)), Measured(c.best_gain, unit))
         for c in v.design.constraints
@@ -160,7 +159,7 @@ def _comparison(v: Verdict) -> Chapter | None:
     shares = Picture(
         figure="verdict", of=v, name="Share of runs in which each quantity stays below a value", caption=_SHARES
     )
-    name = "Distance and relative velocity of two runs over time, beside the prediction"
+    name = "Distance and relative velocity of two runs over time, with the prediction"
     runs = Picture(figure="verdict_run", of=v, name=name, caption=_TWO_RUNS)
     touched = v.mitigated.touched.any() or v.unmitigated.touched.any()
     blocks = (table, Paragraph(text=_reached(v)), shares if touched else None, runs)
@@ -195,23 +194,23 @@ def _between(spread: RunSpread, unit: str) -> str:
 
 
 def _reached(v: Verdict) -> str:
-    """Say which runs came to a contact."""
+    """Return how many runs end in contact, in words."""
     if v.reached is None:
         return ""
-    text = f"A contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and came in "
+    text = f"Contact is predicted in {share_in_words(v.reached.predicted)} of the encounters, and happens in "
     text += f"{share_in_words(v.reached.simulated)} of the {_runs(v)}"
-    text += f"; {v.reached.missing} end without the one that is predicted" if v.reached.missing else ""
+    text += f"; {v.reached.missing} end without the predicted contact" if v.reached.missing else ""
     if v.reached.low is not None:
-        text += f". A predicted one comes with a probability of at least {share_in_words(v.reached.low)}, with a "
-        text += f"confidence of {100 * v.confidence:g} %"
+        text += f". A predicted contact happens with a probability of at least {share_in_words(v.reached.low)} "
+        text += f"({100 * v.confidence:g} % confidence)"
     return f"{text}."
 
 
 def _limits(v: Verdict) -> Chapter | None:
     if not v.limits:
         return None
-    first = ("limit", "at most", "must hold in", "held in", "at least")
-    head = (*first, "predicted", "value at that share", "margin", "state")
+    first = ("limit", "at most", "required in", "met in", "at least")
+    head = (*first, "predicted", "quantile", "margin", "state")
     sources = (f" {c.label.capitalize()}: {c.source}." for c in v.limits if c.source != "simulated")
     note = _OF_LIMITS.format(confidence=100 * v.confidence) + "".join(sources)
     table = Rows(head=head, rows=tuple(map(_limit_row, v.limits)), note=note, brief=True)
@@ -220,7 +219,7 @@ def _limits(v: Verdict) -> Chapter | None:
 
 def _limit_row(check: LimitCheck) -> Row:
     p, unit = check.required.probability, check.unit
-    state = "held in every run" if p == 1 else "shown" if check.low >= p else "held, not shown"
+    state = "met in every run" if p == 1 else "shown" if check.low >= p else "met, not shown"
     return (
         check.label,
         Measured(check.limit, unit),
@@ -247,37 +246,37 @@ def _stability(v: Verdict) -> Chapter | None:
 
 
 def _stability_rows(check: StabilityCheck) -> Iterator[Row]:
-    yield "margin: how many times the gain may grow", Measured(check.margin)
+    yield "gain margin", Measured(check.margin)
     yield "strongest stable gain", Measured(check.strongest, check.limit.law.number.unit)
     if math.isfinite(check.strongest):
         yield "at the critical distance", Measured(check.critical_distance, "m")
     if math.isfinite(check.frequency):
-        yield "where it oscillates at", Measured(check.frequency, "Hz")
-    yield "rate of the sensor", Measured(check.rate, "Hz")
-    yield "rate from which on this gain is stable", _rate(check.lowest_rate)
-    yield "rate from which on it has a margin of 2", _rate(check.lowest_rate_with_margin)
+        yield "oscillation frequency at the limit", Measured(check.frequency, "Hz")
+    yield "sensor rate", Measured(check.rate, "Hz")
+    yield "lowest sensor rate for a stable loop", _rate(check.lowest_rate)
+    yield "lowest sensor rate for a gain margin of 2", _rate(check.lowest_rate_with_margin)
 
 
 def _calibration(v: Verdict) -> Chapter | None:
     check = v.calibration_check
     if check is None:
         return None
-    shares = (("5 %", check.low), ("half", check.median), ("95 %", check.high))
+    shares = (("5 % quantile", check.low), ("median", check.median), ("95 % quantile", check.high))
     rows: tuple[Row, ...] = (
         (f"{words_for('relative_velocity')} on the fitted curve", Measured(check.promised, "m/s")),
-        *((f"{name} of the sensors stay below", Measured(x, "m/s")) for name, x in shares if x is not None),
-        ("contact is more than 15 % harder on", f"{check.harder} of {check.draws}"),
-        ("a limit is missed that the fitted curve keeps on", f"{check.broken} of {check.draws}"),
-        ("no contact comes on", f"{check.missing} of {check.draws}"),
+        *((f"{name} over the drawn sensors", Measured(x, "m/s")) for name, x in shares if x is not None),
+        ("sensors with a contact more than 15 % harder", f"{check.harder} of {check.draws}"),
+        ("sensors that miss a limit which the fitted curve meets", f"{check.broken} of {check.draws}"),
+        ("sensors without contact", f"{check.missing} of {check.draws}"),
     )
-    text = Paragraph(text=check.text, brief=check.is_good_enough)  # else it is one of the reasons
+    text = Paragraph(text=check.text, brief=True)
     return Chapter(title="Is the calibration good enough?", blocks=(text, Rows(rows=rows, note=_OF_CALIBRATION)))
 
 
 def _uncertain(v: Verdict) -> Chapter | None:
     rows = tuple(uncertainty_in_words(v.uncertainty, v.sensor))
-    note = "Encounter and sensor are listed above at their given values."
-    table = Rows(head=("input", "what is known of it"), rows=rows, wraps=True, note=note)
+    note = "Encounter and sensor are listed above with their nominal values."
+    table = Rows(head=("input", "distribution"), rows=rows, wraps=True, note=note)
     return Chapter(title="What is uncertain", blocks=(table,)) if rows else None
 
 

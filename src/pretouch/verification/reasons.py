@@ -1,4 +1,4 @@
-"""Whether a gain holds by all that was found, and every reason why it does not."""
+"""Judge a gain on a loop: the status of its verdict, and the reasons for it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ROUNDING: Final = 1e-9  # of a speed
 
 
 def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
-    """Return the status and the reasons why it is not `holds`, the graver first."""
+    """Return the status and the reasons why it is not `holds`, most serious first."""
     missed, narrow = list(_missed(v)), list(_narrow(v))
     if missed:
         return VerdictStatus.DOES_NOT_HOLD, (*missed, *narrow)
@@ -25,7 +25,7 @@ def judge(v: Verdict) -> tuple[VerdictStatus, tuple[str, ...]]:
 
 
 def _missed(v: Verdict) -> Iterator[str]:
-    """Say what is missed, worst first."""
+    """Yield the reasons why a gain does not hold, most serious first."""
     stability, reached, calibration = v.stability, v.reached, v.calibration_check
     yield from chase_in_words(v.law.number, v.gain)
     if stability is not None and stability.margin < 1:
@@ -36,7 +36,7 @@ def _missed(v: Verdict) -> Iterator[str]:
             place = format_quantity(stability.critical_distance, "m")
             yield f"the loop is unstable: {strongest} is the strongest stable gain, at a distance of {place}"
     if reached is not None and reached.missing:
-        yield f"{reached.missing} of {v.runs} runs end without the contact that is predicted"
+        yield f"{reached.missing} of {v.runs} runs end without the predicted contact"
     yield from _harmful(v)
     yield from (_limit_missed(check, v.runs) for check in v.limits if not check.is_met)
     if calibration is not None and not calibration.is_good_enough:
@@ -44,7 +44,7 @@ def _missed(v: Verdict) -> Iterator[str]:
 
 
 def _harmful(v: Verdict) -> Iterator[str]:
-    """Say that contact is no softer with the gain than without, in the runs, without noise, or as predicted."""
+    """Yield that contact is no softer than without mitigation: in the runs, in runs without noise, or as predicted."""
     effect, quiet = v.effect, v.noiseless_effect
     if effect is not None and effect.is_harder:
         yield f"contact is harder than without mitigation{_harder(effect)}"
@@ -67,7 +67,7 @@ def _harmful(v: Verdict) -> Iterator[str]:
 
 
 def _harder(effect: Effect) -> str:
-    """Say by how much contact is harder on average, or in how many runs."""
+    """Return by how much contact is harder on average, or in how many runs."""
     if effect.difference <= 0:
         return f" in {effect.harder} of {effect.runs} runs"
     speed, free = (format_quantity(value, "m/s") for value in (effect.speed, effect.unmitigated))
@@ -76,58 +76,59 @@ def _harder(effect: Effect) -> str:
 
 
 def _limit_missed(check: LimitCheck, runs: int) -> str:
-    """Say that a limit is missed, how often and by how much."""
-    p = check.required.probability
-    required = "always" if p == 1 else f"in {100 * p:g} %"
-    text = f"{check.statement} holds in {round(check.held * runs)} of {runs} runs, and must {required}"
-    if check.value is not None:
-        worst = "the worst run reaches" if p == 1 else f"{100 * p:g} % of the runs stay within"
-        text += f" ({worst} {format_quantity(check.value, check.unit)})"
-    return text
+    """Return which limit is exceeded, in what share of the runs, and in what share it may be."""
+    limit = format_quantity(check.limit, check.unit)
+    absent = "" if check.value is not None else " or no contact"
+    share, allowed = (share_in_words(1 - x) for x in (check.held, check.required.probability))
+    allowed = "none" if check.required.probability == 1 else allowed
+    return f"{check.label} above {limit}{absent} in {share} of {runs} runs ({allowed} allowed)"
 
 
 def _narrow(v: Verdict) -> Iterator[str]:
-    """Say what is near, or not shown."""
+    """Yield what is close to failing, or not shown."""
     stability, reached = v.stability, v.reached
     yield from _harder_than_promised(v)
     if stability is None:
-        yield "how far the loop is from instability is not known"
+        yield "the stability of the loop is not known"
     elif 1 <= stability.margin < USUAL_MARGIN:
-        yield f"a gain {stability.margin:.3g} times as strong makes the loop unstable, where a margin of 2 is usual"
+        yield f"the gain margin is {stability.margin:.3g} (2 is usual)"
     for check in (check for check in v.limits if check.is_met):
         p = check.required.probability
         if check.low < p < 1:  # no bound can reach 1, which is asked of the runs alone
             yield (
-                f"{check.statement} holds in {share_in_words(check.held)} of the runs, which shows at least "
-                f"{share_in_words(check.low)} at {100 * v.confidence:g} % confidence, where {100 * p:g} % are required"
+                f"{check.statement} is met in {share_in_words(check.held)} of {v.runs} runs; this shows only "
+                f"{share_in_words(check.low)} with {100 * v.confidence:g} % confidence ({100 * p:g} % required)"
             )
-        # the gain is chosen, and on its limit as good as within
+        # the gain itself is chosen, not drawn: exactly at its limit it is within it
         elif check.name != "gain" and check.margin is not None and check.margin < ROOM * check.limit:
-            yield f"{check.statement} has no more than {format_quantity(check.margin, check.unit)} of room"
+            yield f"{check.statement} is met with a margin of only {format_quantity(check.margin, check.unit)}"
+    report = v.design.problem.task.calibration
+    if report is not None and report.verdict != "usable":
+        yield f"the calibration is {report.verdict}"
     if reached is not None and not reached.predicted:
         share = share_in_words(reached.simulated)
-        yield f"no contact is predicted with this gain, and {share} of the runs come to one"
+        yield f"no contact is predicted with this gain, but {share} of the runs end in contact"
 
 
 def _harder_than_promised(v: Verdict) -> Iterator[str]:
-    """Say that contact is harder than predicted, or than with a faster sensor, or not shown to be any softer."""
+    """Yield that contact is harder than predicted or than with a faster sensor, or not shown to be softer."""
     effect, sensor, allowed = v.effect, v.sensor_speed, 100 * v.speed_tolerance
     if effect is not None and effect.excess is not None and effect.excess > v.speed_tolerance:
         reached, predicted = (format_quantity(x or 0.0, "m/s") for x in (effect.reached, effect.predicted))
         yield (
-            f"contact is {percent(effect.excess)} harder than predicted, {reached} on average instead of "
-            f"{predicted} ({allowed:.3g} % are allowed)"
+            f"contact is {percent(effect.excess)} harder than predicted: {reached} on average instead of "
+            f"{predicted} ({allowed:.3g} % allowed)"
         )
     if sensor is not None and not sensor.is_fast_enough:
         yield (
-            f"the sensor is too slow: in 95 % of the runs contact is {sensor.harder_in_words} than with an infinitely "
-            f"fast one ({allowed:.3g} % are allowed)"
+            f"the sensor is too slow: contact is {sensor.harder_in_words} than with an infinitely fast sensor "
+            f"({allowed:.3g} % allowed)"
         )
     if effect is None or effect.is_harder or effect.is_absent:
         return
     if not effect.is_softer:
         yield (
-            f"that contact is softer than without mitigation is not shown: {effect.difference:.2g} +- "
+            f"contact is not shown to be softer than without mitigation: difference {effect.difference:.2g} +- "
             f"{effect.standard_error:.1g} m/s over {effect.runs} runs"
         )
     if effect.harder > OFTEN * effect.runs:

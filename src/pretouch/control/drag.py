@@ -10,7 +10,7 @@ from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import ONE_ROBOT, OUTPUT, check_declared, quantity
 
-from .components import output_in_words
+from .components import format_output
 from .laws import CompiledStep, Setting
 from .structures import DragNumbers, DragState
 
@@ -138,9 +138,9 @@ class VirtualDrag:
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
         """Yield what a page says of the law beside its coefficient."""
-        yield "noise of a reading", output_in_words(self.noise)
+        yield "noise of a reading", format_output(self.noise)
         yield "relative noise of a reading", Measured(self.relative_noise)
-        yield "step of the readings", output_in_words(self.resolution)
+        yield "step of the readings", format_output(self.resolution)
         yield "smoothing time", Measured(self.smoothing_time, "s")
         yield "dead zone", f"{self.dead_zone:.4g} standard deviations of ln \u03be, smoothed"
         yield "rate that counts as none", f"{self.still_rate:.4g} standard deviations"

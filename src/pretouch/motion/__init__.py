@@ -2,11 +2,11 @@
 
 from .bodies import Obstacle, Plant, Reference, Stretch
 from .contact import ContactResult, ContactState, Motion
+from .custom_law import OwnLaw
 from .evaluator import find_contact, solve_motion
 from .gradients import ContactGradients
 from .laws import DAMPER, DRAG, ContinuousLaw, LawNumber
 from .layout import ContactStatus
-from .own_law import OwnLaw
 from .request import METHODS
 from .scenario import Admittance, Scenario
 

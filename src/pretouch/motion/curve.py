@@ -19,8 +19,8 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
-from pretouch.sensors.conformance import refuse_unlawful
-from pretouch.sensors.model import is_built_in, kept_by_curve
+from pretouch.sensors.conformance import refuse_invalid_curve
+from pretouch.sensors.model import cache_by_curve, is_built_in
 
 from .scenario import Scenario
 
@@ -84,7 +84,7 @@ def check_curve(sensor: SensorModel, distance: Any) -> None:
     """Refuse a user's curve that breaks a law of sensors nearer than where encounters start [m], of any shape."""
     if not is_built_in(sensor):
         near = type(distance) is float and distance <= FOLLOWED
-        refuse_unlawful(sensor, distance if near else _largest_followed(distance))
+        refuse_invalid_curve(sensor, distance if near else _largest_followed(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
@@ -92,7 +92,7 @@ def farthest(scenario: Scenario, sensor: SensorModel) -> float:
     return min(reach_of(scenario), sensor.valid_range[1])
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
     """Approximate ln xi on overlapping windows.
 
@@ -222,7 +222,7 @@ class CurveError(InvalidInputError):
         self.culprit = culprit
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
     """Approximate the slope g of a curve between two of its distances [m] by polynomials on pieces, halved to fit.
 
@@ -291,7 +291,7 @@ def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
     return slope
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> float:
     """Find how far out a curve can be followed: one of a user's, without a largest distance, may end somewhere.
 

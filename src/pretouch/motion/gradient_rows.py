@@ -16,7 +16,7 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Travels
 from pretouch.sensors import SensorModel
-from pretouch.sensors.change import SlopeChange
+from pretouch.sensors.sensitivity import SlopeSensitivity
 
 from .curve import (
     MIDDLE,
@@ -32,7 +32,7 @@ from .curve import (
 )
 from .kernels import OPEN, find_contacts, follow_gradients
 from .layout import RELATIVE_INPUTS, ContactStatus
-from .request import for_stretches
+from .parallel import run_in_chunks
 from .solution import STIFF, Solution, fill_by_lanes
 
 _KEPT: Final = 1 << 20  # encounters up to which all rows are kept: 150 MB
@@ -70,7 +70,7 @@ class GradientRows(Travels):
             self._rows = rows
         return self._rows[:, list(which)]
 
-    def of_slope(self, name: str, slope: SlopeChange) -> FloatArray:
+    def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
         """Return the derivatives of time and l', (2, n), by a parameter that changes the slope by a function of l."""
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
@@ -122,7 +122,7 @@ class GradientRows(Travels):
             )
             rows[:, :, part] = out[::2, kept]
 
-        for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
+        run_in_chunks(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
         return np.asarray(left & (status != 0))
 
     def _in_lanes(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
@@ -142,7 +142,7 @@ class GradientRows(Travels):
         left[where] = np.isnan(rows[0, 0, where])  # OPEN, or its derivatives not smooth enough
         return left
 
-    def _follow(self, where: IntArray, kept: list[int], slope: SlopeChange | None = None) -> FloatArray:
+    def _follow(self, where: IntArray, kept: list[int], slope: SlopeSensitivity | None = None) -> FloatArray:
         """Follow some encounters along the guaranteed path; NaN where that does not come to the contact."""
         request = self._solution.request
         values, gain = request.part(where)
@@ -161,13 +161,13 @@ class GradientRows(Travels):
                 follow_gradients(values[part], gain[part], p, t, request.horizon, out, ended)
                 found[part], status[part] = out, ended
 
-            for_stretches(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
+            run_in_chunks(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
             if (status != 1).all():
                 break
         return found[:, :, kept].transpose(1, 2, 0)
 
 
-def _changed_pieces(sensor: SensorModel, slope: SlopeChange | None, high: float) -> tuple[FloatArray, FloatArray]:
+def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: float) -> tuple[FloatArray, FloatArray]:
     """Approximate the slope of a curve and a change of it on common pieces from l = 0 up to a distance [m].
 
     Returns:

@@ -21,7 +21,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
-from pretouch.sensors.change import CurveChange, curve_change
+from pretouch.sensors.sensitivity import CurveSensitivity, curve_sensitivity
 
 from .gradient_rows import GradientRows, bend_at_contact
 from .layout import RELATIVE_INPUTS, ContactStatus
@@ -167,12 +167,12 @@ class ContactGradients(Value):
             time, speed = self._weighted(inputs)
             return _Change(solution, by, time, speed, inputs)
         sensor, name = solution.request.sensor, by.removeprefix("sensor.")
-        change = curve_change(sensor, name)
+        change = curve_sensitivity(sensor, name)
         low, high = sensor.valid_range
         if not low <= 0 <= high:  # never in contact
             nothing = np.full(solution.request.size, np.nan)
             return _Change(solution, by, nothing, nothing)
-        factors = change if change.nearest or change.slope is None else CurveChange()
+        factors = change if change.nearest or change.slope is None else CurveSensitivity()
         time, speed = self._by_factors(factors)
         if change.slope is None:
             slope = (factors.output + factors.stretch) * float(sensor.log_slope(0.0))
@@ -192,7 +192,7 @@ class ContactGradients(Value):
             return found[:, 0]
         return np.asarray(sum(weight * found[:, i] for i, weight in enumerate(weights.values())))
 
-    def _by_factors(self, change: CurveChange) -> FloatArray:
+    def _by_factors(self, change: CurveSensitivity) -> FloatArray:
         """Return the derivatives of time and l' by a change of the curve that is known by its three factors."""
         solution, relative = self.solution, self.solution.request.relative
         found = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)

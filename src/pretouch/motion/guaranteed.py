@@ -21,7 +21,8 @@ from .curve import FOLLOWED, curve_pieces, curve_tops
 from .kernels import respond_many, solve_linear, solve_series
 from .layout import COLUMNS, ContactStatus, named
 from .many_curves import ManyCurves
-from .request import Request, Which, for_stretches
+from .parallel import run_in_chunks
+from .request import Request, Which
 
 _BLOCK: Final = 16
 _DISTANCE: Final = COLUMNS.index("distance")
@@ -45,7 +46,7 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
         part = slice(start, stop) if which is None else which[start:stop]
         solve(request, part, rows[start:stop], status[start:stop])
 
-    for_stretches(run, count, least=_LEAST, most=_MOST)
+    run_in_chunks(run, count, least=_LEAST, most=_MOST)
     _hold_overflow(request, which, rows, status)
     return rows, status.astype(np.int8)
 

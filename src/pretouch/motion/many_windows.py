@@ -16,7 +16,7 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray, chebyshev_basis, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import PiecewiseCubic, SensorModel
-from pretouch.sensors.change import curve_change
+from pretouch.sensors.sensitivity import curve_sensitivity
 
 from .curve import (
     EDGE,
@@ -91,7 +91,7 @@ def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> flo
     own = float(getattr(sensor, name))
     powers = []
     for value in (float(values.min()), own, float(values.max())):
-        change = curve_change(replace(sensor, **{name: value}), name)
+        change = curve_sensitivity(replace(sensor, **{name: value}), name)
         if change.slope is not None or change.output or change.shift:
             return None
         powers.append(change.stretch * value)

@@ -15,7 +15,8 @@ from .curve import Curves, alone, curve_windows, farthest, line_windows, reach_o
 from .guaranteed import solve_guaranteed
 from .kernels import contact_times, find_contacts
 from .layout import COLUMNS, PEAKS, STATES
-from .request import Request, for_stretches
+from .parallel import run_in_chunks
+from .request import Request
 
 STIFF: Final = 500.0
 """Time over that of the damping at contact, from which l'' is a difference of much larger numbers."""
@@ -225,7 +226,7 @@ def _fill_by_form(
         views = {name: array[..., part] for name, array in wanted.items()} if stop - start < request.size else wanted
         find_contacts(request.some(part), slope, request.horizon, time[part], status[part], given=given, **views)
 
-    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
+    run_in_chunks(run, request.size, least=_LEAST_LINEAR, most=_MOST)
 
 
 def _in_lanes(
@@ -280,7 +281,7 @@ def fill_by_lanes(
         contact_times(some, own, request.horizon, states, status[part], **filled)
         take(part, states, *filled.values())
 
-    for_stretches(run, len(status), least=_LEAST, most=most)
+    run_in_chunks(run, len(status), least=_LEAST, most=most)
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:

@@ -13,7 +13,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .model import SensorModel, innermost, kept_by_curve
+from .model import SensorModel, cache_by_curve, innermost
 
 _REACH = 0.2  # how far beyond its start an unbounded valid range is probed [m]
 _ROUNDING = 1e-12  # relative
@@ -121,7 +121,7 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
     yield "the curve is a value: a frozen dataclass with fields that can be hashed", value, found
 
 
-def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
+def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
     """Refuse a user's curve that breaks a law between its nearest distance and one where an encounter starts.
 
     A curve is looked at when it is first used, and again where an encounter starts farther away. What it does beyond
@@ -155,7 +155,7 @@ def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
     verified[0] = high
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - it is kept by the curve
     """Return a place to note up to which distance [m] a curve was found to obey the laws."""
     return [-np.inf]

@@ -12,9 +12,9 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-from .change import Alike, CurveChange
 from .family import Family
 from .model import SensorModel, parameter
+from .sensitivity import CurveSensitivity, CurveSimilarity
 
 _STRAIGHT: Final = 1e-6  # curvature over rate [1/m] that is not felt in a kilometer
 _FEW_DIGITS: Final = 100.0  # how many times itself a difference of terms may be
@@ -87,7 +87,7 @@ class _SecondOrderFamily(Family):
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         return low, np.where(np.arange(len(high)) == 2, np.minimum(high, 0.0), high)
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
         told = not parameters["curvature"].low <= 0 <= parameters["curvature"].high
         return () if told else ("The curvature is not told from 0, a first-order exponential.",)
 
@@ -123,8 +123,8 @@ class ExponentialFirstOrder(SensorModel):
         """The slope c_1 [1/m], the same at every distance."""
         return self.rate
 
-    def _change_by(self, name: str) -> CurveChange | None:
-        return {"scale": CurveChange(), "rate": CurveChange(output=1 / self.rate)}.get(name)
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
+        return {"scale": CurveSensitivity(), "rate": CurveSensitivity(output=1 / self.rate)}.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(math.log(self.scale) + self.rate * distance)
@@ -132,12 +132,17 @@ class ExponentialFirstOrder(SensorModel):
     def _log_slope(self, distance: FloatArray) -> FloatArray:
         return np.full_like(distance, self.rate)
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],
+        recess: FloatArray,  # noqa: ARG002
+        distance: Any,  # noqa: ARG002
+    ) -> CurveSimilarity | None:
         """A constant slope needs no other length: only g D_p counts."""
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
-        return Alike(
+        return CurveSimilarity(
             curve=replace(self, minimum_distance=0.0, maximum_distance=np.inf),
             length=1.0,
             gain=rate / self.rate,
@@ -199,16 +204,16 @@ class ExponentialSecondOrder(SensorModel):
         """The slope c_2 [1/m] where b_2 = 0, else None."""
         return self.rate if self.curvature == 0 else None
 
-    def _change_by(self, name: str) -> CurveChange | None:
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
         if name == "scale":
-            return CurveChange()
+            return CurveSensitivity()
         if name == "rate":  # d ln xi/dc = l = (2 ln xi - l g) / c + constant
-            return CurveChange(output=2 / self.rate, stretch=-1 / self.rate)
+            return CurveSensitivity(output=2 / self.rate, stretch=-1 / self.rate)
         if name == "curvature" and abs(self.curvature) < _STRAIGHT * abs(self.rate):
-            return CurveChange(slope=lambda distance: 2 * distance)
+            return CurveSensitivity(slope=lambda distance: 2 * distance)
         if name == "curvature":  # l^2 = (l g - ln xi) / b + constant, which cancels where b l is small beside c
             by_b, nearest = 1 / self.curvature, abs(self.rate / self.curvature) / _FEW_DIGITS
-            return CurveChange(output=-by_b, stretch=by_b, slope=lambda distance: 2 * distance, nearest=nearest)
+            return CurveSensitivity(output=-by_b, stretch=by_b, slope=lambda distance: 2 * distance, nearest=nearest)
         return None
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
@@ -218,7 +223,12 @@ class ExponentialSecondOrder(SensorModel):
         # at the turning point the sum may round to just above zero
         return np.asarray(np.minimum(2 * self.curvature * distance + self.rate, 0.0))
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],
+        recess: FloatArray,
+        distance: Any,
+    ) -> CurveSimilarity | None:
         """Curves c + 2 b (l + recess) = 2 b (l - l*) are one, in other units of length, s = L* / l*."""
         if self.curvature == 0:
             return None
@@ -228,7 +238,7 @@ class ExponentialSecondOrder(SensorModel):
             return None
         own = float(np.median(-c / (2 * b)))  # l* of the one
         rate = -2 * self.curvature * own
-        return Alike(
+        return CurveSimilarity(
             curve=replace(self, rate=rate, minimum_distance=0.0, maximum_distance=np.inf),
             length=own * (-2 * b / c),
             gain=c / rate,

@@ -116,7 +116,7 @@ class Family(ABC):
         """Tell whether parameters may grow together without bound, by their intervals' ends, and which were reached."""
         return False
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
         """Say which parameters readings cannot tell apart; `slope` is g at l_m, and a runaway is of some together."""
         return ()
 

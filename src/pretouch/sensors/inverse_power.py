@@ -13,9 +13,9 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
-from .change import Alike, CurveChange
 from .family import Family
 from .model import SensorModel, parameter
+from .sensitivity import CurveSensitivity, CurveSimilarity
 
 _HEAVIEST_KAPPA: Final = 1 / 0.7
 """1 / n of the flattest inverse power that is considered."""
@@ -98,7 +98,7 @@ class _InversePowerFamily(Family):
         low, _, reached, _ = ends[2]
         return bool(not reached or low <= math.log(1.05 * float(self.bounds[0][2])))
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:
         if not runaway:
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
@@ -153,11 +153,11 @@ class InversePower(SensorModel):
                 f"({-self.minimum_distance:g} m), or the output is infinite there"
             )
 
-    def _change_by(self, name: str) -> CurveChange | None:
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
         known = {
-            "scale": CurveChange(),
-            "distance_offset": CurveChange(shift=1.0),
-            "exponent": CurveChange(output=1 / self.exponent),
+            "scale": CurveSensitivity(),
+            "distance_offset": CurveSensitivity(shift=1.0),
+            "exponent": CurveSensitivity(output=1 / self.exponent),
         }
         return known.get(name)
 
@@ -167,7 +167,12 @@ class InversePower(SensorModel):
     def _log_slope(self, distance: FloatArray) -> FloatArray:
         return np.asarray(-self.exponent / (distance + self.distance_offset))
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],
+        recess: FloatArray,
+        distance: Any,  # noqa: ARG002
+    ) -> CurveSimilarity | None:
         """Curves -n / (l + l_0) are one, in other units of length, s = L_0 / l_0, and with s n / N times the gain."""
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))
@@ -175,7 +180,7 @@ class InversePower(SensorModel):
             return None
         own = float(np.median(offset))
         length = own / offset
-        return Alike(
+        return CurveSimilarity(
             curve=replace(self, minimum_distance=0.0, maximum_distance=np.inf, distance_offset=own),
             length=length,
             gain=length * (exponent / self.exponent),

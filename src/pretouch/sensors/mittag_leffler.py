@@ -12,9 +12,9 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-from .change import CurveChange
 from .family import Family
 from .model import SensorModel, parameter
+from .sensitivity import CurveSensitivity
 
 # Weideman & Trefethen (2007), Math. Comp. 76, 1341-1356: on the parabola s(u) = mu (1 + i u)^2 with mu = pi N / 12
 # and the step 3 / N, the 2 N nodes of the inverse Laplace transform leave an error of order 2.85^-2N for a function
@@ -151,7 +151,7 @@ class _MittagLefflerFamily(Family):
         scale, rate, order = self.parameters(self.coordinates(u))
         return np.array([scale, rate, min(order, 1.0)])
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
         order = parameters["order"]
         if order.high < 1:
             return ()
@@ -193,8 +193,8 @@ class MittagLeffler(SensorModel):
         """The slope c [1/m] where alpha = 1, else None."""
         return self.rate if self.order == 1 else None
 
-    def _change_by(self, name: str) -> CurveChange | None:
-        return {"scale": CurveChange(), "rate": CurveChange(stretch=1 / self.rate)}.get(name)
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
+        return {"scale": CurveSensitivity(), "rate": CurveSensitivity(stretch=1 / self.rate)}.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         if self.order == 1:

@@ -18,8 +18,8 @@ from pretouch._core.numbers import BoolArray, FloatArray, are_numbers, finite
 from pretouch._core.values import Sign, check_types, quantity
 from pretouch._core.vocabulary import short_repr
 
-from .change import Alike, CurveChange
 from .family import Family, PlainFamily
+from .sensitivity import CurveSensitivity, CurveSimilarity
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -154,7 +154,12 @@ class SensorModel(ABC):
         """
         return None
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],  # noqa: ARG002
+        recess: FloatArray,  # noqa: ARG002
+        distance: Any,  # noqa: ARG002
+    ) -> CurveSimilarity | None:
         """Return how curves with other parameters and recesses [m] are one, from the distances [m] where they start."""
         return None
 
@@ -163,7 +168,7 @@ class SensorModel(ABC):
         told = {"model": self.name, "parameters": self.parameters, "valid_range": self.valid_range}
         return dict(plain(told))
 
-    def _change_by(self, name: str) -> CurveChange | None:  # noqa: ARG002 - for subclasses
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:  # noqa: ARG002 - for subclasses
         """Return how a parameter changes ln xi, where that is known; None: it is found by differences."""
         return None
 
@@ -242,7 +247,7 @@ def _limit(value: Any, name: str) -> float:
     return float(value) if isinstance(value, float) and math.isinf(value) else _number(value, name, "m")
 
 
-def kept_by_curve(
+def cache_by_curve(
     most: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
     """Keep `most` results of a function of a curve and of numbers; what was asked before changes nothing of them."""
@@ -254,14 +259,14 @@ def kept_by_curve(
 
         @wraps(function)
         def found(sensor: SensorModel, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            return (kept if _is_what_it_compares(sensor) else function)(sensor, *args, **kwargs)  # type: ignore[arg-type]
+            return (kept if _has_only_fields(sensor) else function)(sensor, *args, **kwargs)  # type: ignore[arg-type]
 
         return found
 
     return keeping
 
 
-def _is_what_it_compares(sensor: SensorModel) -> bool:
+def _has_only_fields(sensor: SensorModel) -> bool:
     """Tell whether a curve, and each that it is made of, holds its fields and what it has computed from them only."""
     held = getattr(sensor, "__dict__", None)
     if held:
@@ -269,7 +274,7 @@ def _is_what_it_compares(sensor: SensorModel) -> bool:
         if any(not isinstance(getattr(type(sensor), name, None), cached_property) for name in others):
             return False
     inner = getattr(sensor, "sensor", None)
-    return _is_what_it_compares(inner) if isinstance(inner, SensorModel) else True
+    return _has_only_fields(inner) if isinstance(inner, SensorModel) else True
 
 
 def is_built_in(sensor: SensorModel) -> bool:

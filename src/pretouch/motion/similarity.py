@@ -31,7 +31,7 @@ _SCALED: Final = tuple(name for name in SCENARIO_INPUTS if not name.startswith("
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Likeness(Value):
+class EncounterSimilarity(Value):
     """How encounters of many sensors are encounters of one.
 
     Args:
@@ -56,13 +56,13 @@ class Likeness(Value):
         """Return what was found of the one sensor in the lengths and gains of the many, of encounters as given."""
         return ContactResult(_Rescaled(found, self, scenario), found.method)
 
-    def of_degree(self, degree: int) -> Likeness:
+    def of_degree(self, degree: int) -> EncounterSimilarity:
         """Return the likeness under a law whose force is its number times a power of s': k^d / s^(d - 1) for k."""
         if degree == 1:
             return self
         by = {name: (s, degree * k - (degree - 1) * s) for name, (s, k) in self.parameters.items()}
         gain = self.gain**degree / self.length ** (degree - 1)
-        return Likeness(sensor=self.sensor, length=self.length, gain=gain, parameters=by)
+        return EncounterSimilarity(sensor=self.sensor, length=self.length, gain=gain, parameters=by)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class _Rescaled(Value):
     """The columns of a result in other units."""
 
     found: ContactResult
-    likeness: Likeness
+    likeness: EncounterSimilarity
     scenario: Scenario
 
     def column(self, name: str) -> Any:
@@ -119,7 +119,7 @@ class _RescaledGradients(Value):
         return total
 
 
-def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> Likeness | None:
+def find_similarity(sensor: SensorModel, values: Mapping[str, FloatArray], distance: Any) -> EncounterSimilarity | None:
     """Find the one sensor that stands for many, whose parameters differ, (n,) each, from distances at the start [m].
 
     Returns:
@@ -130,7 +130,7 @@ def find_likeness(sensor: SensorModel, values: Mapping[str, FloatArray], distanc
     low, high = curve.valid_range
     if not (np.all(low - recess <= 0) and np.all(np.asarray(distance) <= high - recess)):
         return None
-    alike = curve._alike(values, recess, distance)
+    alike = curve._similarity(values, recess, distance)
     if alike is None:
         return None
-    return Likeness(sensor=alike.curve, length=alike.length, gain=alike.gain, parameters=alike.parameters)
+    return EncounterSimilarity(sensor=alike.curve, length=alike.length, gain=alike.gain, parameters=alike.parameters)

@@ -15,8 +15,8 @@ from pretouch._core.values import Value, check_types
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, ContactState, KnownColumns, Motion, motion_of
+from .custom_law_run import CustomLawRun, Given
 from .laws import LawNumber
-from .own_run import Given, OwnRun
 from .request import Request, make_request
 from .scenario import Scenario
 
@@ -130,15 +130,15 @@ class OwnLaw(Value):
         checked = finite(value, self.number.name, self.number.unit)
         return make_request(scenario, sensor, checked, "integration", horizon)
 
-    def _runs(self, request: Request) -> list[OwnRun]:
+    def _runs(self, request: Request) -> list[CustomLawRun]:
         columns, values = request.part(slice(None))
         reference = np.broadcast_to(request.scenario.reference.position, request.shape).reshape(-1)
         given = np.column_stack([columns, reference, values]).tolist()
         options: Any = {"holds_off": self.holds_off, "horizon": request.horizon}
-        return [OwnRun(Given(*row), request.sensor, self.force, self.kind, **options) for row in given]
+        return [CustomLawRun(Given(*row), request.sensor, self.force, self.kind, **options) for row in given]
 
 
-def _result(request: Request, runs: list[OwnRun]) -> ContactResult:
+def _result(request: Request, runs: list[CustomLawRun]) -> ContactResult:
     found = [run.columns() for run in runs]
     columns = {name: _joined([one[name] for one in found], request.shape) for name in _COLUMNS}
     columns["status"] = columns["status"].astype(np.int64)

@@ -1,12 +1,11 @@
-"""Curves made of a user's functions, of measured points, or of another curve behind the contact surface."""
+"""Sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,51 +13,7 @@ from numpy.typing import ArrayLike
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, finite, positive
 
-from .change import CurveChange, curve_change
-from .model import SensorModel, _limit, _number
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CustomSensor(SensorModel):
-    """A curve given as two functions, ln xi(l) and g(l), each from an array to an array of the same shape.
-
-    `check_sensor` tells whether the two belong together and obey the laws.
-
-    Args:
-        log_output_function: ln xi of the distance l [m].
-        log_slope_function: g = d ln xi / dl [1/m] of the distance l [m].
-        corners: distances [m] at which a higher derivative of ln xi jumps, if any.
-        minimum_distance: smallest valid l [m].
-        maximum_distance: largest valid l [m].
-
-    Examples:
-        >>> gaussian = CustomSensor(
-        ...     log_output_function=lambda l: -((l / 0.03) ** 2) - 40 * l,
-        ...     log_slope_function=lambda l: -2 * l / 0.03**2 - 40,
-        ... )
-        >>> round(gaussian.log_slope(0.01), 3)
-        -62.222
-    """
-
-    log_output_function: Callable[[FloatArray], FloatArray] = field()
-    log_slope_function: Callable[[FloatArray], FloatArray] = field()
-    corners: tuple[float, ...] = ()
-
-    name: ClassVar[str] = "custom"
-
-    def __post_init__(self) -> None:
-        SensorModel.__post_init__(self)
-        corners = np.atleast_1d(finite(self.corners, "corners", "m"))
-        object.__setattr__(self, "corners", tuple(map(float, corners.ravel())))
-
-    def _knots(self) -> Iterable[float]:
-        return self.corners
-
-    def _log_output(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(self.log_output_function(distance), dtype=np.float64)
-
-    def _log_slope(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(self.log_slope_function(distance), dtype=np.float64)
+from .model import SensorModel, _limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,102 +174,3 @@ class PiecewiseCubic(SensorModel):
     def _log_slope(self, distance: FloatArray) -> FloatArray:
         (_, c1, c2, c3), z = self._terms(distance)
         return np.asarray(c1 + z * (2 * c2 + z * 3 * c3))
-
-
-_ROUNDING: Final = 1e-12  # of a recess as deep as the curve starts: the mean of equal distances is not quite theirs
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recessed(SensorModel):
-    """A calibrated sensor mounted so that contact (l = 0) happens at a distance `recess` from its own zero.
-
-    Reflective sensors peak or saturate in the near field; sunk behind the contact surface by the start of their
-    usable window, they work in the part of their curve that falls.
-
-    Args:
-        sensor: the curve over the distance from the sensor's own zero.
-        recess: distance from the sensor's zero to the contact surface [m].
-        minimum_distance: smallest valid l [m], from the contact surface; what the curve allows, where that is larger.
-        maximum_distance: largest valid l [m], likewise.
-
-    Examples:
-        >>> from pretouch.sensors import ExponentialFirstOrder
-        >>> bare = ExponentialFirstOrder(scale=1.0, rate=-60.0, minimum_distance=0.005)
-        >>> Recessed(sensor=bare, recess=0.005).valid_range
-        (0.0, inf)
-    """
-
-    sensor: SensorModel = field()
-    recess: float = field()
-    minimum_distance: float = -np.inf
-
-    name: ClassVar[str] = "recessed"
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.sensor, SensorModel):
-            raise InvalidInputError(f"sensor: found {self.sensor!r}, expected a sensor curve")
-        recess = _number(self.recess, "recess", "m")
-        low, high = self.sensor.valid_range
-        nearest, farthest = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
-        object.__setattr__(self, "recess", recess)
-        reach = 0.0 if math.isclose(low, recess, rel_tol=_ROUNDING) else low - recess
-        object.__setattr__(self, "minimum_distance", max(nearest, reach))
-        object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
-        if not self.maximum_distance > 0:
-            raise InvalidInputError(
-                f"recess: found {recess:g} m, which leaves no distance in front of the contact surface: "
-                f"the {self.sensor.name} curve ends at {high:g} m"
-            )
-        SensorModel.__post_init__(self)
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The parameters of the curve and the recess, in SI."""
-        return {**self.sensor.parameters, "recess": self.recess}
-
-    @property
-    def bare(self) -> tuple[SensorModel, float]:
-        """The curve and its recess [m]."""
-        return self.sensor, self.recess
-
-    @property
-    def parameter_units(self) -> dict[str, str]:
-        """The units of the curve's parameters and of the recess."""
-        return {**self.sensor.parameter_units, "recess": "m"}
-
-    def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
-        """Return the recessed curve with other parameters; the curve's own range decides where it holds."""
-        curve = {name: value for name, value in values.items() if name != "recess"}
-        inner = self.sensor.with_parameters(curve) if curve else self.sensor
-        return Recessed(sensor=inner, recess=values.get("recess", self.recess))
-
-    def _knots(self) -> Iterable[float]:
-        return (knot - self.recess for knot in self.sensor.knots)
-
-    @property
-    def constant_log_slope(self) -> float | None:
-        """The slope of the curve [1/m] where it is the same at every distance, else None."""
-        return self.sensor.constant_log_slope
-
-    def _change_by(self, name: str) -> CurveChange | None:
-        if name == "recess":
-            return CurveChange(shift=1.0)
-        known = curve_change(self.sensor, name)
-        slope = known.slope
-        return CurveChange(
-            output=known.output,
-            shift=known.shift + known.stretch * self.recess,  # (l + recess) g
-            stretch=known.stretch,
-            slope=None if slope is None else lambda distance: slope(self._own(distance)),
-            nearest=known.nearest,
-        )
-
-    def _log_output(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(self.sensor.log_output(self._own(distance)))
-
-    def _log_slope(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(self.sensor.log_slope(self._own(distance)))
-
-    def _own(self, distance: FloatArray) -> FloatArray:
-        low, high = self.sensor.valid_range  # l + recess may round to just outside
-        return np.clip(distance + self.recess, low, high)

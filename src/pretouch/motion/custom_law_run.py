@@ -66,7 +66,7 @@ class _UnresolvedError(Exception):
     """The motion takes too many steps."""
 
 
-class OwnRun:
+class CustomLawRun:
     """One encounter.
 
     Args:

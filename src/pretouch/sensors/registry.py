@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from .made import CustomSensor, PiecewiseCubic, Recessed
+from .custom import CustomSensor
 from .model import SensorModel
+from .recessed import Recessed
+from .table import PiecewiseCubic
 
 _HOME: Final = "pretouch."
 

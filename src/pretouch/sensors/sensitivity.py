@@ -13,7 +13,7 @@ from pretouch._core.numbers import FloatArray, chebyshev_basis, chebyshev_extrem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Alike:
+class CurveSimilarity:
     """How many curves of one kind are one: with X = s x the equation of motion keeps its form if the force does.
 
     The lengths of each are multiplied by s, its `length`, and its gain by `gain`; of the parameters that matter, the
@@ -26,7 +26,7 @@ class Alike:
     parameters: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
 
 
-SlopeChange: TypeAlias = Callable[[FloatArray], FloatArray]
+SlopeSensitivity: TypeAlias = Callable[[FloatArray], FloatArray]
 
 _WINDOW: Final = 0.05  # of a parameter, to either side: where a curve is sampled for a derivative by it
 _NODES: Final = chebyshev_extremes(10)
@@ -34,7 +34,7 @@ _ROUNDING: Final = 1e-15  # of the slopes: what is left of those that are alike
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CurveChange:
+class CurveSensitivity:
     """The derivative of ln xi by a parameter, up to a constant: output ln xi + shift g + stretch l g.
 
     These three have a meaning of their own: a larger gain, a sensor farther behind the surface, another unit of length.
@@ -46,11 +46,11 @@ class CurveChange:
     output: float = 0.0
     shift: float = 0.0
     stretch: float = 0.0
-    slope: SlopeChange | None = None
+    slope: SlopeSensitivity | None = None
     nearest: float = 0.0
 
 
-def curve_change(sensor: Any, name: str) -> CurveChange:
+def curve_sensitivity(sensor: Any, name: str) -> CurveSensitivity:
     """Return how a parameter, a key of the sensor's `parameter_units`, changes a curve; any other key is refused."""
     # Where the class of the curve does not say it, dg/d(parameter) is that of the polynomial through eleven curves with
     # the parameter within 5 % of its value, or on one side of it where the other makes no sense. It is good to some
@@ -59,17 +59,17 @@ def curve_change(sensor: Any, name: str) -> CurveChange:
         raise InvalidInputError(
             f"parameter: found {name!r}, expected one of {', '.join(sensor.parameter_units) or 'none at all'}"
         )
-    known = sensor._change_by(name) if _knows_itself(type(sensor)) else None
-    return known if known is not None else CurveChange(slope=_by_differences(sensor, name))
+    known = sensor._sensitivity_to(name) if _describes_own_curve(type(sensor)) else None
+    return known if known is not None else CurveSensitivity(slope=_by_differences(sensor, name))
 
 
-def _knows_itself(cls: type) -> bool:
+def _describes_own_curve(cls: type) -> bool:
     """Tell whether what a class says of changes is said of its own curve, not of one that it inherits from."""
-    first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_change_by", "_log_slope")}
-    return issubclass(first["_change_by"], first["_log_slope"])
+    first = {name: next(c for c in cls.__mro__ if name in vars(c)) for name in ("_sensitivity_to", "_log_slope")}
+    return issubclass(first["_sensitivity_to"], first["_log_slope"])
 
 
-def _by_differences(sensor: Any, name: str) -> SlopeChange:
+def _by_differences(sensor: Any, name: str) -> SlopeSensitivity:
     """Return dg/d(parameter) from curves with other values of it."""
     value = float(getattr(sensor, name))
     half = _WINDOW * abs(value) or 1e-3

@@ -32,8 +32,8 @@ FINITE = "ln xi and g are finite on the valid range"
 FALLS = "the output does not grow with distance (g <= 0)"
 DERIVATIVE = "g is the derivative of ln xi"
 CONSTANT = "a slope that is declared constant is constant"
-ELEMENTS = "an array gives what its elements give one by one"
-VALUE = "the curve is a value: a frozen dataclass with fields that can be hashed"
+ELEMENTS = "an array gives the same values as its elements one by one"
+VALUE = "the curve is a value: a frozen dataclass with hashable fields"
 LAWS = (SHAPE, FINITE, FALLS, DERIVATIVE, CONSTANT, ELEMENTS, VALUE)
 
 
@@ -257,12 +257,12 @@ UNLAWFUL = {
         _custom(straight, lambda d: np.where(d > 0.02, np.nan, -40.0)),
         r"found a slope of nan 1/m at 0\.0201\d* m, which must be finite",
     ),
-    "noise": (_custom(noisy(straight, 0.01), forty), "when asked again; the same distance must give the same number"),
-    "noisy slope": (_custom(straight, noisy(forty, 1.0)), "1/m when asked again"),
+    "noise": (_custom(noisy(straight, 0.01), forty), "in a second call; the same distance must give the same number"),
+    "noisy slope": (_custom(straight, noisy(forty, 1.0)), "1/m in a second call"),
     "rising": (_custom(lambda d: 40 * d, lambda d: -forty(d)), "found a slope of 40 1/m at 0 m, which must not be pos"),
     "rising beside the surface": (
         _custom(lambda d: -100 * (d - 0.02) ** 2, lambda d: -200 * (d - 0.02)),
-        "found a slope of 4 1/m at 0 m, which must not be positive.*minimum_distance or maximum_distance, or sink",
+        "found a slope of 4 1/m at 0 m, which must not be positive.*minimum_distance or maximum_distance, or recess",
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),

@@ -1,4 +1,4 @@
-"""Sensor curves: ln xi(l) and its slope g(l), the only two things that the rest of pretouch asks of a sensor."""
+"""Sensor curves. A curve provides ln xi(l) and its slope g(l); the rest of pretouch uses nothing else of a sensor."""
 
 from .conformance import LawCheck, SensorConformance, check_sensor
 from .custom import CustomSensor

@@ -15,9 +15,9 @@ from .model import SensorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CustomSensor(SensorModel):
-    """A curve given as two functions, ln xi(l) and g(l), each from an array to an array of the same shape.
+    """A curve defined by two functions, ln xi(l) and g(l), that map an array to an array of the same shape.
 
-    `check_sensor` tells whether the two belong together and obey the laws.
+    `check_sensor` checks that g is the derivative of ln xi and that the curve obeys the laws of sensor curves.
 
     Args:
         log_output_function: ln xi of the distance l [m].

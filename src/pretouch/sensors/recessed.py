@@ -15,21 +15,21 @@ from pretouch._core.numbers import FloatArray
 from .model import SensorModel, _limit, _number
 from .sensitivity import CurveSensitivity, curve_sensitivity
 
-_ROUNDING: Final = 1e-12  # of a recess as deep as the curve starts: the mean of equal distances is not quite theirs
+_ROUNDING: Final = 1e-12  # relative; a recess equal to the start of the curve may differ from it by rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recessed(SensorModel):
-    """A calibrated sensor mounted so that contact (l = 0) happens at a distance `recess` from its own zero.
+    """A calibrated sensor mounted so that contact (l = 0) occurs at the distance `recess` from the sensor's own zero.
 
-    Reflective sensors peak or saturate in the near field; sunk behind the contact surface by the start of their
-    usable window, they work in the part of their curve that falls.
+    The output of reflective sensors peaks or saturates in the near field. A sensor that is recessed behind the contact
+    surface by the start of its usable window works only in the falling part of its curve.
 
     Args:
-        sensor: the curve over the distance from the sensor's own zero.
+        sensor: the curve as a function of the distance from the sensor's own zero.
         recess: distance from the sensor's zero to the contact surface [m].
-        minimum_distance: smallest valid l [m], from the contact surface; what the curve allows, where that is larger.
-        maximum_distance: largest valid l [m], likewise.
+        minimum_distance: smallest valid l [m] from the contact surface; limited by the range of the curve.
+        maximum_distance: largest valid l [m] from the contact surface; limited by the range of the curve.
 
     Examples:
         >>> from pretouch.sensors import ExponentialFirstOrder
@@ -51,8 +51,8 @@ class Recessed(SensorModel):
         low, high = self.sensor.valid_range
         nearest, farthest = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
         object.__setattr__(self, "recess", recess)
-        reach = 0.0 if math.isclose(low, recess, rel_tol=_ROUNDING) else low - recess
-        object.__setattr__(self, "minimum_distance", max(nearest, reach))
+        start = 0.0 if math.isclose(low, recess, rel_tol=_ROUNDING) else low - recess
+        object.__setattr__(self, "minimum_distance", max(nearest, start))
         object.__setattr__(self, "maximum_distance", min(farthest, high - recess))
         if not self.maximum_distance > 0:
             raise InvalidInputError(
@@ -77,7 +77,7 @@ class Recessed(SensorModel):
         return {**self.sensor.parameter_units, "recess": "m"}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
-        """Return the recessed curve with other parameters; the curve's own range decides where it holds."""
+        """Return the recessed curve with other parameters, valid on the whole range of the curve."""
         curve = {name: value for name, value in values.items() if name != "recess"}
         inner = self.sensor.with_parameters(curve) if curve else self.sensor
         return Recessed(sensor=inner, recess=values.get("recess", self.recess))
@@ -87,28 +87,29 @@ class Recessed(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope of the curve [1/m] where it is the same at every distance, else None."""
+        """The slope of the curve [1/m] if it is constant, else None."""
         return self.sensor.constant_log_slope
 
     def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
         if name == "recess":
             return CurveSensitivity(shift=1.0)
-        known = curve_sensitivity(self.sensor, name)
-        slope = known.slope
+        inner = curve_sensitivity(self.sensor, name)
+        slope = inner.slope
         return CurveSensitivity(
-            output=known.output,
-            shift=known.shift + known.stretch * self.recess,  # (l + recess) g
-            stretch=known.stretch,
-            slope=None if slope is None else lambda distance: slope(self._own(distance)),
-            nearest=known.nearest,
+            output=inner.output,
+            shift=inner.shift + inner.stretch * self.recess,  # (l + recess) g
+            stretch=inner.stretch,
+            slope=None if slope is None else lambda distance: slope(self._sensor_distance(distance)),
+            nearest=inner.nearest,
         )
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(self.sensor.log_output(self._own(distance)))
+        return np.asarray(self.sensor.log_output(self._sensor_distance(distance)))
 
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        return np.asarray(self.sensor.log_slope(self._own(distance)))
+        return np.asarray(self.sensor.log_slope(self._sensor_distance(distance)))
 
-    def _own(self, distance: FloatArray) -> FloatArray:
-        low, high = self.sensor.valid_range  # l + recess may round to just outside
+    def _sensor_distance(self, distance: FloatArray) -> FloatArray:
+        """Return distances from the sensor's own zero; l + recess may round to just outside the valid range."""
+        low, high = self.sensor.valid_range
         return np.clip(distance + self.recess, low, high)

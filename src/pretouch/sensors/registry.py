@@ -1,4 +1,4 @@
-"""The curves that files and fits may name."""
+"""Registry of the sensor curves that files and fits may name."""
 
 from __future__ import annotations
 
@@ -17,36 +17,38 @@ def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, ty
     """Return the classes of curves that files and fits may name.
 
     Args:
-        fitted: only those that a calibration can be fitted by.
-        foreign: also those that the program has defined, each under a name of its own: they are found by name, but
-            take part in nothing unasked.
+        fitted: return only curves that can be fitted to a calibration.
+        foreign: also return curves that the calling program has defined under unused names. They can be selected by
+            name but are not part of default lists.
 
     Returns:
-        The classes by name; curves made of functions or of another curve are not among them.
+        The classes by name. Curves made of functions, of cubic polynomials or of another curve are not included.
 
     Examples:
         >>> from pretouch.sensors import InversePower
         >>> known_curves()["inverse-power"] is InversePower
         True
     """
-    found: dict[str, type[SensorModel]] = {}
-    ours: set[str] = set()
-    for curve in _below(SensorModel):  # type: ignore[type-abstract]
-        own = curve.__module__.startswith(_HOME)
-        if vars(curve).get("name") and (own or (foreign and curve.name not in ours)):
-            found[curve.name] = curve
-            ours |= {curve.name} if own else set()
+    curves: dict[str, type[SensorModel]] = {}
+    built_in: set[str] = set()
+    for curve in _subclasses(SensorModel):  # type: ignore[type-abstract]
+        is_ours = curve.__module__.startswith(_HOME)
+        if vars(curve).get("name") and (is_ours or (foreign and curve.name not in built_in)):
+            curves[curve.name] = curve
+            built_in |= {curve.name} if is_ours else set()
     for composed in (CustomSensor, PiecewiseCubic, Recessed):
-        found.pop(composed.name, None)
-    return {name: curve for name, curve in found.items() if not fitted or _is_fitted(curve)}
+        curves.pop(composed.name, None)
+    return {name: curve for name, curve in curves.items() if not fitted or _is_fitted(curve)}
 
 
-def _below(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
+def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
+    """Yield all direct and indirect subclasses."""
     for sub in cls.__subclasses__():
         yield sub
-        yield from _below(sub)
+        yield from _subclasses(sub)
 
 
 def _is_fitted(curve: type[SensorModel]) -> bool:
-    says = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
-    return says or curve.family is not SensorModel.family
+    """Tell whether a class defines `fit_start` or its own family."""
+    has_start = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
+    return has_start or curve.family is not SensorModel.family

@@ -18,16 +18,16 @@ from .model import SensorModel, _limit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table(SensorModel):
-    """Monotone table: ln xi interpolated between measured points by a piecewise cubic that keeps their shape.
+    """Monotone table: ln xi is interpolated between measured points by a shape-preserving piecewise cubic.
 
-    The interpolant (Fritsch & Carlson's, SciPy's `PchipInterpolator`) has a continuous slope g and never rises
-    where the table falls. It is valid between its first and its last distance.
+    The interpolant (Fritsch and Carlson, SciPy's `PchipInterpolator`) has a continuous slope g and falls as the table
+    does. The curve is valid between its first and its last distance.
 
     Args:
         distances: l of the points [m], at least two, strictly increasing.
         outputs: xi of the points > 0, strictly decreasing, in the unit of the calibration.
-        minimum_distance: smallest valid l [m]; the first distance, where that is larger.
-        maximum_distance: largest valid l [m]; the last distance, where that is smaller.
+        minimum_distance: smallest valid l [m]; at least the first distance.
+        maximum_distance: largest valid l [m]; at most the last distance.
 
     Examples:
         >>> sensor = Table(distances=(0.0, 0.01, 0.02), outputs=(4.0, 2.0, 1.0))
@@ -45,7 +45,9 @@ class Table(SensorModel):
         distances = _column(finite(self.distances, "distances", "m"), "distances")
         outputs = _column(positive(self.outputs, "outputs"), "outputs")
         if len(distances) != len(outputs):
-            raise InvalidInputError(f"outputs: found {len(outputs)} values for {len(distances)} distances")
+            raise InvalidInputError(
+                f"outputs: found {len(outputs)} values for {len(distances)} distances, expected one value per distance"
+            )
         for name, column, sign in (("distances", distances, 1), ("outputs", outputs, -1)):
             wrong = np.flatnonzero(sign * np.diff(column) <= 0)
             if len(wrong):
@@ -62,13 +64,13 @@ class Table(SensorModel):
         SensorModel.__post_init__(self)
 
     def _knots(self) -> Iterable[float]:
-        return self.distances  # where the second derivative of ln xi jumps
+        return self.distances  # the second derivative of ln xi jumps there
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(_interpolant(self.distances, self.outputs)(distance))
 
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        # where the slope vanishes, at an end of the table, the polynomial may round to just above zero
+        # At an end of the table the slope may be zero, and the polynomial may round to just above zero.
         return np.asarray(np.minimum(_interpolant(self.distances, self.outputs)(distance, 1), 0.0))
 
 
@@ -81,24 +83,24 @@ def _column(values: ArrayLike, name: str) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> Any:
-    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for tables
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - only tables need SciPy
 
     return PchipInterpolator(np.array(distances), np.log(outputs), extrapolate=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PiecewiseCubic(SensorModel):
-    """Curve through points, with a slope at both ends of each interval: ln xi is a cubic polynomial in between.
+    """Piecewise cubic ln xi through given points, with given slopes at both ends of each interval.
 
-    The slope may jump at a point, and ln xi may rise: the curve says what the points say, right or wrong. It is valid
-    between its first and its last distance.
+    The slope may jump at a point, and ln xi may rise: the points are used unchecked. The curve is valid between its
+    first and its last distance.
 
     Args:
         distances: l of the points [m], at least two, strictly increasing, shape (N,).
         log_outputs: ln xi of the points, shape (N,).
-        slopes: g [1/m] at the nearer and the farther end of each interval, shape (N - 1, 2).
-        minimum_distance: smallest valid l [m]; the first distance, where that is larger.
-        maximum_distance: largest valid l [m]; the last distance, where that is smaller.
+        slopes: g [1/m] at the near and the far end of each interval, shape (N - 1, 2).
+        minimum_distance: smallest valid l [m]; at least the first distance.
+        maximum_distance: largest valid l [m]; at most the last distance.
 
     Examples:
         >>> line = PiecewiseCubic(distances=(0.0, 0.01), log_outputs=(1.0, 0.0), slopes=((-100.0, -100.0),))
@@ -120,8 +122,8 @@ class PiecewiseCubic(SensorModel):
         slopes = np.asarray(finite(self.slopes, "slopes", "1/m"))
         if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
             raise InvalidInputError(
-                f"distances: found {len(distances)} with {len(levels)} log_outputs and slopes of shape {slopes.shape}; "
-                "expected strictly increasing distances, as many log_outputs, and two slopes for each interval"
+                f"distances: found {len(distances)} with {len(levels)} log_outputs and slopes of shape {slopes.shape}, "
+                "expected strictly increasing distances, one log_output per distance, and two slopes per interval"
             )
         object.__setattr__(self, "distances", tuple(distances.tolist()))
         object.__setattr__(self, "log_outputs", tuple(levels.tolist()))
@@ -148,7 +150,7 @@ class PiecewiseCubic(SensorModel):
         )
 
     def part(self, low: float, high: float) -> PiecewiseCubic:
-        """Return the curve between two distances [m] inside its own."""
+        """Return the part of the curve between two of its valid distances [m]."""
         inside = [d for d in self.distances if low < d < high]
         edges = np.array([low, *inside, high])
         _, c1, c2, c3 = (c := self.coefficients()).T

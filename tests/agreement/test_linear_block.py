@@ -60,7 +60,7 @@ def solve(inputs, n=None, horizon=HORIZON):
 
 def at_contacts(inputs, time, status, **wanted):
     """Fill what is wanted of contacts that are found."""
-    find_contacts(inputs, SLOPE, HORIZON, time, status, given=True, **wanted)
+    find_contacts(inputs, SLOPE, HORIZON, time, status, solved=True, **wanted)
 
 
 def guaranteed(inputs):

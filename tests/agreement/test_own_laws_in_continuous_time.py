@@ -30,7 +30,7 @@ from pretouch.motion import (
     find_contact,
     solve_motion,
 )
-from pretouch.motion.custom_law_run import CustomLawRun, Given
+from pretouch.motion.custom_law_run import CustomLawRun, RelativeEncounter
 from pretouch.sensors import InversePower, SensorModel
 
 TIGHT = 1e-8
@@ -258,7 +258,7 @@ def test_a_plant_that_is_held_off_goes_along_until_the_admittance_lets_go() -> N
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1j, np.array([1.0, 2.0]), np.array([1.0]), "1", None, True])
 def test_a_force_that_is_no_number_is_refused_in_one_sentence(wrong: Any) -> None:
     with pytest.raises(
-        InvalidInputError, match=r"force: the law own gave .* at a distance of .* m and a rate of"
+        InvalidInputError, match=r"force: the law own returned .* at a distance of .* m and a rate of"
     ) as told:
         find_contact(APPROACH, POWER, 1.0, law=own(lambda *_: wrong))
     assert "\n" not in str(told.value)
@@ -279,7 +279,7 @@ def test_what_the_function_raises_passes_through() -> None:
 
 def test_the_residual_sees_what_the_integration_did_not() -> None:
     """A hundredth more force than the motion was made with leaves a hundredth of its impulse, the largest term."""
-    given = Given(1.7, 11.0, 30.0, 0.0, 0.0, 0.0422, -0.3, 0.0, 0.0, 0.0, 0.0, -0.7)
+    given = RelativeEncounter(1.7, 11.0, 30.0, 0.0, 0.0, 0.0422, -0.3, 0.0, 0.0, 0.0, 0.0, -0.7)
     run = CustomLawRun(given, POWER, damper, "own", holds_off=False, horizon=600.0)
     assert run.columns()["impulse_residual"] < 1e-10
     run.force = lambda *asked: 1.01 * damper(*asked)
@@ -287,7 +287,7 @@ def test_the_residual_sees_what_the_integration_did_not() -> None:
 
 
 def test_a_motion_that_takes_too_many_steps_is_unresolved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(custom_law_run, "_LOOKS", 100)
+    monkeypatch.setattr(custom_law_run, "_MAX_EVALUATIONS", 100)
     result = find_contact(APPROACH, POWER, -0.7, law=DAMPER_AGAIN)
     assert result.status is ContactStatus.UNRESOLVED
     assert result.end.time == 0.0

@@ -1,4 +1,4 @@
-"""Pre-contact motion: the encounter, its solution for any sensor curve, and the contact that it ends in."""
+"""Pre-contact motion: describe an encounter, solve its motion for any sensor curve, and find the contact."""
 
 from .bodies import Obstacle, Plant, Reference, Stretch
 from .contact import ContactResult, ContactState, Motion

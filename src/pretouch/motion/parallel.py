@@ -14,53 +14,53 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Final
 
-_ENOUGH: Final = 64  # stretches, for as many cores
+_MAX_SPLIT: Final = 64  # chunks that are made only to occupy cores
 
 
 def run_in_chunks(run: Callable[[int, int], object], size: int, *, least: int, most: int) -> None:
-    """Run something over all of 0 to size, in stretches, on every core that this process may use.
+    """Run a function over the range 0 to `size` in chunks, on all cores that this process may use.
 
-    An interrupt ends it between two stretches.
+    An interrupt takes effect between two chunks.
 
     Args:
-        run: takes the start and the end of a stretch; stretches must not share what they write.
-        size: how many encounters there are.
-        least: how many are worth a thread; what is left of an even division may be half of it.
-        most: the longest stretch.
+        run: function of the start and the end of a chunk; chunks must not write to shared data.
+        size: number of encounters.
+        least: number of encounters that is worth a thread; chunks of an even division may have half as many.
+        most: largest size of a chunk.
     """
-    if 0 < size <= min(least, most):  # one stretch, as below, without the rest of what is worth it for many
+    if 0 < size <= min(least, most):  # one chunk: skip the overhead of threads
         run(0, size)
         return
-    stretches = _stretches(size, least, most)
-    threads = min(_cores(), len(stretches)) if len(stretches) > 1 else 1
+    chunks = _chunks(size, least, most)
+    threads = min(_cores(), len(chunks)) if len(chunks) > 1 else 1
     if threads == 1:
-        for stretch in stretches:
-            run(*stretch)
+        for chunk in chunks:
+            run(*chunk)
         return
-    left = deque(stretches)
+    remaining = deque(chunks)
 
     def work() -> None:
-        while left:
+        while remaining:
             try:
-                stretch = left.popleft()
+                chunk = remaining.popleft()
             except IndexError:  # another thread took the last one
                 return
-            run(*stretch)
+            run(*chunk)
 
     helpers = [_pool().submit(work) for _ in range(threads - 1)]
     try:
-        work()  # this thread need not be woken
+        work()  # the calling thread works, too
         for helper in helpers:
-            if not helper.cancel():  # one that has not begun has nothing left to do
+            if not helper.cancel():  # a helper that has not begun is not needed
                 helper.result()
     finally:
-        left.clear()
+        remaining.clear()
 
 
-def _stretches(size: int, least: int, most: int) -> list[tuple[int, int]]:
-    """Cut 0 to size into equal stretches: a power of two of them, which suits most numbers of cores, or more."""
+def _chunks(size: int, least: int, most: int) -> list[tuple[int, int]]:
+    """Divide the range 0 to `size` into equal chunks; their number is a power of two, or larger to respect `most`."""
     worth = max(-(-size // least), 1)
-    count = max(min(1 << (worth - 1).bit_length(), _ENOUGH), -(-size // most))
+    count = max(min(1 << (worth - 1).bit_length(), _MAX_SPLIT), -(-size // most))
     length = max(-(-size // count), 1)
     return [(start, min(start + length, size)) for start in range(0, size, length)]
 
@@ -75,5 +75,5 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=max(_cores() - 1, 1), thread_name_prefix="pretouch")
 
 
-if hasattr(os, "register_at_fork"):  # a child process has the pool, but none of its threads: work would wait for good
+if hasattr(os, "register_at_fork"):  # a forked child has the pool without its threads and would wait forever
     os.register_at_fork(after_in_child=_pool.cache_clear)

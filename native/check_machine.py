@@ -1,8 +1,8 @@
-"""Runs the kernels on a kind of machine other than x86-64 and compares them with this one.
+"""Run the kernels on another kind of machine than x86-64 and compare the results with those of this machine.
 
     python native/check_machine.py --compiler "zig c++ -target aarch64-linux-musl -static" --run qemu-aarch64
 
-The answers of this machine are written beside their inputs into a program, which is compiled and run.
+The inputs and the results of this machine are written into a program, which is compiled and run on the other machine.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ N = 203
 
 
 def cases() -> dict[str, Any]:
-    """Return inputs and answers by the names that check_machine.cpp knows."""
+    """Return inputs and results by the names that check_machine.cpp uses."""
     rng = np.random.default_rng(8)
     sensor = pt.InversePower(scale=1.3e-5, distance_offset=0.0419, exponent=3.32, maximum_distance=0.3)
     scenario = pt.Scenario(
@@ -72,7 +72,7 @@ def _literal(value: float) -> str:
 
 
 def header(found: dict[str, Any]) -> str:
-    """Write numbers and arrays as C."""
+    """Return numbers and arrays as C code."""
     lines = ["#include <math.h>", "#include <stdint.h>"]
     for name, value in found.items():
         if isinstance(value, np.ndarray):

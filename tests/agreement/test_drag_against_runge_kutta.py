@@ -289,7 +289,7 @@ def test_what_is_not_known_is_refused() -> None:
         solve(plant=Plant(position=0.01))
     with pytest.raises(InvalidInputError, match="moving toward the object"):
         solve(plant=Plant(velocity=0.01))
-    with pytest.raises(InvalidInputError, match="no approach"):
+    with pytest.raises(InvalidInputError, match="expected an approach"):
         solve(plant=Plant(position=-0.01), obstacle=Obstacle(position=0.04, velocity=0.1, acceleration=-1.0))
     with pytest.raises(InvalidInputError, match="must not be negative"):
         solve_drag(Scenario(admittance=ADMITTANCE, obstacle=approach), POWER, -0.01)

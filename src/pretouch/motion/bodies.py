@@ -96,8 +96,9 @@ class Obstacle(_Body):
             InvalidInputError: the obstacle has a course.
         """
         if self.course:
+            words = "stretch" if len(self.course) == 1 else "stretches"
             raise InvalidInputError(
-                f"obstacle course: found {len(self.course)} stretches, expected none, since the motion of L(9) has a "
+                f"obstacle course: found {len(self.course)} {words}, expected none, since the motion of L(9) has a "
                 "uniform acceleration; run the course on the sampled loop, by simulate or ClosedLoop.run"
             )
         return self.acceleration

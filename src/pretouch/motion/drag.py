@@ -100,7 +100,7 @@ class DragColumns(Value):
         return DragGradients(self)
 
 
-def _before(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
+def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
     """Return the start of each approach [s] and a status, -1 for an approach; else the time and status of the end."""
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))

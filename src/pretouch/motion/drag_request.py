@@ -43,7 +43,7 @@ class DragRequest(Value):
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """The quantities of L(9) of every encounter: plant and obstacle relative to the reference, and the reference."""
+        """The quantities of L(9) of every encounter: plant, obstacle (relative to the reference) and reference."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
@@ -128,8 +128,8 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
     if outside.any():
         raise OutOfRangeError(
             f"obstacle position: found a distance of {start[outside][0]:g} m at the start, outside the {low:g} m to "
-            f"{high:g} m in which the {sensor.name} curve is valid; the encounter must start when the object enters the "
-            "detection range"
+            f"{high:g} m in which the {sensor.name} curve is valid; the encounter must start when the object enters "
+            "the detection range"
         )
     check_curve(sensor, request.farthest)
     _check_plant(request)
@@ -157,8 +157,8 @@ def _check_plant(request: DragRequest) -> None:
     _refuse(
         (request.velocity >= 0) & ~stays,
         request.velocity,
-        "obstacle velocity: found a relative velocity of {0:g} m/s at the start, expected an approach (negative) if the "
-        "plant is not at rest at its reference, since the admittance moves it; start at rest or with an approach",
+        "obstacle velocity: found a relative velocity of {0:g} m/s at the start, expected an approach (negative), "
+        "since the admittance moves a plant that is not at rest at its reference; start at rest or with an approach",
     )
 
 

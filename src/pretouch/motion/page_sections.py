@@ -55,8 +55,8 @@ _OF_ALL: Final = (
     "Time starts when the object enters the detection range.",
 )
 _INTEGRATOR: Final = (
-    "The predictions on this page hold under these assumptions. The integrator of a robot cell must assess whether it "
-    "is acceptable, with measurements on the real machine."
+    "The predictions on this page hold under these assumptions. Whether a robot cell is acceptable is for its "
+    "integrator to assess, with measurements on the real machine."
 )
 
 

@@ -1,4 +1,4 @@
-// First contacts of many encounters with constant slope: the vectorized closed form with a proof that the contact is first.
+// First contacts of many encounters with constant slope, by the vectorized closed form, with a proof.
 //
 // Over-damped (or critical) motion, a = 0, v < 0. With the rates mu_1 <= mu_2, the roots of M mu^2 - (D + c) mu + K,
 // and F = (c v - K x_0) / M, the response is built from two functions that stay finite at mu_1 = mu_2 and at K = 0,

@@ -1,5 +1,4 @@
-// What is done for one lane at a time: find, enter and read the windows of its curve, and steps on which l need not
-// fall.
+// Operations on one lane at a time: find, enter and read the windows of its curve, and take steps on which l may rise.
 
 #pragma once
 
@@ -13,7 +12,7 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 constexpr int EDGE = 0, LOW = 1, TOP = 2, LEAVE = 3, MIDDLE = 4, TERMS = 5;  // columns of a window
-constexpr double TURN = 24;  // steps that a turn counts as: some forty are enough, a long swing is for solve_series
+constexpr double TURN = 24;  // a turn counts as so many steps; long oscillations are left to solve_series
 
 // Windows of all curves, from l = 0 upward.
 struct Windows {

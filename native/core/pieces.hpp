@@ -1,4 +1,4 @@
-// What all paths have of an encounter: how it ends; and what the guaranteed path has of its curve: the slope g on pieces.
+// Shared by all paths: rules for the end of an encounter. For the guaranteed path: the slope g of a curve on pieces.
 
 #pragma once
 
@@ -9,14 +9,14 @@
 
 namespace pretouch {
 
-// What is told from zero and what is not, alike on every path: touches, and motions that never arrive.
+// Which distances count as zero, with the same rules on every path: touches, and motions that never reach contact.
 //
-// l is the obstacle's path p + v t + a t^2 / 2 less x~, which is as large as that path where l is zero; so no computation
-// knows l there better than some rounding of the path's terms. The slope of a curve is met to 1e-13 of itself, and l with
-// it to 1e-13 of these terms. Ten times that is the RESOLUTION: a smallest distance that lies closer to zero, on either
+// l is the difference of the obstacle's path p + v t + a t^2 / 2 and x~. Near l = 0 both are equally large, so the error
+// of l is at least a rounding error of the terms of the path. The slope of a curve has a relative error of 1e-13, and so
+// has l, relative to these terms. Ten times this is the RESOLUTION: a smallest distance that is closer to zero, on either
 // side, is a touch.
 //
-// A distance may also come to zero without a smallest one: with p, v and a so that l alone is left,
+// A distance may also decay to zero without a minimum: if p, v and a cancel, so that only l remains,
 //
 //     M l'' + (D + D_p g) l' + K (l - p) = 0,
 //

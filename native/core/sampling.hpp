@@ -1,4 +1,4 @@
-// What samples of a function tell of it: whether they resolve it, and where its minimum is.
+// Decide from samples of a function whether they resolve it, and find its minimum.
 
 #pragma once
 
@@ -7,7 +7,7 @@
 
 namespace PRETOUCH_VARIANT {
 
-constexpr int LEAST = 11;  // samples that are needed to tell whether they resolve a function: six with even numbers
+constexpr int LEAST = 11;  // smallest number of samples for which resolution can be judged: six have even indices
 constexpr int NODES = 8;
 constexpr double AT[NODES] = {  // cos((i + 1/2) pi / 8)
     0.98078528040323043,  0.83146961230254524,  0.55557023301960229,  0.19509032201612833,
@@ -19,7 +19,7 @@ constexpr double RESOLVED = 1e-3, STEEP = 0.03;
 constexpr double VANISHED = 1e-7;  // of the curvature: an error of 1e-8 in z at most, since coefficients go on to fall
 
 struct Quintic {
-    double weight[5][6];  // of its values at 0 to 5, for that at 0.5 to 4.5
+    double weight[5][6];  // of the values at 0 to 5, for the values at 0.5 to 4.5
 };
 
 constexpr Quintic quintic() {

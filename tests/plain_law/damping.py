@@ -8,7 +8,7 @@ from .sensing import Observation
 
 
 class DamperState(NamedTuple):
-    """Share of the gain in force, 0 to 1, and the mark that ln xi has to exceed where only approaches are damped."""
+    """Active share of the gain, 0 to 1, and the level that ln xi has to exceed if the law acts on approaches only."""
 
     ramp: float
     mark: float

@@ -13,7 +13,7 @@ _ANY_CHANGE = 1500.0
 
 
 class DragState(NamedTuple):
-    """Level and rate of ln xi, smoothed, the mark that the level has to exceed, and how long an approach lasts yet."""
+    """Smoothed level and rate of ln xi, the mark that the level has to exceed, and the rest of the hold time [s]."""
 
     level: float
     rate: float

@@ -26,7 +26,7 @@ class Motion(NamedTuple):
 
 
 class Delivery(NamedTuple):
-    """An impulse on its way: constant force [N], rest of the impulse [N s], what was given ahead [N s], fading."""
+    """Impulse in delivery: constant force [N], remaining impulse [N s], impulse delivered ahead [N s], fading."""
 
     force: float
     rest: float
@@ -35,7 +35,7 @@ class Delivery(NamedTuple):
 
 
 class DriveState(NamedTuple):
-    """What `drive` remembers: the impulse on its way, the motion, the last reference position."""
+    """State of `drive`: the impulse in delivery, the motion, the last reference position."""
 
     delivery: Delivery
     motion: Motion

@@ -53,7 +53,7 @@ _MAX_PIECES: Final = 20_000
 _GROWTH: Final = 64.0  # ratio of successive ranges of a curve
 _FARTHEST: Final = 1e12  # m
 
-FOLLOWED: Final = 2.0**43
+LARGEST_START: Final = 2.0**43
 """Largest initial distance [m] from which an encounter is integrated; the pieces of a curve reach 4 times as far.
 
 At larger distances floating-point numbers do not resolve a millimeter, so the encounter is reported as unresolved.
@@ -68,25 +68,25 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 def reach_of(scenario: Scenario) -> float:
     """Return an upper bound of the initial distances [m], rounded up to a power of two so that few values occur.
 
-    Encounters that start beyond FOLLOWED are ignored, since they must not change how the others are solved.
+    Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
     """
     distance = scenario.distance
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
-    if largest > FOLLOWED:
-        largest = _largest_followed(distance) or largest
+    if largest > LARGEST_START:
+        largest = _largest_start(distance) or largest
     return 2.0 ** math.frexp(largest)[1]
 
 
-def _largest_followed(distance: Any) -> float:
-    """Return the largest of the distances [m] that do not exceed FOLLOWED; 0 if there is none."""
-    return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= FOLLOWED))
+def _largest_start(distance: Any) -> float:
+    """Return the largest of the distances [m] that do not exceed LARGEST_START; 0 if there is none."""
+    return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= LARGEST_START))
 
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
     """Refuse a custom curve that breaks a law of sensor curves up to the initial distances [m], of any shape."""
     if not is_built_in(sensor):
-        near = type(distance) is float and distance <= FOLLOWED
-        refuse_invalid_curve(sensor, distance if near else _largest_followed(distance))
+        near = type(distance) is float and distance <= LARGEST_START
+        refuse_invalid_curve(sensor, distance if near else _largest_start(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
@@ -121,7 +121,7 @@ def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
     return table
 
 
-def alone(table: FloatArray) -> Curves:
+def shared_curve(table: FloatArray) -> Curves:
     """Return the windows of one curve that all encounters share, in the form of the block kernel."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 

@@ -116,7 +116,7 @@ class OwnLaw(Value):
         """Sample the motion by the same integration."""
         request = self._request(scenario, sensor, value, method, horizon)
         runs = self._runs(request)
-        sampled = [run.sampled(samples) for run in runs]
+        sampled = [run.sample(samples) for run in runs]
         course = {name: _to_array([arrays[name] for arrays in sampled], (len(runs), samples)) for name in _COURSE}
         bodies = {name: _to_array([getattr(run.encounter, name) for run in runs], (len(runs), 1)) for name in _BODIES}
         return motion_of(_result(request, runs), request.shape, bodies, course)

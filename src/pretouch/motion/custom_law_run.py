@@ -155,7 +155,7 @@ class CustomLawRun:
             distance = self._distance(time, state[0])
             if piece.event is None:
                 return ContactStatus.HORIZON
-            if course == _APPROACH and cell == 0 and self._arrived(distance):
+            if course == _APPROACH and cell == 0 and self._reached_end(distance):
                 return ContactStatus.CONTACT if self.low == 0 else ContactStatus.LEFT_RANGE
             if piece.event == _BORDER:
                 cell += course
@@ -200,7 +200,7 @@ class CustomLawRun:
         self.settling = math.inf
         return True
 
-    def _arrived(self, distance: float) -> bool:
+    def _reached_end(self, distance: float) -> bool:
         """Tell whether an approach has reached the lower end of the curve, and end the last piece there."""
         from scipy.optimize import brentq  # noqa: PLC0415 - loads slowly
 
@@ -252,7 +252,7 @@ class CustomLawRun:
         ended = next((i for i, times in enumerate(run.t_events) if len(times)), None)
         return None if run.status < 0 else _Piece(course, run.sol, run.t, ended)
 
-    def _at(self, piece: _Piece, time: FloatArray) -> dict[str, FloatArray]:
+    def _quantities(self, piece: _Piece, time: FloatArray) -> dict[str, FloatArray]:
         """Return the quantities at times [s] of a piece, by name."""
         g, (x, u) = self.encounter, piece.states(time)
         distance, speed = self._distance(time, x), self._speed(time, u)
@@ -276,8 +276,10 @@ class CustomLawRun:
     def columns(self) -> dict[str, float]:
         """Return the quantities of ContactState and ContactResult."""
         g, last = self.encounter, self.pieces[-1]
-        end = {name: float(values[0]) for name, values in self._at(last, last.steps[-1:]).items()} | self.exact_end
-        pieces = [(piece, self._at(piece, _grid(piece.steps))) for piece in self.pieces]
+        end = {
+            name: float(values[0]) for name, values in self._quantities(last, last.steps[-1:]).items()
+        } | self.exact_end
+        pieces = [(piece, self._quantities(piece, _grid(piece.steps))) for piece in self.pieces]
         return {
             **end,
             "status": float(self.status),
@@ -298,7 +300,7 @@ class CustomLawRun:
             best = int(magnitude.argmax())
             largest = max(largest, float(magnitude[best]))
             near = time[max(best - 1, 0)], time[min(best + 1, len(time) - 1)]
-            values = self._at(piece, np.linspace(*near, 33))
+            values = self._quantities(piece, np.linspace(*near, 33))
         return max(largest, float(np.abs(values[name]).max()))
 
     def _residual(self, end: dict[str, float], pieces: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
@@ -315,12 +317,14 @@ class CustomLawRun:
         largest = max(*map(abs, terms), *approach)
         return float(abs(math.fsum(terms)) / largest) if largest > 0 else 0.0
 
-    def sampled(self, samples: int) -> dict[str, FloatArray]:
+    def sample(self, samples: int) -> dict[str, FloatArray]:
         """Return the course at equally spaced times, ends included, shape (samples,)."""
         stops = [float(piece.steps[-1]) for piece in self.pieces]
         times = np.linspace(0.0, stops[-1], samples)
         index = np.minimum(np.searchsorted(stops, times), len(stops) - 1)
-        parts = [self._at(piece, times[index == i]) for i, piece in enumerate(self.pieces) if (index == i).any()]
+        parts = [
+            self._quantities(piece, times[index == i]) for i, piece in enumerate(self.pieces) if (index == i).any()
+        ]
         course = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         for name, value in self.exact_end.items():
             course[name][-1] = value

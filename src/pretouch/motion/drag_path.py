@@ -228,7 +228,7 @@ def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: flo
             break
         border = path.borders[np.searchsorted(path.borders, path.distance[lanes]) - 1]
         proposed = _next_cells(path, lanes, path.distance[lanes] - border, scale[lanes])
-        cells, nodes, status, miss = _ended(path, proposed, horizon)
+        cells, nodes, status, miss = _shorten_to_end(path, proposed, horizon)
         error = np.maximum(nodes.error(), miss)
         good = (error <= _TOLERANCE) & np.isfinite(nodes.duration)
         scale[lanes] = np.where(good, np.minimum(2 * scale[lanes], 1.0), scale[lanes] / 2)
@@ -267,7 +267,7 @@ def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatA
     return DragCells(lanes, start, far, bend, square, path.time[lanes])
 
 
-def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
+def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
     """Evaluate cells; shorten those in which l' becomes zero or the time reaches the horizon.
 
     Args:

@@ -67,12 +67,12 @@ class DragRequest(Value):
     @property
     def velocity(self) -> FloatArray:
         """The relative velocity l' at the start [m/s]."""
-        return _flushed(self.bodies["v"] - self.bodies["u0"])
+        return _flush_underflow(self.bodies["v"] - self.bodies["u0"])
 
     @property
     def acceleration(self) -> FloatArray:
         """The acceleration a_o of the obstacle relative to the reference [m/s^2]."""
-        return _flushed(self.bodies["a"])
+        return _flush_underflow(self.bodies["a"])
 
     @property
     def returns(self) -> Any:
@@ -88,7 +88,7 @@ class DragRequest(Value):
         return np.asarray(self.distance + rise)
 
 
-def _flushed(values: FloatArray) -> FloatArray:
+def _flush_underflow(values: FloatArray) -> FloatArray:
     """Set values to 0 whose squares would underflow."""
     return np.where(np.abs(values) < _LEAST, 0.0, values)
 

@@ -21,7 +21,6 @@ from pretouch.sensors.sensitivity import SlopeSensitivity
 from .curve import (
     MIDDLE,
     TERMS,
-    alone,
     curve_pieces,
     curve_reach,
     curve_tops,
@@ -29,6 +28,7 @@ from .curve import (
     farthest,
     interpolate,
     reach_of,
+    shared_curve,
 )
 from .kernels import OPEN, find_contacts, follow_gradients
 from .layout import RELATIVE_INPUTS, ContactStatus
@@ -128,7 +128,7 @@ class GradientRows(Travels):
     def _in_lanes(self, kept: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
         """Fill the rows of runs that vectorized Taylor steps prove; return the runs that remain."""
         request = self._solution.request
-        curves = alone(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
+        curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
         where = np.flatnonzero(pending)
         which = None if len(where) == request.size else where
 
@@ -191,11 +191,11 @@ def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: f
         poor = (error > _TOLERANCE * largest) & ~rounded
         if halvings == _HALVINGS or not poor.any():  # the rest are corners, on 1/4096 of a piece
             break
-        pieces, (before, in_vain) = _halved(pieces, poor, (error, in_vain))
+        pieces, (before, in_vain) = _halve(pieces, poor, (error, in_vain))
     return pieces, np.ascontiguousarray(terms)
 
 
-def _halved(
+def _halve(
     pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
     """Halve pieces without changing their polynomials; both halves inherit the columns."""

@@ -78,7 +78,7 @@ def gradients_of(columns: Any) -> Any:
         columns.derivatives = (
             ContactGradients(columns)
             if request.many is None
-            else ManyGradients([ContactGradients(Solution(request.alone(i))) for i in range(len(request.many))])
+            else ManyGradients([ContactGradients(Solution(request.with_curve(i))) for i in range(len(request.many))])
         )
     return columns.derivatives
 
@@ -156,7 +156,7 @@ class ContactGradients(Value):
         self._check(quantity, by)
         units = {"gain": "N*s", **input_units(self.solution.request.sensor)}
         above, below = _QUANTITIES[quantity], units[by]
-        return f"{_bracketed(above)}/{_bracketed(below)}" if below else above
+        return f"{_in_parentheses(above)}/{_in_parentheses(below)}" if below else above
 
     def __repr__(self) -> str:
         return f"<ContactGradients: {len(self.quantities)} quantities by {len(self.inputs)} inputs>"
@@ -170,7 +170,7 @@ class ContactGradients(Value):
         solution = self.solution
         if by in _RELATIVE:
             inputs = _RELATIVE[by]
-            time, speed = self._weighted(inputs)
+            time, speed = self._weighted_sum(inputs)
             return _Change(solution, by, time, speed, inputs)
         sensor, name = solution.request.sensor, by.removeprefix("sensor.")
         change = curve_sensitivity(sensor, name)
@@ -191,7 +191,7 @@ class ContactGradients(Value):
                 time, speed = np.where(near, self._rows.of_slope(name, change.slope), [time, speed])
         return _Change(solution, by, time, speed, slope=slope)
 
-    def _weighted(self, weights: dict[str, Any]) -> FloatArray:
+    def _weighted_sum(self, weights: dict[str, Any]) -> FloatArray:
         """Return the weighted sum of derivatives of time and l', shape (2, n)."""
         rows = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
         if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
@@ -204,13 +204,13 @@ class ContactGradients(Value):
         total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
         with np.errstate(divide="ignore", invalid="ignore"):  # l' may be 0 without contact
             if change.output:
-                total = total + change.output * self._weighted({"gain": relative.gain})
+                total = total + change.output * self._weighted_sum({"gain": relative.gain})
             if change.shift:
                 earlier = 1 / solution.raw("relative_velocity")
                 bend = relative.a - solution.settled_acceleration
-                total = total + change.shift * (self._weighted({"p": 1.0}) + np.stack([earlier, bend * earlier]))
+                total = total + change.shift * (self._weighted_sum({"p": 1.0}) + np.stack([earlier, bend * earlier]))
             if change.stretch:
-                whole = self._weighted({name: getattr(relative, name) for name in _LENGTHS})
+                whole = self._weighted_sum({name: getattr(relative, name) for name in _LENGTHS})
                 whole[1] -= solution.raw("relative_velocity")
                 total = total + change.stretch * whole
         return total
@@ -306,5 +306,5 @@ class _Change:
         return self.displacement_acceleration + (1.0 if self.by == "reference.acceleration" else 0.0)
 
 
-def _bracketed(unit: str) -> str:
+def _in_parentheses(unit: str) -> str:
     return f"({unit})" if "/" in unit or "*" in unit else unit

@@ -18,9 +18,9 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.progress import note_solved
 from pretouch.sensors import SensorModel
 
-from .curve import FOLLOWED, curve_pieces, curve_tops
+from .curve import LARGEST_START, curve_pieces, curve_tops
 from .kernels import respond_many, solve_linear, solve_series
-from .layout import COLUMNS, ContactStatus, named
+from .layout import COLUMNS, ContactStatus, by_name
 from .many_curves import ManyCurves
 from .parallel import run_in_chunks
 from .request import Request, Which
@@ -71,7 +71,7 @@ def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tupl
     place, curve = np.divmod(which, len(many))
     for index in np.unique(curve):
         selected = np.flatnonzero(curve == index)
-        rows[selected], status[selected] = solve_guaranteed(request.alone(int(index)), place[selected])
+        rows[selected], status[selected] = solve_guaranteed(request.with_curve(int(index)), place[selected])
     return rows, status.astype(np.int8)
 
 
@@ -81,7 +81,7 @@ def _mark_overflow(request: Request, which: IntArray | None, rows: FloatArray, s
     if len(bad):
         r = request.some(bad if which is None else which[bad])
         start = np.zeros((len(bad), len(COLUMNS)))
-        end = named(start)
+        end = by_name(start)
         end["distance"][:] = end["closest_distance"][:] = r.p - r.x0
         end["displacement"][:], end["displacement_velocity"][:], end["relative_velocity"][:] = r.x0, r.u0, r.v - r.u0
         end["largest_excursion"][:], end["largest_speed"][:] = np.abs(r.x0), np.abs(r.u0 + r.reference_velocity)
@@ -116,7 +116,7 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
     unresolved.
     """
     values, gain = columns = request.part(which)
-    out, ended, again = rows, status, np.flatnonzero(_is_followed(values))
+    out, ended, again = rows, status, np.flatnonzero(_is_integrable(values))
     if len(again) < len(rows):
         if not len(again):
             return
@@ -138,9 +138,9 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
         out, ended = _unresolved(len(again))
 
 
-def _is_followed(values: FloatArray) -> BoolArray:
+def _is_integrable(values: FloatArray) -> BoolArray:
     """Tell which encounters start near enough to be integrated; `values` as from Scenario.relative, (n, 10)."""
-    followed: BoolArray = values[:, 5] - values[:, 3] <= FOLLOWED  # p - x~(0)
+    followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
 
 
@@ -148,7 +148,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
     values, _ = request.part(slice(None))
     trace[..., 0], trace[..., 1] = (values[:, 5] - values[:, 3])[:, None], values[:, 3, None]
     trace[..., 2], trace[..., 3] = values[:, 4, None], 0.0
-    which = np.flatnonzero(_is_followed(values))
+    which = np.flatnonzero(_is_integrable(values))
     trace[which] = np.nan
     if not len(which):
         return
@@ -167,8 +167,8 @@ def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, 
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
     farthest = float(np.max(distance, initial=0.0))
-    if farthest > FOLLOWED:
-        farthest = float(np.max(distance, initial=0.0, where=distance <= FOLLOWED))
+    if farthest > LARGEST_START:
+        farthest = float(np.max(distance, initial=0.0, where=distance <= LARGEST_START))
     for top, goes_on in curve_tops(sensor, bottom, farthest, 2.0 ** math.ceil(math.log2(4 * farthest))):
         yield top, curve_pieces(sensor, bottom, top), (request.horizon, low <= 0, goes_on)
 
@@ -249,7 +249,7 @@ def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, stat
         "largest_virtual_force": np.abs(gain * a) * steepest,
         "settling_distance": np.full(len(values), np.inf),
     }
-    zeros, end = np.zeros(len(values)), named(rows)
+    zeros, end = np.zeros(len(values)), by_name(rows)
     for name in COLUMNS:
         end[name][:] = np.where(exists, quantities.get(name, zeros), 0.0)
     for name in ("distance", "closest_distance"):

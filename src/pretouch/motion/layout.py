@@ -23,7 +23,7 @@ class Relative(NamedTuple):
     p: FloatArray  # x_o - x_d at t = 0 [m]
     v: FloatArray  # its velocity [m/s]
     a: FloatArray  # its acceleration [m/s^2]
-    gain: FloatArray  # D_p [N s]
+    gain: FloatArray  # the law's number, such as D_p [N s]
     reference_velocity: FloatArray  # x_d' at t = 0 [m/s]
     reference_acceleration: FloatArray  # x_d'' [m/s^2]
 
@@ -73,7 +73,7 @@ RESOLUTION: Final = 1e-12
 """Smallest distance that counts as zero, relative to the terms whose difference is l."""
 
 
-def named(rows: FloatArray) -> dict[str, FloatArray]:
+def by_name(rows: FloatArray) -> dict[str, FloatArray]:
     """Return views of rows of COLUMNS by their names."""
     return dict(zip(COLUMNS, rows.T, strict=True))
 

@@ -109,7 +109,7 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
     ends = scale * tops + shift
     one = curve_windows(sensor, max(float(shift.min()), low), min(float(ends.max()), high))
     if not len(one):
-        return _joined([one] * len(tops))
+        return _join([one] * len(tops))
     first = np.maximum(np.searchsorted(one[:, LOW], shift, side="right") - 1, 0)
     last = np.minimum(np.searchsorted(one[:, TOP], ends, side="left"), len(one) - 1)
     counts = last - first + 1
@@ -121,7 +121,7 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
         table[:, TERMS:] *= scale[owner, None] ** np.arange(table.shape[1] - TERMS)
     table[:, TOP] = np.minimum(table[:, TOP], tops[owner])
     table[starts[:-1], EDGE] = table[starts[:-1], LOW] = 0.0
-    return _finished(table, starts, falling=_falls(one))
+    return _make_windows(table, starts, falling=_falls(one))
 
 
 def windows_side_by_side(
@@ -136,7 +136,7 @@ def windows_side_by_side(
         The windows from l = 0 to the upper end of each curve [m].
     """
     if all(isinstance(sensor, PiecewiseCubic) for sensor in sensors):
-        return _joined([_of_cubics(sensor) for sensor in sensors if isinstance(sensor, PiecewiseCubic)])
+        return _join([_of_cubics(sensor) for sensor in sensors if isinstance(sensor, PiecewiseCubic)])
     places = [place for value in values.values() for place in (np.argmin(value), np.argmax(value))]
     chosen = [sensors[i] for i in dict.fromkeys([len(sensors) // 2, *map(int, places)])]
     top = float(tops.min())
@@ -153,9 +153,9 @@ def windows_side_by_side(
     table = np.tile(frame, (len(sensors), 1))
     table[:, TERMS:] = terms.reshape(-1, terms.shape[-1])
     if fits.all():
-        return _finished(table, len(frame) * np.arange(len(sensors) + 1))
+        return _make_windows(table, len(frame) * np.arange(len(sensors) + 1))
     each, degree = table.reshape(len(sensors), *frame.shape), frame.shape[1] - TERMS - 1
-    return _joined(
+    return _join(
         [each[i] if fits[i] else _own_windows(sensor, float(tops[i]), degree) for i, sensor in enumerate(sensors)]
     )
 
@@ -249,14 +249,14 @@ def _one_by_one(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows
     if len(widths) > 1:  # all rows of the table must have the same width
         tables = [_own_windows(sensor, float(top), HIGH_DEGREE) for sensor, top in zip(sensors, tops, strict=True)]
     width = tables[0].shape[1] if len(widths) > 1 else max(widths, default=TERMS + 1)
-    return _joined([table if len(table) else np.zeros((0, width)) for table in tables])
+    return _join([table if len(table) else np.zeros((0, width)) for table in tables])
 
 
-def _joined(tables: list[FloatArray]) -> ManyWindows:
-    return _finished(np.concatenate(tables), np.concatenate([[0], np.cumsum([len(table) for table in tables])]))
+def _join(tables: list[FloatArray]) -> ManyWindows:
+    return _make_windows(np.concatenate(tables), np.concatenate([[0], np.cumsum([len(table) for table in tables])]))
 
 
-def _finished(table: FloatArray, starts: IntArray, *, falling: bool | None = None) -> ManyWindows:
+def _make_windows(table: FloatArray, starts: IntArray, *, falling: bool | None = None) -> ManyWindows:
     table, starts = np.ascontiguousarray(table), starts.astype(np.int64)
     for array in (table, starts):
         array.setflags(write=False)  # they are cached

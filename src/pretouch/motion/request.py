@@ -59,7 +59,7 @@ class Request(Value):
 
     @property
     def gain(self) -> FloatArray:
-        """The gain of every encounter [N s], shape (n,)."""
+        """The law's number of every encounter, such as D_p [N s], shape (n,)."""
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
@@ -75,7 +75,7 @@ class Request(Value):
         gains[:] = columns.gain
         return values, gains
 
-    def alone(self, index: int) -> Request:
+    def with_curve(self, index: int) -> Request:
         """Return the request with only one of many curves and its encounters, by its index along the last axis."""
         if self.many is None:
             return self
@@ -160,14 +160,14 @@ def make_request(
         scenario=scenario,
         sensor=sensor,
         shape=shape,
-        columns=_flattened((*relative[:8], gains, *relative[8:]), shape),
+        columns=_flatten((*relative[:8], gains, *relative[8:]), shape),
         horizon=positive(horizon, "horizon", "s"),
         method=choose_method(scenario, sensor, method) if many is None else "integration",
         many=many,
     )
 
 
-def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
+def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
     """Flatten columns over the broadcast shape; a number that all encounters share keeps the length 1."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)

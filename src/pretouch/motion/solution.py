@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .curve import Curves, alone, curve_windows, farthest, line_windows, reach_of
+from .curve import Curves, curve_windows, farthest, line_windows, reach_of, shared_curve
 from .guaranteed import solve_guaranteed
 from .kernels import contact_times, find_contacts
 from .layout import COLUMNS, PEAKS, STATES
@@ -296,8 +296,8 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
     reach = farthest(request.scenario, request.sensor)
     if request.method == "closed-form":
         top = min(_BEYOND * reach, request.sensor.valid_range[1])
-        return alone(line_windows(request.slope, top))
-    return alone(curve_windows(request.sensor, 0.0, reach))
+        return shared_curve(line_windows(request.slope, top))
+    return shared_curve(curve_windows(request.sensor, 0.0, reach))
 
 
 def _settling(request: Request) -> FloatArray:

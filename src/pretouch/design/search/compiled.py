@@ -26,7 +26,7 @@ from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, chebyshev_basis, positive
 from pretouch._core.values import declared
 from pretouch.motion import DAMPER, Scenario
-from pretouch.motion.curve import Curves, alone, curve_windows, farthest
+from pretouch.motion.curve import Curves, curve_windows, farthest, shared_curve
 from pretouch.motion.kernels import of_core
 from pretouch.motion.parallel import run_in_chunks
 from pretouch.motion.request import choose_method
@@ -130,7 +130,7 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
 @cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, bool, Curves | None]:
     """Return g [1/m] at contact, the curve as the kernel reads it, whether g < 0 up to a distance, and what is read."""
-    curve = None if linear else alone(curve_windows(sensor, 0.0, reach))
+    curve = None if linear else shared_curve(curve_windows(sensor, 0.0, reach))
     read = None if curve is None else byref(of_core(curve, 1))
     return float(sensor.log_slope(0.0)), read, falls(sensor, reach), curve
 

@@ -1,4 +1,4 @@
-"""The kernels on vectors against the guaranteed path, and against arithmetic of 150 digits."""
+"""The vectorized kernels compared with the guaranteed path and with arithmetic of 150 digits."""
 
 import numpy as np
 import pytest

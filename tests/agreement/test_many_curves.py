@@ -1,4 +1,4 @@
-"""Encounters with a sensor curve each, solved in one call, are what each gives alone; their curves meet the sensors."""
+"""Encounters with one sensor curve each, solved in one call, agree with separate solutions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An obstacle that stops, recedes, comes again or is thrown: the loop follows its course as other ways do."""
+"""An obstacle that stops, recedes, returns or is thrown: the loop agrees with independent solutions."""
 
 from __future__ import annotations
 

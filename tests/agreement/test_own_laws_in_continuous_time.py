@@ -1,7 +1,8 @@
-"""A law of a user's own beside the two laws that are solved in other ways, and where it must say no.
+"""Custom laws in continuous time compared with the built-in laws, and the cases that they must refuse.
 
-LSODA at 1e-13 keeps some 1e-11 of an encounter; what it is compared with promises 1e-9. An acceleration is the
-difference of the force and the admittance's pull: it is compared beside these, l' over the time of the damping.
+LSODA with a tolerance of 1e-13 has an error of about 1e-11 per encounter; the other methods claim 1e-9. The
+acceleration is the difference of the force and the admittance's pull, so its error is taken relative to these terms,
+l' over the damping time constant.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The largest demands of the fast paths against the guaranteed path, which finds each peak between two samples."""
+"""The largest demands of the fast paths compared with the guaranteed path, including peaks between two samples."""
 
 from __future__ import annotations
 

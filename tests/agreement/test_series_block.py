@@ -1,7 +1,8 @@
-"""The block kernel against the guaranteed path, on random encounters of every kind: what it calls proved is right.
+"""The block kernel compared with the guaranteed path, on random encounters: all proved contacts are right.
 
-The claim is 1e-9 relative in the time of contact. The kernel's own estimate leaves an encounter open above 1e-10, and
-the guaranteed path works at rounding, so a proved time that is off by 1e-9 means that the estimate is wrong by ten.
+The claim is a relative error of 1e-9 in the time of contact. The kernel leaves an encounter open if its own error
+estimate exceeds 1e-10, and the guaranteed path is accurate to rounding. A proved time with an error of 1e-9 would
+therefore mean that the estimate is wrong by a factor of ten.
 """
 
 from __future__ import annotations

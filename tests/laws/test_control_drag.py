@@ -1,4 +1,4 @@
-"""What holds for the sampled virtual drag: one share of every speed, nothing in noise, nothing after what recedes."""
+"""Laws of the sampled virtual drag: one fraction of every speed, no response to noise or to receding objects."""
 
 from __future__ import annotations
 

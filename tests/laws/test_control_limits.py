@@ -1,6 +1,6 @@
-"""Speed, acceleration and excursion are held together, whatever is wanted, and nothing winds up behind them.
+"""Limits of speed, acceleration and excursion hold together for any requested motion, without windup.
 
-The limits are those of the plain law, which the law in C equals bit for bit (tests/faults/test_control_samples.py).
+The tests use the plain Python law; the C law equals it bit for bit (tests/faults/test_control_samples.py).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Laws of gradients: units, mass and scale leave them consistent, parameters that mean the same have the same ones."""
+"""Laws of gradients: consistency under changes of units, mass and scale, and between equivalent parameters."""
 
 from __future__ import annotations
 

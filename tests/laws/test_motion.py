@@ -1,4 +1,4 @@
-"""What holds along every motion, whatever the curve, the method and the encounter."""
+"""Laws of every motion, for any curve, method and encounter."""
 
 from __future__ import annotations
 

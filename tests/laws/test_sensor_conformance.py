@@ -1,4 +1,4 @@
-"""The public conformance check passes what obeys the laws, and names the law that a curve breaks."""
+"""The public conformance check passes lawful curves and names the law that another curve breaks."""
 
 from __future__ import annotations
 

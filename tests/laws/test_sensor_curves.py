@@ -1,6 +1,6 @@
-"""The laws of every sensor curve: two functions that belong together, and a range that is kept.
+"""Laws of every sensor curve: g is the derivative of ln xi, and the valid range is respected.
 
-Rounding is counted in units of EPS = 2^-53. The Mittag-Leffler function is promised to 1e-13 of its value.
+Rounding is counted in units of EPS = 2^-53. The documented relative error of the Mittag-Leffler function is 1e-13.
 """
 
 from __future__ import annotations

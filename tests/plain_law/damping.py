@@ -1,4 +1,4 @@
-"""L(2): the impulse is D_p times the change of ln xi."""
+"""The virtual damper L(2): the impulse is D_p times the change of ln xi."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class DamperState(NamedTuple):
 
 
 class Push(NamedTuple):
-    """An impulse for a new reading [N s], delivered over one sensor period, and a force now [N]."""
+    """Impulse of a new reading [N s], delivered over one sensor period, and force of this period [N]."""
 
     impulse: float
     force: float

@@ -43,7 +43,7 @@ class DriveState(NamedTuple):
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state at the start: no force, the plant where it is relative to its reference."""
+    """Return the state at the start, without force, for a plant relative to its reference."""
     return DriveState(Delivery(0.0, 0.0, 0.0, 0.0), Motion(position, velocity), 0.0)
 
 
@@ -133,7 +133,7 @@ def deliver(numbers: Any, delivery: Delivery, seen: Observation, impulse: float)
 
 
 def _checked(value: float, largest: float) -> tuple[float, bool]:
-    """Return a number and False, or 0 and True for what is no number or beyond all that can be."""
+    """Return a number and False, or 0 and True if it is NaN or too large."""
     if math.isfinite(value) and abs(value) <= largest:
         return value, False
     return 0.0, True

@@ -21,7 +21,7 @@ namespace {
 constexpr int ORDER = 16;
 constexpr int LARGEST_DEGREE = 12;
 
-// A loop whose counter is a constant in every pass, so that what it indexes can lie in registers:
+// A loop with a compile-time counter, so that the indexed values can be kept in registers:
 template <int I> struct Place {
     static constexpr int value = I;
 };
@@ -34,7 +34,7 @@ template <int FROM, int TO, class Body> __attribute__((always_inline)) inline vo
     }
 }
 
-// A polynomial and its two derivatives at a place.
+// A polynomial and its first two derivatives at a point.
 template <class V> struct Point {
     V value, slope, bend;
 };
@@ -49,13 +49,13 @@ template <int DEGREE = ORDER, class V> __attribute__((always_inline)) inline Poi
     return {value, slope, bend + bend};
 }
 
-// A series whose first coefficient that is not zero is that of order FIRST; those before are not there.
+// A series whose first nonzero coefficient has the order FIRST; lower ones are not stored.
 template <int FIRST> struct Series {
     Lanes at[ORDER + 1];
 };
 
-// How many products coefficient n of a product of two series has, and the order of the left factor of each of them: the
-// newest factors come last, for they are waited for.
+// Number of products in coefficient n of a product of two series, and the order of the left factor of each. The newest
+// factors come last, since they are available last.
 constexpr int products(int n, int left, int right) { return n - left - right + 1; }
 constexpr int left_factor(int n, int left, int right, int which) {
     for (int newest = (n + 1) / 2; newest <= n; newest++) {
@@ -110,8 +110,8 @@ __attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, L
     });
 }
 
-// A polynomial sum_j a_j z^j about the present l, from z^2 on, along the motion. What stands between a coefficient and the
-// next is kept short, for that is what a step waits for: sums end with what comes last.
+// A polynomial sum_j a_j z^j about the present l, from z^2 on, along the motion. The chain from one coefficient to the
+// next determines the time of a step, so it is kept short: sums end with the newest terms.
 template <int DEGREE> struct Composed {
     Lanes a[DEGREE + 1];
     Series<1> z, twice, inner, outer;
@@ -119,7 +119,7 @@ template <int DEGREE> struct Composed {
     Series<3> z3;
     Series<4> z4;
 
-    // Coefficient N, all before it having been asked for; l: coefficient N of z.
+    // Coefficient N, after all lower ones; l: coefficient N of z.
     template <int N> __attribute__((always_inline)) Lanes next(Lanes l) {
         set<N>(z, twice, l);
         if constexpr (N >= 2) set<N>(z2, twice2, square<N>(z, twice));
@@ -151,7 +151,7 @@ template <int DEGREE> struct Composed {
     }
 };
 
-// ln xi along the motion: its slope at the start, and what it adds to the acceleration beside that.
+// ln xi along the motion: its slope at the start, and its other contribution to the acceleration.
 template <int DEGREE> struct LogCurve {
     Composed<DEGREE> curve;
     Lanes slope, weight, beyond;
@@ -203,7 +203,7 @@ template <> struct LogCurve<1> {
     template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes, Lanes) { return rest; }
 };
 
-// The series of the slope of a curve along a motion that is known, from the coefficients of the curve as those of ln xi.
+// The series of the slope of a curve along a computed motion, from the coefficients of ln xi.
 template <int DEGREE>
 __attribute__((always_inline)) inline void find_slope(const Lanes *terms, Lanes from_middle, const Lanes *l,
                                                       Series<0> &g) {

@@ -73,7 +73,9 @@ class Conditioning:
                 f"{self.offset + self.floor:g}, up to {_ANY_READING:g}"
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
-            raise InvalidInputError(f"offset, floor: found {self.offset:g}, {self.floor:g}, expected less than 1e12")
+            raise InvalidInputError(
+                f"offset, floor: found {self.offset:g}, {self.floor:g}, expected |offset| + floor below 1e12"
+            )
         if not self.floor >= _ANY_FLOOR:
             raise InvalidInputError(
                 f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give xi in a smaller unit"

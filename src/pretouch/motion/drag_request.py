@@ -116,7 +116,9 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
     try:
         shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
     except ValueError:
-        raise InvalidInputError(f"drag: shape {np.shape(phi)} does not broadcast with {scenario.shape}") from None
+        raise InvalidInputError(
+            f"drag: found the shape {np.shape(phi)}, which does not broadcast with that of the scenario, {scenario.shape}"
+        ) from None
     request = DragRequest(
         scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
     )

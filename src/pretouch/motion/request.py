@@ -154,7 +154,10 @@ def make_request(
         try:
             shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
         except ValueError:
-            raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
+            raise InvalidInputError(
+                f"gain: found the shape {np.shape(gains)}, which does not broadcast with that of the scenario, "
+                f"{scenario.shape}"
+            ) from None
     relative = scenario.relative_columns()
     return Request(
         scenario=scenario,

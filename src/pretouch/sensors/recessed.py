@@ -57,7 +57,7 @@ class Recessed(SensorModel):
         if not self.maximum_distance > 0:
             raise InvalidInputError(
                 f"recess: found {recess:g} m, which leaves no distance in front of the contact surface: "
-                f"the {self.sensor.name} curve ends at {high:g} m"
+                f"the {self.sensor.name} curve ends at {high:g} m; choose a smaller recess"
             )
         SensorModel.__post_init__(self)
 

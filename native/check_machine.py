@@ -20,7 +20,7 @@ import numpy as np
 import pretouch as pt
 from pretouch._core.native import address
 from pretouch.design.search.compiled import find_gains
-from pretouch.motion.curve import alone, curve_pieces, curve_windows
+from pretouch.motion.curve import curve_pieces, curve_windows, shared_curve
 from pretouch.motion.kernels import contact_times, find_contacts, of_core, solve_series
 
 NATIVE = Path(__file__).resolve().parent
@@ -41,7 +41,7 @@ def cases() -> dict[str, Any]:
     columns = [np.ascontiguousarray(np.broadcast_to(c, (N,)), dtype=np.float64) for c in scenario.relative_columns()]
     inputs, values = [*columns[:8], gain], np.ascontiguousarray(np.stack(columns, axis=1))
     slope = float(sensor.log_slope(0.0))
-    curves = alone(curve_windows(sensor, 0.0, 0.08))
+    curves = shared_curve(curve_windows(sensor, 0.0, 0.08))
     time, status, states = np.empty(N), np.empty(N, dtype=np.int8), np.empty((5, N))
     find_contacts(inputs, slope, 30.0, time, status, states=states)
     lanes = np.empty((6, N))

@@ -2,7 +2,8 @@
 //
 // With l = c_0 + c_1 t + ... and v_k = (k + 1) c_{k+1}, coefficient k of d(ln xi)/dt is g v_k plus a remainder that
 // contains only lower coefficients. The remainder comes from the polynomial sum_j a_j z^j about the present l, with
-// z = l(t) - l(0) = c_1 t + c_2 t^2 + ..., by the Paterson-Stockmeyer scheme: the series of z^2, z^3 and z^4 are computed once, and
+// z = l(t) - l(0) = c_1 t + c_2 t^2 + ..., by the Paterson-Stockmeyer scheme: the series of z^2, z^3 and z^4 are
+// computed once, and
 //
 //     degree 4:   a_1 z + a_2 z^2 + z^2 (a_3 z + a_4 z^2)
 //     degree 12:  a_1 z + ... + a_3 z^3 + z^4 (a_4 + ... + a_7 z^3 + z^4 (a_8 + ... + a_12 z^4))

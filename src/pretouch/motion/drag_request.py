@@ -117,7 +117,7 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
         shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
     except ValueError:
         raise InvalidInputError(
-            f"drag: found the shape {np.shape(phi)}, which does not broadcast with that of the scenario, {scenario.shape}"
+            f"drag: found the shape {np.shape(phi)}, which does not broadcast with the scenario's {scenario.shape}"
         ) from None
     request = DragRequest(
         scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape

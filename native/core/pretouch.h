@@ -102,9 +102,10 @@ PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, const 
 /* ---- designs (lanes_design.cpp) ---- */
 /* inputs: as values above, shape (10, n). slope: g at l = 0. curves: null if that is g everywhere. falling: whether
  * g < 0 at all distances that an encounter may reach. terms: rows of factor * |quantity|^exponent, shape (k, 4): quantity
- * (0 time, 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force), factor in SI, exponent, and 1 if the
- * term is divided by the obstacle's squared speed, else 0. Gains are scale * sinh(u), u from weak to strong, within
- * [low, high]. out: the optimal gains, their objective, and 1 if both are certain, else 0; shape (3, n). */
+ * (0 time, 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force), factor in SI, exponent,
+ * and 1 if the term is divided by the obstacle's squared speed, else 0. Gains are scale * sinh(u), u from
+ * weak to strong, within [low, high]. out: the optimal gains, their objective, and 1 if both are certain, else 0; shape
+ * (3, n). */
 PRETOUCH_API void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
                                       int falling, double horizon, const double *terms, int64_t k, double scale,
                                       double strong, double weak, double low, double high, double *out);

@@ -1,13 +1,13 @@
-"""Builds the compiled core: one plain shared library, by the machine's compiler or, where there is none, by zig's.
+"""Build the compiled core as one shared library, with the machine's compiler or, if there is none, with zig.
 
     python native/build.py            into src/pretouch/_core/
-    python native/build.py --strict   no compiler may warn; a wheel is built without, for the compilers to come
+    python native/build.py --strict   compiler warnings are errors; wheels are built without, for future compilers
     python native/build.py --sanitize with checks of addresses and undefined behavior, into build/native/sanitized/
-    python native/build.py --tidy     nothing is built: clang-tidy reads every source, where it is there
+    python native/build.py --tidy     run clang-tidy on every source, if it is installed; nothing is built
 
-Nothing here needs Python.h, so one library serves every Python. `lanes_*.cpp` are compiled once for each kind of
-processor, and which of them runs is decided when the library is loaded. Objects are kept in build/native/, named after
-all that they are made of, so that only what has changed is compiled again.
+The sources do not need Python.h, so one library serves every Python version. `lanes_*.cpp` are compiled once for each
+kind of processor; the library selects one of them when it is loaded. Objects are cached in build/native/ under a hash
+of their sources and options, so only changed files are compiled again.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from typing import NamedTuple
 
 NATIVE = Path(__file__).resolve().parent
 ZIG = "ziglang>=0.14,<0.18"
-"""What pip brings where the machine has no compiler."""
+"""Requirement that pip installs if the machine has no compiler."""
 
 WARNINGS = "-Wall -Wextra -Wconversion -Wno-psabi"
 LAW = f"-std=c99 -O2 -ffp-contract=off -pedantic {WARNINGS}"
 PLAIN = f"-std=c++20 -O2 -ffp-contract=off -fno-exceptions -fno-rtti -fno-threadsafe-statics {WARNINGS}"
 UNROLLED = {"stiff_step"}
-"""Sources of loops of a known length: -O3 unrolls these."""
+"""Sources whose loops have a constant length, so that -O3 unrolls them."""
 
 LANES = (
     f"-std=c++20 -O2 -fno-math-errno -fno-trapping-math -ffp-contract=fast -fno-exceptions -fno-rtti "
@@ -49,13 +49,13 @@ PROCESSORS = {
 }
 SANITIZED = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g -O1"
 STALE = 7 * 86400.0
-"""Seconds after which an object that was not used again is removed."""
+"""Seconds after which an unused object is removed from the cache."""
 
 SUFFIXES = {"win32": ".dll", "darwin": ".dylib"}
 
 
 class Target(NamedTuple):
-    """A kind of machine: as zig names it with the oldest system that is served, and as a wheel says so."""
+    """A kind of machine: the name in zig, with the oldest supported system, and the platform tag of a wheel."""
 
     triple: str
     tag: str
@@ -71,12 +71,12 @@ TARGETS = {
 
 
 def this_target() -> str:
-    """Name the machine that is built for: this one, or the one that PRETOUCH_TARGET names."""
+    """Return the target machine: this one, or the one that PRETOUCH_TARGET names."""
     return os.environ.get("PRETOUCH_TARGET") or f"{sys.platform}-{platform.machine()}"
 
 
 def compilers() -> tuple[list[str], list[str]] | None:
-    """Find the commands for C and C++; None where zig has to do it."""
+    """Return the commands for C and C++; None if zig must be used."""
     if os.environ.get("PRETOUCH_COMPILER") == "zig" or os.environ.get("PRETOUCH_TARGET") or sys.platform == "win32":
         return None
     if "CC" in os.environ and "CXX" in os.environ:
@@ -88,24 +88,24 @@ def compilers() -> tuple[list[str], list[str]] | None:
 
 
 def library_path(root: Path) -> Path:
-    """Return where the library of a source tree lies."""
+    """Return the path of the library of a source tree."""
     return root / "src/pretouch/_core" / f"libpretouch{SUFFIXES.get(this_target().split('-')[0], '.so')}"
 
 
 def record_path(library: Path) -> Path:
-    """Return where the record of a library lies: size, hash and interface, which Python checks before it loads it."""
+    """Return the path of the record of a library: size, hash and interface, which Python checks before loading."""
     return library.with_name(f"{library.name}.json")
 
 
 def interface() -> str:
-    """Return a hash of the declarations that Python relies on: of both headers, without comments and spaces."""
+    """Return a hash of the declarations on which Python relies: both headers, without comments and spaces."""
     texts = [(NATIVE / name).read_text(encoding="utf-8") for name in ("core/pretouch.h", "law/pretouch_law.h")]
     bare = [" ".join(re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL).split()) for text in texts]
     return hashlib.sha256("\0".join(bare).encode()).hexdigest()[:16]
 
 
 def check_interface() -> str:
-    """Return the hash of the interface; end where Python's side still names another one."""
+    """Return the hash of the interface; exit if the Python side names another one."""
     side, current = NATIVE.parent / "src/pretouch/_core/native.py", interface()
     named = re.search(r'^INTERFACE: Final = "(\w+)"$', side.read_text(encoding="utf-8"), re.MULTILINE)
     if named is None or named[1] != current:
@@ -117,7 +117,7 @@ def check_interface() -> str:
 
 
 def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Path:
-    """Compile every source and link them by the C compiler: no C++ runtime is needed.
+    """Compile every source and link with the C compiler, since no C++ runtime is needed.
 
     Args:
         library: where it is put, with its record.
@@ -140,20 +140,20 @@ def build(library: Path, *, strict: bool = False, sanitize: bool = False) -> Pat
         objects = list(pool.map(lambda job: _compiled(job, kept), jobs))
     _drop_stale(kept, objects)
     library.parent.mkdir(parents=True, exist_ok=True)
-    made = kept / f"{os.getpid()}-{library.name}"  # where a linker may leave more than that
+    made = kept / f"{os.getpid()}-{library.name}"  # a linker may leave further files there
     link = [*cc, "-shared", *(["-fsanitize=address,undefined"] if sanitize else ["-s"] if system != "darwin" else [])]
     _run([*link, *map(str, objects), "-o", str(made), *(["-lm"] if system == "linux" else [])])
     content = made.read_bytes()
     record = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest(), "interface": version}
     noted = made.with_name(f"{made.name}.json")
     noted.write_text(json.dumps(record) + "\n", encoding="utf-8")
-    made.replace(library)  # never a half of it, and a process that has the old one keeps it
+    made.replace(library)  # atomic; a process that uses the old library keeps it
     noted.replace(record_path(library))
     return library
 
 
 def tidy() -> int:
-    """Let clang-tidy read every source as it is compiled, one of a few variants in the last of them.
+    """Run clang-tidy on every source with its compiler options; of several variants only on the last.
 
     Returns:
         How many sources it finds fault with, which it prints.
@@ -169,7 +169,7 @@ def tidy() -> int:
 
 
 def _jobs(compilers: tuple[list[str], list[str]], common: list[str]) -> list[list[str]]:
-    """Return the command that compiles each source, and each variant of those that have some; the source is last."""
+    """Return the command that compiles each source and each of its variants; the source is its last argument."""
     (cc, cxx), machine = compilers, this_target().split("-", 1)[1]
     jobs = [[*cc, *LAW.split(), *common, "-c", str(p)] for p in sorted(NATIVE.glob("law/*.c"))]
     for path in sorted(NATIVE.glob("core/*.cpp")):
@@ -185,17 +185,17 @@ def _jobs(compilers: tuple[list[str], list[str]], common: list[str]) -> list[lis
 
 
 def _drop_stale(kept: Path, used: list[Path]) -> None:
-    """Remove objects that no build of a week has used; each that is used is marked as such."""
+    """Remove objects that no build has used for a week; mark each used object."""
     for path in used:
         path.touch()
     for path in kept.glob("*.o"):
-        with contextlib.suppress(FileNotFoundError):  # another build removes them, too
+        with contextlib.suppress(FileNotFoundError):  # another build may have removed it
             if path.stat().st_mtime < time.time() - STALE:
                 path.unlink()
 
 
 def _zig() -> tuple[list[str], list[str]]:
-    """Return the commands of the compiler that pip brings."""
+    """Return the commands of the compiler that pip installs."""
     known = TARGETS.get(this_target())
     if known is None:
         raise RuntimeError(
@@ -207,7 +207,7 @@ def _zig() -> tuple[list[str], list[str]]:
 
 
 def _compiled(job: list[str], kept: Path) -> Path:
-    """Compile one source, unless it was before."""
+    """Compile one source, unless its object is in the cache."""
     digest = hashlib.sha256("\0".join(job).encode())
     for path in [Path(job[-1]), *sorted(NATIVE.glob("*/*.h")), *sorted(NATIVE.glob("*/*.hpp"))]:
         digest.update(path.read_bytes())
@@ -226,7 +226,7 @@ def _run(command: list[str]) -> None:
 
 
 def main() -> None:
-    """Build in place."""
+    """Build the library in place."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--sanitize", action="store_true", help="check addresses and undefined behavior")
     parser.add_argument("--strict", action="store_true", help="take a warning for an error")

@@ -1,8 +1,8 @@
-"""Runs the kernels on a kind of machine other than x86-64 and compares them with this one.
+"""Run the kernels on another kind of machine than x86-64 and compare the results with those of this machine.
 
     python native/check_machine.py --compiler "zig c++ -target aarch64-linux-musl -static" --run qemu-aarch64
 
-The answers of this machine are written beside their inputs into a program, which is compiled and run.
+The inputs and the results of this machine are written into a program, which is compiled and run on the other machine.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 import pretouch as pt
 from pretouch._core.native import address
 from pretouch.design.search.compiled import find_gains
-from pretouch.motion.curve import alone, curve_pieces, curve_windows
+from pretouch.motion.curve import curve_pieces, curve_windows, shared_curve
 from pretouch.motion.kernels import contact_times, find_contacts, of_core, solve_series
 
 NATIVE = Path(__file__).resolve().parent
@@ -28,7 +28,7 @@ N = 203
 
 
 def cases() -> dict[str, Any]:
-    """Return inputs and answers by the names that check_machine.cpp knows."""
+    """Return inputs and results by the names that check_machine.cpp uses."""
     rng = np.random.default_rng(8)
     sensor = pt.InversePower(scale=1.3e-5, distance_offset=0.0419, exponent=3.32, maximum_distance=0.3)
     scenario = pt.Scenario(
@@ -41,7 +41,7 @@ def cases() -> dict[str, Any]:
     columns = [np.ascontiguousarray(np.broadcast_to(c, (N,)), dtype=np.float64) for c in scenario.relative_columns()]
     inputs, values = [*columns[:8], gain], np.ascontiguousarray(np.stack(columns, axis=1))
     slope = float(sensor.log_slope(0.0))
-    curves = alone(curve_windows(sensor, 0.0, 0.08))
+    curves = shared_curve(curve_windows(sensor, 0.0, 0.08))
     time, status, states = np.empty(N), np.empty(N, dtype=np.int8), np.empty((5, N))
     find_contacts(inputs, slope, 30.0, time, status, states=states)
     lanes = np.empty((6, N))
@@ -72,7 +72,7 @@ def _literal(value: float) -> str:
 
 
 def header(found: dict[str, Any]) -> str:
-    """Write numbers and arrays as C."""
+    """Return numbers and arrays as C code."""
     lines = ["#include <math.h>", "#include <stdint.h>"]
     for name, value in found.items():
         if isinstance(value, np.ndarray):

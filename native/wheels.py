@@ -1,4 +1,4 @@
-"""Builds the wheels of a release: one for each kind of machine, all of them here, by zig.
+"""Build the wheels of a release with zig on this machine, one for each kind of machine.
 
     python native/wheels.py --output dist                  every kind
     python native/wheels.py --output dist linux-aarch64    only that
@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from build import NATIVE, TARGETS
 
-LARGEST = 2**20  # bytes of a wheel
+LARGEST = 2**20  # largest size of a wheel in bytes
 
 
 def build_wheel(target: str, output: Path) -> Path:
@@ -34,7 +34,7 @@ def build_wheel(target: str, output: Path) -> Path:
 
 
 def check(wheel: Path, target: str) -> str:
-    """Say what is in a wheel; end where it is too large, or is not what its name says."""
+    """Print the contents of a wheel; exit if it is too large or does not match its name."""
     with zipfile.ZipFile(wheel) as archive:
         own = [i for i in archive.infolist() if Path(i.filename).name.startswith("libpretouch")]
     libraries = [i for i in own if not i.filename.endswith(".json")]

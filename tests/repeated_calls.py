@@ -17,7 +17,7 @@ import numpy as np
 
 import pretouch as pt
 from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
-from pretouch.motion import request
+from pretouch.motion import parallel
 
 LINE = pt.ExponentialFirstOrder(scale=0.458, rate=-61.0)
 POWER = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
@@ -177,7 +177,7 @@ def bits(call: Callable[[], Any]) -> str:
 
 
 def main(order: str, cores: int) -> None:
-    request._cores = lambda: cores  # type: ignore[assignment]
+    parallel._cores = lambda: cores  # type: ignore[assignment]
     if order == "late":
         for name in reversed(CALLS):
             CALLS[name]()

@@ -1,5 +1,5 @@
-// Which kind of processor this is, and the plain interface of the kernels of lanes: those of it run that were chosen when
-// the library was loaded.
+// C interface of the vectorized kernels. When the library is loaded, the kind of processor is detected and the matching
+// variant of the kernels is selected.
 
 #include "pretouch.h"
 
@@ -35,7 +35,7 @@ constexpr uint32_t FMA = bit(12), SAVES = bit(27);  // leaf 1, ecx: FMA, OSXSAVE
 int best() {
     uint32_t a, b, c, d, low, high;
     if (!__get_cpuid(1, &a, &b, &c, &d) || (c & (FMA | SAVES)) != (FMA | SAVES)) return 0;
-    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));  // which registers the system keeps
+    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));  // which registers the operating system saves
     if ((low & 0x6) != 0x6 || !__get_cpuid_count(7, 0, &a, &b, &c, &d) || (b & AVX2) != AVX2) return 0;
     return (low & 0xe6) == 0xe6 && (b & AVX512) == AVX512 ? 2 : 1;
 }
@@ -54,7 +54,7 @@ int pretouch_choose_variant(int wanted) {
     return chosen = wanted < 0 || wanted > most ? most : wanted;
 }
 
-// ---- encounters of a constant slope ----
+// ---- encounters with a constant slope ----
 
 void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
                               const pretouch_linear *wanted) {

@@ -1,8 +1,8 @@
-// Numbers side by side: as many as one register of the processor holds that this file is compiled for.
+// Vectors of doubles ("lanes") with the width of a register of the processor for which this file is compiled.
 //
-// A kernel is written once, over a type V that is `double` or `Lanes`; the functions below are all that it needs beside
-// the operators. Everything lies in a namespace of the processor (PRETOUCH_VARIANT), and no std:: template is used: what
-// the linker could merge between the variants would bring the wrong instructions to a processor.
+// A kernel is written once for a type V that is `double` or `Lanes`. It needs only operators and the functions below.
+// Everything is in a namespace of the processor (PRETOUCH_VARIANT), and no std:: template is used. Otherwise the linker
+// could merge instances of different variants and use instructions that a processor does not have.
 
 #pragma once
 
@@ -25,7 +25,7 @@ constexpr int WIDTH = 2;
 #endif
 
 typedef double Lanes __attribute__((vector_size(WIDTH * sizeof(double))));
-typedef int64_t Masks __attribute__((vector_size(WIDTH * sizeof(int64_t))));  // all bits of a lane, or none
+typedef int64_t Masks __attribute__((vector_size(WIDTH * sizeof(int64_t))));  // all bits of a lane are set, or none
 
 constexpr double INFINITE = __builtin_inf();
 const double NOT_A_NUMBER = __builtin_nan("");
@@ -38,8 +38,8 @@ static inline Lanes load(const double *from) {
 }
 static inline void store(double *to, Lanes value) { __builtin_memcpy(to, &value, sizeof value); }
 
-// The last lanes of an array of any length: what is not there is as the first. They go through the same instructions as
-// all others, so that a result does not depend on its place.
+// The last lanes of an array of any length; missing lanes repeat the first one. They use the same instructions as all
+// others, so a result does not depend on its position.
 static inline Lanes load(const double *from, int64_t count) {
     if (count >= WIDTH) return load(from);
     Lanes value = all(from[0]);
@@ -57,7 +57,7 @@ static inline Lanes where(Masks condition, Lanes yes, Lanes no) { return conditi
 static inline double absolute(double x) { return __builtin_fabs(x); }
 static inline Lanes absolute(Lanes x) { return (Lanes)((Masks)x & INT64_MAX); }
 
-// the smaller and the larger; the second one where the first is not a number
+// the smaller and the larger number; the second one if the first is NaN
 static inline double least(double x, double y) { return x < y ? x : y; }
 static inline double most(double x, double y) { return x > y ? x : y; }
 #if defined(__AVX512F__)
@@ -77,7 +77,7 @@ static inline Lanes most(Lanes x, Lanes y) { return x > y ? x : y; }
 static inline double root(double x) { return __builtin_sqrt(x); }
 static inline Lanes root(Lanes x) {
 #if defined(__AVX512F__)
-    return (Lanes)_mm512_maskz_sqrt_pd(0xff, (__m512d)x);  // gcc 12 warns of the plain one
+    return (Lanes)_mm512_maskz_sqrt_pd(0xff, (__m512d)x);  // gcc 12 warns about the unmasked function
 #elif defined(__AVX2__)
     return (Lanes)_mm256_sqrt_pd((__m256d)x);
 #elif defined(__x86_64__)
@@ -97,7 +97,7 @@ static inline bool any(Masks condition) {
     return found != 0;
 }
 
-// one bit for each lane in which the condition holds
+// one bit for each lane in which the condition is true
 static inline uint64_t bits(Masks condition) {
 #if defined(__AVX512DQ__)
     return _mm512_movepi64_mask((__m512i)condition);

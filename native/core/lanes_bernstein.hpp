@@ -1,12 +1,12 @@
-// Polynomials on [0, 1], side by side: what they may reach, and their peaks.
+// Bounds and peaks of vectors of polynomials on [0, 1].
 //
-// In Bernstein's form: for s in [0, 1]
+// In Bernstein form, for s in [0, 1],
 //
 //     sum_{k <= 6} a_k s^k = sum_j beta_j B_j(s),  beta_j = sum_{k <= j} a_k C(j, k) / C(6, k),  B_j >= 0, sum B_j = 1,
 //
-// lies between the least and the largest beta, and what follows a_6 s^6 adds to beta_6 at most the sum of its
-// magnitudes, for s^7 <= s^6 = B_6(s). In the form of full degree a polynomial has at least as many changes of sign as
-// it has zeros (Descartes), so that as many zeros of q' as that, found between nine values, are all.
+// lies between the smallest and the largest beta. Terms after a_6 s^6 change beta_6 by at most the sum of their
+// magnitudes, since s^7 <= s^6 = B_6(s). In the form of full degree a polynomial has at most as many zeros as its
+// coefficients have changes of sign (Descartes). If nine values bracket as many zeros of q', these are all.
 
 #pragma once
 
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int PARTS = 8;
 constexpr int LOW_DEGREE = 6;
-constexpr double SMALL = 1e-11;  // of the largest: what a peak is allowed to add unseen
+constexpr double SMALL = 1e-11;  // relative to the largest value: accepted underestimate of a peak
 
 template <int N> struct Polynomial {
     Lanes at[N];  // coefficients
@@ -30,7 +30,7 @@ struct Range {
 
 constexpr double binomial(int n, int k) { return k == 0 ? 1.0 : binomial(n, k - 1) * (n - k + 1) / k; }
 
-// the first N coefficients in Bernstein's form
+// the first N coefficients in Bernstein form
 template <int N, int M> __attribute__((always_inline)) inline Polynomial<N> bernstein(const Polynomial<M> &a) {
     Polynomial<N> found;
     unrolled<0, N>([&](auto k) __attribute__((always_inline)) {
@@ -76,12 +76,12 @@ template <int N> __attribute__((always_inline)) inline Range range_of(const Poly
     return ends(beta, {beta.at[LOW_DEGREE] - rest, beta.at[LOW_DEGREE] + rest}, LOW_DEGREE);
 }
 
-// Where a slope changes its sign: what part of [0, 1] it is, and where the secant puts the zero.
+// A change of sign of a slope: its part of [0, 1], and the zero of the secant.
 struct Turn {
     Lanes left, start;
 };
 
-// Newton's method for a zero of a slope in a part; returns how far the last step went.
+// Newton's method for a zero of a slope in a part; returns the length of the last step.
 template <int N> inline Lanes find_turn(const Polynomial<N> &slope, const Turn &turn, Lanes &s) {
     Lanes change = all(0.0);
     s = turn.start;
@@ -94,14 +94,13 @@ template <int N> inline Lanes find_turn(const Polynomial<N> &slope, const Turn &
     return change;
 }
 
-// The largest magnitudes of polynomials at the zeros of their slopes inside [0, 1]; what is not certain is not a
-// number.
+// The largest magnitudes of polynomials at the zeros of their slopes inside [0, 1]; NaN if uncertain.
 template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> &q) {
     const Polynomial<N - 1> slope = slope_of(q);
     const Lanes zero = all(0.0);
     Turn first = {zero, zero}, last = {zero, zero};
     Lanes found = zero;
-    Lanes here = where(zero < absolute(slope.at[0]), slope.at[0], q.at[2]);  // from rest: the way it bends
+    Lanes here = where(zero < absolute(slope.at[0]), slope.at[0], q.at[2]);  // from rest: by its curvature
     for (int j = 0; j < PARTS; j++) {
         const Lanes next = j + 1 < PARTS ? look_at<N - 2>(slope.at, all((j + 1.0) / PARTS)).value : total(slope);
         const Masks changed = here * next < 0.0, is_first = changed & (found < 0.5);
@@ -128,7 +127,7 @@ template <int N> __attribute__((noinline)) Lanes find_peaks(const Polynomial<N> 
     return where((doubt < 1e-6) & (found < 2.5) & (extra < 0.5), largest, all(NOT_A_NUMBER));
 }
 
-// The largest magnitudes on [0, 1], in halves of it where nothing less is certain.
+// The largest magnitudes on [0, 1]; halves are searched if the whole interval is uncertain.
 template <int N> Lanes largest(const Polynomial<N> &q, Lanes so_far, int halvings) {
     const Lanes found = most(most(absolute(q.at[0]), absolute(total(q))), so_far);
     const Range range = range_of(slope_of(q));

@@ -1,19 +1,18 @@
-// Encounters side by side, from the first step to the contact; what is not proved is left open.
+// Vectorized Taylor steps of many encounters from the start to the contact; unproved contacts are left open.
 //
-// As many encounters at a time as there are lanes take Taylor steps, each with its own time, its own step and its own
-// window of its curve. The windows of all curves lie in one table, and each encounter knows which are its own. An
-// encounter that ends makes room for the next at once: no lane waits for another, and no result depends on what the
-// other lanes hold. Encounters that reach the contact wait in a second set of rows until that is full, to be finished
-// together.
+// Each lane holds one encounter with its own time, step and window of its curve. One table holds the windows of all
+// curves, and each encounter stores which rows belong to its curve. When an encounter ends, the next one takes its lane
+// at once: no lane waits for another, and no result depends on the other lanes. Encounters that reach the contact wait
+// in a second set of rows until that is full; they are then finished together.
 //
-// What is proved. On each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) bounds dl/ds from
-// above. A step counts only where that bound is negative: then l falls all along, its value at the end decides whether
-// it passed 0, and the first zero is the only one. Where the bound fails the step is shortened; where that does not
+// What is proved: on each step, t = length * s with s in [0, 1], the sum b_1 + sum_k max(0, k b_k) is an upper bound of
+// dl/ds. A step is accepted only if this bound is negative. Then l falls during the whole step, its value at the end
+// decides whether it passed 0, and the first zero is the only one. Otherwise the step is shortened; if that does not
 // help, the encounter is left open.
 //
-// What is estimated. The last coefficient of each step, as an error of l and of l', is carried to the contact
-// (undamped, or growing, or strengthened by a damping that fades), and divided by |l'|. Above 1e-10 of the time the
-// encounter is left open.
+// What is estimated: the last coefficient of each step is taken as an error of l and of l'. It is propagated to the
+// contact (undamped, growing, or amplified by a decreasing damping) and divided by |l'|. If the result exceeds 1e-10 of
+// the time, the encounter is left open.
 
 #pragma once
 
@@ -26,12 +25,12 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double LARGEST_DOUBT = 1e-10;  // of the time; 1e-9 is promised
-constexpr double ROUGHLY = 1e-5;         // of a step: Newton's last move to the next window; what is left is its square
-constexpr int MOST_CUTS = 4;             // of one step before it is taken for a turn
+constexpr double LARGEST_DOUBT = 1e-10;  // of the time; the documented accuracy is 1e-9
+constexpr double ROUGHLY = 1e-5;         // of a step: last Newton correction at a border; the error is its square
+constexpr int MOST_CUTS = 4;             // cuts of one step before it counts as a turning point
 constexpr int8_t CONTACT = 0, OPEN = -1;
 
-// What is asked for, and where it is written: rows of n numbers; gradients and peaks where their kind is wanted.
+// Output arrays: rows of n numbers; gradients and peaks are optional.
 struct Request {
     const pretouch_column *inputs, *reference;
     int64_t n;
@@ -44,7 +43,7 @@ struct Nothing {};
 template <class A, class B> constexpr bool SAME = false;
 template <class A> constexpr bool SAME<A, A> = true;
 
-// A motion and what is followed beside it: Nothing, Responses or Demands.
+// A motion with additional quantities: Nothing, Responses or Demands.
 template <class Beside> struct Work {
     Motion motion;
     Beside beside;
@@ -94,13 +93,13 @@ template <int DEGREE, class Beside> class Block {
     const DemandsOut demands;
     Work<Beside> work, queue;
     Room room;
-    int64_t owner[WIDTH], owners[WIDTH];              // which encounter is in a lane, and which waits
-    int64_t place[WIDTH], first[WIDTH], last[WIDTH];  // its window, and those of its curve
+    int64_t owner[WIDTH], owners[WIDTH];              // index of the encounter in each lane, and of those that wait
+    int64_t place[WIDTH], first[WIDTH], last[WIDTH];  // its window, and the windows of its curve
     int cuts[WIDTH], waiting = 0;
     int64_t following = 0, hint = 0;
     uint64_t active = 0;
 
-    // Let the next encounters take the lanes that are free.
+    // Assign the next encounters to the free lanes.
     void fill() {
         while (active != EVERY && following < ask.n) {
             if (begin(following, __builtin_ctzll(~active))) active |= active + 1;
@@ -108,7 +107,7 @@ template <int DEGREE, class Beside> class Block {
         }
     }
 
-    // Let an encounter take a lane; return whether it is one that may reach the sensor within its curve.
+    // Assign an encounter to a lane; return whether it may reach the sensor within its curve.
     bool begin(int64_t i, int lane) {
         const pretouch_column *in = ask.inputs;
         const double m = number(in[0], i), d = number(in[1], i), k = number(in[2], i), x0 = number(in[3], i);
@@ -179,7 +178,7 @@ template <int DEGREE, class Beside> class Block {
         if (m.state.distance[lane] < m.leave[lane]) taken.late |= 1ULL << lane;
     }
 
-    // Carry the responses; return the lanes whose step was not short enough for them: it is taken back.
+    // Propagate the responses; return the lanes whose step was too long for them and is undone.
     uint64_t carry(const State &before, Taken &taken) {
         Motion &m = work.motion;
         uint64_t rough = ~carry_responses<DEGREE>(m, work.beside, before.time, chosen(taken.moved)) & active;
@@ -189,7 +188,7 @@ template <int DEGREE, class Beside> class Block {
                 rough &= ~(1ULL << lane);
                 continue;
             }
-            if (taken.moved >> lane & 1) {  // the motion is right, the responses are not
+            if (taken.moved >> lane & 1) {  // the motion is accurate, the responses are not
                 copy_lane(&m.state, lane, &before, lane, sizeof before);
                 cuts[lane] = 0;
             }
@@ -201,7 +200,7 @@ template <int DEGREE, class Beside> class Block {
         return rough;
     }
 
-    // Let a lane read the windows below.
+    // Switch a lane to a lower window.
     void descend(int lane) {
         int64_t index = place[lane];
         while (index > first[lane] && work.motion.state.distance[lane] <= windows[index][LEAVE]) index--;
@@ -213,11 +212,11 @@ template <int DEGREE, class Beside> class Block {
         enter_window<DEGREE>(windows[index], index == first[lane], work.motion, lane);
     }
 
-    // Decide about a lane whose step did not count; return whether it takes another.
+    // Handle a lane whose step was rejected; return whether it tries another step.
     bool goes_on(int lane) {
         Motion &m = work.motion;
         const double end = m.end[lane], bound = m.bound[lane], length = m.length[lane], change = m.b[1][lane];
-        if (m.cap[lane] == NEVER) cuts[lane] = 0;  // the last step counted
+        if (m.cap[lane] == NEVER) cuts[lane] = 0;  // the last step was accepted
         if (!(m.steps[lane] < MOST_STEPS)) return false;
         if (bound < MOST_NEGATIVE * absolute(change)) {
             if (end <= 0.0 && place[lane] == first[lane]) {
@@ -232,7 +231,7 @@ template <int DEGREE, class Beside> class Block {
         if (!(bound < INFINITE && cuts[lane] < MOST_CUTS)) return false;
         cuts[lane]++;
         if (place[lane] + 1 < last[lane] && m.state.distance[lane] > windows[place[lane] + 1][LEAVE]) {
-            enter(lane, place[lane] + 1);  // l may rise: the window above has room
+            enter(lane, place[lane] + 1);  // l may rise: use the window above
         } else {
             const double spare = change / (change - bound);
             m.cap[lane] = length * (0.8 < spare && spare < 1 ? 0.95 * spare : 0.7);
@@ -246,7 +245,7 @@ template <int DEGREE, class Beside> class Block {
         for (size_t k = 0; k < size / sizeof(double); k += WIDTH) target[k] = source[k];
     }
 
-    // Let an encounter wait for its contact to be found.
+    // Queue an encounter whose contact must be found.
     void let_wait(int lane) {
         const bool whole = HAS_GRADIENTS || HAS_DEMANDS;
         copy_lane(&queue, waiting, &work, lane, whole ? sizeof work : COPIED * sizeof(Lanes));
@@ -254,7 +253,7 @@ template <int DEGREE, class Beside> class Block {
         if (++waiting == WIDTH) finish();
     }
 
-    // Find the contacts of the encounters that wait, and write them.
+    // Find and write the contacts of the queued encounters.
     __attribute__((noinline)) void finish() {
         Motion &m = queue.motion;
         const Contacts found = find_in_step(m);

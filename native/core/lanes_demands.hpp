@@ -1,10 +1,9 @@
-// The largest demands along the steps of encounters side by side.
+// The largest demands on the robot along the Taylor steps of many encounters.
 //
-// Over a step all demands are polynomials q(s), s in [0, 1]: with y = -x~ those of y, y shifted by the reference, y',
-// y'' and F_p. What each reaches at the ends of the steps is kept. It can reach more inside a step only where q'
-// changes its sign, and then at most by the smaller of max q' and max -q'. These two are bounded in Bernstein's form. A
-// polynomial for which that does not settle the matter waits until there are as many as there are lanes, to have its
-// peak found by find_peaks.
+// During a step all demands are polynomials q(s), s in [0, 1]: with y = -x~ those of y, y shifted by the reference, y',
+// y'' and F_p. Their values at the ends of the steps are recorded. Inside a step q can be larger only if q' changes its
+// sign, and then by at most the smaller of max q' and max -q'. These two are bounded in Bernstein form. If the bounds
+// do not suffice, the polynomial waits until all lanes are filled; find_peaks then finds its peak.
 
 #pragma once
 
@@ -16,19 +15,19 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 constexpr int TERMS_OF_PEAK = ORDER + 1;
-constexpr double SPARE = 64.0;  // steps are as short as a tolerance smaller by this makes them: derivatives lose digits
+constexpr double SPARE = 64.0;  // factor by which the tolerance of steps is reduced, since derivatives lose digits
 constexpr double PEAK_ROUNDING = 1e-14;
-// Of the largest; estimates are last terms kept, those left out are 1/16.
+// Relative to the largest value; estimates are the last terms used, omitted terms are 1/16 of them.
 constexpr double DOUBT = 2e-10, STEEP_DOUBT = 5e-10;
 
 enum { EXCURSION, TRAVEL, OWN_SPEED, OWN_ACCELERATION, FORCE, PEAKS };
 
-// What is kept beside a motion.
+// Quantities that are recorded with a motion.
 struct Demands {
     Lanes mass, first_speed, drift, pull, x0;  // l' at the start, velocity and acceleration of the reference, x~(0)
     Lanes best[PEAKS], tail_speed, tail_bend, terms_of_force;
 
-    // Begin in a lane.
+    // Start in a lane.
     void start(int lane, double m, double speed, double x, double velocity, double acceleration) {
         mass[lane] = m;
         first_speed[lane] = speed;
@@ -40,19 +39,19 @@ struct Demands {
     }
 };
 
-// The demands of one step, and in which lanes each may have its peak inside it.
+// The demands of one step, and the lanes in which each may have a peak inside it.
 struct StepDemands {
     Polynomial<TERMS_OF_PEAK> of[PEAKS];
     uint64_t inside[PEAKS];
 };
 
-// The step that is looked at: in which lanes it counts.
+// The examined step and the lanes in which it was accepted.
 struct Watched {
     Masks moved;
     StepDemands &to;
 };
 
-// Keep what a polynomial reaches at both ends, and itself; return it at the end.
+// Record a polynomial and its values at both ends; return the value at the end.
 template <int N>
 __attribute__((always_inline)) inline Lanes keep(const Watched &step, Demands &d, int row, const Polynomial<N> &q,
                                                  const Polynomial<N - 1> &slope, Lanes unit) {
@@ -91,7 +90,7 @@ __attribute__((always_inline)) inline void look_at_paths(const Motion &m, const 
     travel.at[2] = y.at[2] - d.pull * 0.5 * square;
 }
 
-// Look at one step.
+// Examine one step.
 template <bool IS_LINE>
 __attribute__((noinline)) void look_at_step(const Motion &m, Demands &d, Lanes start, const Watched &step) {
     const Lanes length = m.length, one = all(1.0), inverse = one / length, square = inverse * inverse;
@@ -126,19 +125,19 @@ __attribute__((noinline)) void look_at_step(const Motion &m, Demands &d, Lanes s
     }
 }
 
-// Demands where they are written, rows of n numbers.
+// Output arrays of the demands, rows of n numbers.
 struct DemandsOut {
     double *at;
     int64_t n;
 
-    // Keep the larger; what is not a number stays none.
+    // Keep the larger value; NaN stays NaN.
     void raise_to(int row, int64_t i, double value) const {
         double &kept = at[row * n + i];
         if (value > kept || value != value) kept = value;
     }
 };
 
-// Polynomials that wait to have their peaks found.
+// Queue of polynomials whose peaks must be found.
 struct Room {
     Polynomial<TERMS_OF_PEAK> waiting;
     Lanes unit;
@@ -154,17 +153,17 @@ struct Room {
     }
 };
 
-// How many coefficients a demand has, and how often it was differentiated.
+// Number of coefficients of a demand, and its order of differentiation.
 constexpr int differentiated(int row, bool is_line) {
     return row < OWN_SPEED ? 0 : row == OWN_SPEED || (row == FORCE && is_line) ? 1 : 2;
 }
 
-// what the polynomial of the force is to be multiplied with: it is l' on a line, else F_p / M
+// factor of the polynomial of the force, which is l' for a constant slope, else F_p / M
 template <bool IS_LINE> double force_factor(const Motion &m, const Demands &d, int lane) {
     return d.mass[lane] * (IS_LINE ? absolute(m.gain[lane] * m.terms[1][lane]) : 1.0);
 }
 
-// Keep the demands of the step that was taken; send those with a peak inside it to be settled.
+// Record the demands of an accepted step; queue those with a peak inside it.
 template <bool IS_LINE>
 void follow_demands(const Motion &m, Demands &d, Lanes start, Masks moved, const int64_t *owners, Room &room,
                     const DemandsOut &out) {
@@ -187,11 +186,11 @@ void follow_demands(const Motion &m, Demands &d, Lanes start, Masks moved, const
     }
 }
 
-// Write the demands of an encounter that has reached its contact, where they are known well enough.
+// Write the demands of an encounter that has reached its contact, if they are accurate enough.
 template <bool IS_LINE>
 void write_demands(const Motion &m, const Demands &d, int lane, double time, int64_t i, const DemandsOut &out) {
     const double v = m.velocity[lane], a = m.acceleration[lane];
-    // what rounding leaves of quantities that are differences of larger ones, on the guaranteed path as well
+    // rounding error of quantities that are differences of larger ones, also on the guaranteed path
     const double approach = 2 * absolute(v) + absolute(d.first_speed[lane]) + absolute(a) * time;
     const double speed = PEAK_ROUNDING * (approach + absolute(d.drift[lane]));
     const double way = PEAK_ROUNDING * (absolute(m.position[lane]) + absolute(d.x0[lane])) + speed * time;

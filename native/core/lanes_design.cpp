@@ -1,15 +1,15 @@
 // The search for one optimal gain per encounter: a scan, a proof of what it leaves out, and a polish.
 //
-// Gains are scanned from the weakest to the strongest, equally spaced in u = asinh(D_p / s), and more are put between them
-// until the others predict every second one. If one minimum then lies inside, the objective is interpolated at eight nodes
-// close to it.
+// Gains are scanned from the weakest to the strongest, equally spaced in u = asinh(D_p / s). The spacing is halved until
+// interpolation between the other gains predicts every second objective. If there is then one minimum inside the scan, the
+// objective is interpolated at eight nodes close to it.
 //
-// Where a scan may end. If g < 0, D^2 >= 4 M K, v < 0, a <= 0 and -D v - K x_0 >= sigma (u_0 - v) > 0, with sigma the
+// When a scan may end: if g < 0, D^2 >= 4 M K, v < 0, a <= 0 and -D v - K x_0 >= sigma (u_0 - v) > 0, with sigma the
 // smaller root of sigma^2 - D sigma + M K, then l falls until contact for every mitigating gain, and of two gains the
 // stronger touches later (proved in docs/fast-designs.md). A term of the objective that grows with the time of contact
-// (the time itself; the displacement, which at contact is p + v t + a t^2 / 2, once that is negative) is therefore a lower
-// bound for all stronger gains; where that exceeds the best objective found, no stronger gain can be the optimum, and none
-// is solved.
+// is therefore a lower bound for all stronger gains. Such terms are the time itself, and the displacement at contact,
+// p + v t + a t^2 / 2, once it is negative. If this bound exceeds the best objective so far, no stronger gain can be the
+// optimum, and none is solved.
 
 
 #include <math.h>
@@ -22,22 +22,22 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 enum { MASS, DAMPING, STIFFNESS, X0, U0, P, V, A, OWN_V, OWN_A, INPUTS };
-enum { TIME, DISPLACEMENT, VELOCITY, ACCELERATION, RELATIVE_VELOCITY, FORCE };  // what terms may speak of
+enum { TIME, DISPLACEMENT, VELOCITY, ACCELERATION, RELATIVE_VELOCITY, FORCE };  // quantities of the terms
 constexpr int STATES = 6;
 
 constexpr int FIRST = 17;  // gains of the first scan
 constexpr int LARGEST = 129;
-constexpr double WIDEST = 0.5;  // of u between two of them
-constexpr int PART = 2;  // gains that are solved at a time where the next may not be needed
-constexpr double HALF = 0.05;  // of u around the minimum, at first
+constexpr double WIDEST = 0.5;  // largest spacing in u
+constexpr int PART = 2;  // gains per call if the next ones may not be needed
+constexpr double HALF = 0.05;  // initial half width in u around the minimum
 constexpr int MOVES = 8;
 
-// factor * |quantity|^exponent, divided by the obstacle's squared speed where it follows that
+// factor * |quantity|^exponent, divided by the obstacle's squared speed if the term is relative to it
 struct Term {
     double quantity, factor, exponent, follows;
 };
 
-// The gains that come into question, as parts of the way from the weakest to the strongest.
+// The allowed gains, as fractions of the range from the weakest to the strongest.
 struct Axis {
     double scale, strong, weak, low, high;
 
@@ -46,18 +46,18 @@ struct Axis {
     }
 };
 
-// One encounter and what is asked of it.
+// One encounter and its objective.
 struct Encounter {
     double inputs[INPUTS];
-    double slope;  // g at l = 0; everywhere, without curves
+    double slope;  // g at l = 0, or everywhere if there are no curves
     const pretouch_curves *curves;
     double horizon;
     const Term *terms;
     int64_t count;
-    double states[STATES * LARGEST];  // of the gains that were solved last, so many a row
+    double states[STATES * LARGEST];  // of the gains that were solved last, LARGEST per row
     int64_t solved;
 
-    // Solve it for some gains; return how many contacts are proved before one is not.
+    // Solve it for some gains; return the number of proved contacts before the first open one.
     int64_t solve(const double *gains, int64_t n) {
         pretouch_column columns[9];
         for (int i = 0; i < 8; i++) columns[i] = {inputs + i, 0};
@@ -74,7 +74,7 @@ struct Encounter {
         return n;
     }
 
-    // The objective of the i-th of the gains that were solved last, or the part of it that grows with the time of contact.
+    // The objective of the i-th gain that was solved last, or its part that grows with the time of contact.
     double weigh(int64_t i, double gain, bool growing) const {
         const double time = states[i], displacement = states[solved + i];
         double total = 0.0;
@@ -92,7 +92,7 @@ struct Encounter {
         return total;
     }
 
-    // Fill f with the objective of some gains; return how many contacts are proved before one is not.
+    // Fill f with the objective of some gains; return the number of proved contacts before the first open one.
     int64_t appraise(const double *gains, int64_t n, double *f) {
         const int64_t proved = solve(gains, n);
         // solve filled what is weighed: NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage)
@@ -114,13 +114,13 @@ struct Encounter {
 struct Scan {
     Encounter &encounter;
     const Axis &axis;
-    int count = FIRST;  // of gains on the whole axis
-    int used = 0;  // of them, until no stronger one is needed
+    int count = FIRST;  // number of gains on the whole axis
+    int used = 0;  // number of needed gains
     double f[LARGEST];
 
     Scan(Encounter &of, const Axis &along) : encounter(of), axis(along) {}
 
-    // After how many gains it may end, an odd number; 0 where it has to go on. Those from `start` on were solved last.
+    // After how many gains the scan may end, an odd number; 0 if it must continue. Gains from `start` on were solved last.
     int last_needed(const double *gains, int start, int reached) const {
         double lowest = INFINITY;
         for (int i = 0; i < reached; i++) {
@@ -131,7 +131,7 @@ struct Scan {
         return 0;
     }
 
-    // Appraise gains from the weakest to the strongest that is needed; tell whether all contacts are proved.
+    // Evaluate gains from the weakest to the strongest that is needed; return whether all contacts are proved.
     bool run(bool falling) {
         while (fabs(axis.strong - axis.weak) > WIDEST * (count - 1) && 2 * count - 1 <= LARGEST) count = 2 * count - 1;
         double gains[LARGEST];
@@ -140,7 +140,7 @@ struct Scan {
         for (int reached = 0; reached < count;) {
             const int start = reached;
             int following = count;
-            if (encounter.curves && early) {  // strong gains make stiff motions
+            if (encounter.curves && early) {  // strong gains cause stiff motions
                 following = reached + (reached ? PART : LEAST);
                 if (following > count) following = count;
             }
@@ -152,7 +152,7 @@ struct Scan {
         return true;
     }
 
-    // Put a gain between each two; tell whether that was possible.
+    // Insert a gain between each two; return whether that was possible.
     bool refine() {
         count = 2 * count - 1;
         const int gaps = used - 1;
@@ -172,7 +172,7 @@ struct Optimum {
     bool certain;
 };
 
-// Interpolate the objective close to the best node of a scan.
+// Interpolate the objective near the best node of a scan.
 Optimum polish(Encounter &encounter, const Scan &scan, int best) {
     const Axis &axis = scan.axis;
     const double range = axis.strong - axis.weak, step = range / (scan.count - 1);

@@ -1,4 +1,4 @@
-// One encounter of the guaranteed path, step by step: a lane of Taylor steps at rounding, or a long step of a stiff motion.
+// One encounter of the guaranteed path: Taylor steps with errors at rounding level, or long steps of a stiff motion.
 
 #pragma once
 
@@ -13,34 +13,34 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-enum Status : int64_t { CONTACT, NO_CONTACT, LATE, LEFT_RANGE, UNRESOLVED };  // the numbers of ContactStatus
+enum Status : int64_t { CONTACT, NO_CONTACT, LATE, LEFT_RANGE, UNRESOLVED };  // integer values of ContactStatus
 
 constexpr int DEGREE = LARGEST_DEGREE;  // of ln xi; that of a piece is less
-constexpr double LEFT_OUT = 1e-16;      // of l': what a step may leave out of it
-constexpr double SLOW = 1e-6;           // of l over a step: an l' that moves less need not be known better
-constexpr double SHORTEST_UNIT = 1e-150;  // [s]: its square is a number
-constexpr double LEFT_ALONE = 1e-13;  // of the largest value of a response, per step
-constexpr int HALVINGS = 6;           // of a step, until its peaks are certain
+constexpr double LEFT_OUT = 1e-16;      // of l': largest truncation error of a step
+constexpr double SLOW = 1e-6;           // of l over a step: if l' moves l by less, it need not be more accurate
+constexpr double SHORTEST_UNIT = 1e-150;  // [s]: its square does not underflow
+constexpr double LEFT_ALONE = 1e-13;  // of the largest value of a response: truncation error per step
+constexpr int HALVINGS = 6;           // of a step, to make its peaks certain
 
-// Where a motion is asked for: ascending times, and TRACE_COLUMNS of motion/layout.py for each.
+// Output of a sampled motion: ascending times, and TRACE_COLUMNS of motion/layout.py for each.
 struct Samples {
     const double *times;
     int64_t count;
     double (*trace)[4];
 };
 
-// What is followed beside a motion, and the coefficients in z of what a parameter adds to g on each piece, if any.
+// Quantities that are integrated with a motion, and the coefficients in z of dg/d(parameter) on each piece, if any.
 struct Followed {
     Responses responses;
     const double *shape;
 };
 
-// One encounter on its way.
+// State of one encounter.
 struct Encounter {
     const Values &m;
     const double gain;
     const Curve curve;
-    const double horizon;  // when to give up [s]
+    const double horizon;  // longest time [s]
     Samples samples;
     Followed *beside;
     Course &row;
@@ -48,8 +48,8 @@ struct Encounter {
     int64_t index = 0;  // of the piece
     Piece piece = {};
     double time = 0, l, speed;
-    double start, taylor = 0, longest = INFINITY;  // l there; length of the last Taylor step; what the responses allow
-    bool alone, never = false;  // whether nothing drives l but itself; whether it is proved never to arrive
+    double start, taylor = 0, longest = INFINITY;  // initial l; last Taylor step; longest step for the responses
+    bool alone, never = false;  // whether no external motion drives l; whether it is proved never to reach contact
     Pace pace = {0, PATIENCE, PATIENCE, 0};
     Motion motion = {};
     double b[ORDER + 1], force[ORDER], unit = 0;  // the series of l and of d ln xi / dt, and the unit of its time [s]
@@ -73,7 +73,7 @@ struct Encounter {
     Status run();
 };
 
-// Let the terms of a curve be those of ln xi, from what g, or a change of it, is on a piece.
+// Set the terms of a curve to those of ln xi, from the polynomial of g, or of a change of g, on a piece.
 inline void set_terms(const double *g, int64_t count, double half, Lanes *terms) {
     double power = 1;
     for (int64_t j = 0; j < count; j++) {
@@ -114,13 +114,13 @@ inline Encounter::Encounter(const Values &values, double strength, const pretouc
     row.settling_distance = m.v == 0 && m.a == 0 && m.stiffness > 0 && gain <= 0 ? m.p : INFINITY;
 }
 
-// What an error of l [m] is to be small beside: l at the start, unless all that l consists of has gone.
+// Reference of errors of l [m]: the initial l, unless all parts of l have decayed.
 inline double Encounter::scale() const {
     const double path = fabs(m.p) + (fabs(m.v) + fabs(m.a) / 2 * time) * time;
     return larger(l, smaller(start, path));
 }
 
-// The largest part of the unit at which the series of l and of l' are at rounding beside their scales.
+// The largest part of the unit for which the truncation errors of l and l' are at rounding level.
 inline double Encounter::reach() const {
     const double size = larger(larger(fabs(b[1]), fabs(b[2])), SLOW * scale());
     double found = 2;
@@ -132,7 +132,7 @@ inline double Encounter::reach() const {
     return found;
 }
 
-// Find the series of the next step; returns the largest part of its unit at which it holds.
+// Compute the series of the next step; return the largest part of its unit for which it is accurate.
 inline double Encounter::expand_step() {
     const Borders used = curve.borders(index, 0);
     const double way = speed < 0 ? l - used.low : used.high - l, left = horizon - time;
@@ -161,7 +161,7 @@ inline double Encounter::expand_step() {
     return smaller(tau, smaller(left, longest) / unit);
 }
 
-// Let the series be those of a part of the step, which is then the unit.
+// Rescale the series to a part of the step, which becomes the unit.
 inline void Encounter::cut(double tau) {
     double power = 1;
     for (int k = 0; k <= ORDER; k++) {
@@ -173,7 +173,7 @@ inline void Encounter::cut(double tau) {
     motion.length = all(unit);
 }
 
-// Carry the responses over a step, or over as much of it as they allow.
+// Propagate the responses over a step, or over the part for which they are accurate.
 inline void Encounter::carry(Accepted &step) {
     Responses &r = beside->responses;
     const auto carried = beside->shape ? carry_responses<DEGREE, SHAPED> : carry_responses<DEGREE>;
@@ -189,7 +189,7 @@ inline void Encounter::carry(Accepted &step) {
     }
 }
 
-// Fill the trace at what times lie in the step.
+// Fill the trace at the times inside the step.
 inline void Encounter::sample(double tau) {
     for (; samples.count > 0 && *samples.times <= time + unit * tau; samples.count--) {
         const double t = *samples.times++;
@@ -202,7 +202,7 @@ inline void Encounter::sample(double tau) {
     }
 }
 
-// Raise the largest and lower the smallest quantities over one step, and add to the integral of x~.
+// Update the largest and smallest quantities and the integral of x~ for one step.
 inline void Encounter::keep_extremes(double tau) {
     enum { NEAR, EXCURSION, TRAVEL, SPEED, ACCELERATION, FORCE, KEPT };
     double q[ORDER + 1][8] = {}, far = 0, area = 0, power = 1;
@@ -237,7 +237,7 @@ inline void Encounter::keep_extremes(double tau) {
     row.displacement_integral += area * unit;
 }
 
-// Write the state at the end of a step, and go there.
+// Write the state at the end of a step, and continue from there.
 inline void Encounter::finish(double tau, double end) {
     const Point<double> last = look_at(b, tau);
     time += unit * tau;

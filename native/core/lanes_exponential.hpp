@@ -1,8 +1,8 @@
-// Exponential and logarithm of numbers side by side.
+// Vectorized exponential and logarithm.
 //
-// exp is the usual reduction x = n ln 2 + r, |r| <= ln 2 / 2, with a polynomial in r and 2^n put together from its
-// bits. The polynomial is kept as p(r) in e^r = 1 + r + r^2 p(r): near zero, where e^x - 1 and the quotients of
-// closed forms lose their digits, its parts are these quotients themselves,
+// exp uses the common reduction x = n ln 2 + r, |r| <= ln 2 / 2, a polynomial in r, and 2^n assembled from its bits.
+// The polynomial is p(r) in e^r = 1 + r + r^2 p(r). Near zero, where e^x - 1 and the quotients of closed forms lose
+// digits, its parts are these quotients:
 //
 //     phi_1(x) = (e^x - 1) / x = 1 + x phi_2(x),   phi_2(x) = p(x),   phi_3(x) = (p(x) - 1/2) / x.
 
@@ -19,7 +19,7 @@ struct Exponential {
 struct ExponentialParts {
     Lanes value, rest;     // e^x and 1 - e^x
     Lanes second, third;   // phi_2(x) and phi_3(x)
-    Masks near;            // whether these two hold: near zero, above -0.34
+    Masks near;            // whether these two are valid: near zero, above -0.34
 };
 
 namespace exponents {
@@ -39,7 +39,7 @@ struct Reduced {
     Lanes n, r, power;  // 2^n
 };
 
-static inline Lanes not_below_lowest(Lanes x) { return where(x < LOWEST, all(LOWEST), x); }  // a nan stays one
+static inline Lanes not_below_lowest(Lanes x) { return where(x < LOWEST, all(LOWEST), x); }  // NaN stays NaN
 
 static inline Reduced reduced(Lanes x) {
     const Lanes shifted = x * LOG2E + SHIFT, n = shifted - SHIFT;
@@ -62,7 +62,7 @@ static inline Exponential exponential(Lanes x) {
     return put_together(power, r + s * p);
 }
 
-// The same, with what tells small x from zero.
+// The same, with the quotients that resolve small x.
 static inline ExponentialParts exponential_parts(Lanes x) {
     using namespace exponents;
     const auto [n, r, power] = reduced(not_below_lowest(x));
@@ -74,7 +74,7 @@ static inline ExponentialParts exponential_parts(Lanes x) {
     return {value, rest, second, third, n == 0.0};
 }
 
-// e^x and 1 - e^x for x <= 0 to some 1e-6 of themselves: for the first step of an iteration.
+// e^x and 1 - e^x for x <= 0 with relative errors of about 1e-6, for the first step of an iteration.
 static inline Exponential rough_exponential(Lanes x) {
     using namespace exponents;
     x = not_below_lowest(x);
@@ -83,7 +83,7 @@ static inline Exponential rough_exponential(Lanes x) {
     return put_together((Lanes)(((Words)shifted + 1023) << 52), r + s * ((P0 + P1 * r) + (P2 + P3 * r) * s));
 }
 
-// ln(1 + x) for x >= 0 to 1e-9 of itself, small ones included: for a place, not for a value.
+// ln(1 + x) for x >= 0 with a relative error of 1e-9, also for small x: accurate enough for the place of a peak.
 static inline Lanes rough_logarithm(Lanes x) {
     using namespace exponents;
     constexpr uint64_t of_2_to_52 = 0x433ull << 52;

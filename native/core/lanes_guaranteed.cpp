@@ -1,9 +1,9 @@
-// Integrate L(1) with L(2) for any sensor curve by Taylor series, and find the first contact in them: one encounter at a
-// time, in lanes that are all alike.
+// Integrate L(1) with the virtual force L(2) for any sensor curve by Taylor series, and find the first contact. One
+// encounter is solved at a time, with equal values in all lanes.
 //
-// Each step is a polynomial whose error is at rounding (lanes_taylor.hpp); it is accepted only when its coefficients prove
-// what l does on it (lanes_proof.hpp), so that a border, the contact among them, is never passed twice unseen.
-// Touches, and motions that come to zero but never arrive there, are told by pieces.hpp.
+// Each step is a polynomial with an error at rounding level (lanes_taylor.hpp). It is accepted only if its coefficients
+// prove the course of l (lanes_proof.hpp), so that no pair of crossings of a border or the contact is missed. The rules
+// of pieces.hpp detect touches and motions that decay to zero without contact.
 
 #include <string.h>
 
@@ -14,13 +14,13 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr int64_t MOST_TAKEN = 4000;  // some thousandths of a second; then a motion is given up
+constexpr int64_t MOST_TAKEN = 4000;  // a few milliseconds; then the motion is unresolved
 constexpr int64_t PER_PIECE = 16;     // further steps for each piece of the curve
-constexpr int64_t MOST_FOLLOWED = 30000;  // what is stiffer is differentiated by differences
-constexpr double VANISHED = 1e-280;   // of l at the start: a motion about l = 0 that is below it has come to rest
+constexpr int64_t MOST_FOLLOWED = 30000;  // stiffer motions have no exact derivatives
+constexpr double VANISHED = 1e-280;   // of the initial l: smaller motions about l = 0 count as rest
 constexpr int INPUTS = 9;
 
-// How far [m] an l that is left alone may still be from its resting place.
+// Upper bound of the distance [m] of an undriven l from its resting place.
 double Encounter::rest(double damping) const {
     if (m.stiffness == 0) return damping > 0 ? fabs(speed) * m.mass / damping : speed != 0 ? INFINITY : 0.0;
     return sqrt((l - m.p) * (l - m.p) + speed * speed * m.mass / m.stiffness);
@@ -32,7 +32,7 @@ double Encounter::least_damping(double top) const {
     double least = INFINITY;
     for (int64_t i = 0; i < curve.count && curve.bottom(i) < top; i++) {
         const Piece part = curve.piece(i);
-        const double width = smaller(2, (top - curve.bottom(i)) / part.half);  // of z, from -1 upward
+        const double width = smaller(2, (top - curve.bottom(i)) / part.half);  // in z, from -1 upward
         double here = 0, spread = 0, steep = 0, sign = 1;
         for (int j = 0; j < COEFFICIENTS; j++) {
             here += sign * part.g[j];
@@ -43,10 +43,10 @@ double Encounter::least_damping(double top) const {
         const double near = gain * here - fabs(gain) * steep * width;
         least = smaller(least, larger(near, gain * part.g[0] - fabs(gain) * spread));
     }
-    return m.damping + (gain < 0 ? larger(least, 0) : least);  // g is never above 0
+    return m.damping + (gain < 0 ? larger(least, 0) : least);  // since g <= 0
 }
 
-// Bound l from below for good: with the obstacle at rest a damping force only takes energy away; else -inf.
+// Lower bound of l for all later times, if the obstacle is at rest, since damping only dissipates energy; else -inf.
 double Encounter::floor_after() const {
     if (m.v != 0 || m.a != 0 || gain > 0) return -INFINITY;
     if (m.stiffness > 0) {
@@ -56,14 +56,14 @@ double Encounter::floor_after() const {
     return m.damping > 0 ? l - fabs(speed) * m.mass / m.damping : -INFINITY;
 }
 
-// Whether an l that is left alone is proved never to reach the lowest border from here on.
+// Whether an undriven l is proved never to reach the lowest border.
 bool Encounter::is_never() const {
     double top = l;
     if (speed > 0 && m.stiffness > 0) top = m.p + sqrt((l - m.p) * (l - m.p) + speed * speed * m.mass / m.stiffness);
     return never_arrives(m, least_damping(top), l, speed, curve.bottom(0));
 }
 
-// Whether l is proved to stay above 0 and within the range for good, at its end or close to its least.
+// Whether l is proved to stay above 0 and within the range for all later times, at its end or near its minimum.
 bool Encounter::is_over(bool last) {
     if (never && (curve.open_ended || speed <= 0)) {
         const double damping = least_damping(l), way = rest(damping), doubt = rest_resolution(m, damping);
@@ -108,7 +108,7 @@ Status Encounter::run() {
                 row.displacement_velocity += speed;
                 row.relative_velocity = row.virtual_force = 0;
             }
-            if (never) row.settling_distance = bottom;  // it is as close to its rest as rounding lets it come
+            if (never) row.settling_distance = bottom;  // it has reached its rest within rounding
             return never ? NO_CONTACT : curve.ends_in_contact ? CONTACT : LEFT_RANGE;
         }
         if (step.moved > 0 && index == last) {
@@ -126,8 +126,8 @@ Status Encounter::run() {
     return never && is_over(true) ? NO_CONTACT : UNRESOLVED;
 }
 
-// Follow one encounter to its contact and write its gradients, of time and then of l'; tell how it ended: 0 reached, 1
-// beyond the curve, 2 otherwise, a touch among these, which an arbitrarily small change turns into none.
+// Solve one encounter to its contact and write the gradients of time and l'. Return 0 for a contact, 1 if l went beyond
+// the curve, else 2, also for a touch, since an arbitrarily small change can prevent it.
 int8_t follow(const Values &m, double gain, const pretouch_pieces &curve, double horizon, const double *shape,
               double *found) {
     const int64_t many = shape ? INPUTS + 1 : INPUTS;

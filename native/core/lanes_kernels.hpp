@@ -1,5 +1,5 @@
-// What the files of lanes define for the plain interface, once in the namespace of each kind of processor (so there is no
-// guard); see pretouch.h.
+// Declarations of the vectorized kernels behind the C interface of pretouch.h. The file is included once for each kind
+// of processor, in its namespace, and therefore has no include guard.
 
 #include "pretouch.h"
 

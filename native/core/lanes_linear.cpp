@@ -1,4 +1,4 @@
-// First contacts of many encounters with constant slope at once: the closed form on vectors, with its own proof.
+// First contacts of many encounters with constant slope, by the vectorized closed form, with a proof.
 //
 // Over-damped (or critical) motion, a = 0, v < 0. With the rates mu_1 <= mu_2, the roots of M mu^2 - (D + c) mu + K,
 // and F = (c v - K x_0) / M, the response is built from two functions that stay finite at mu_1 = mu_2 and at K = 0,
@@ -6,7 +6,7 @@
 //     h(t) = (e^(-mu_1 t) - e^(-mu_2 t)) / (mu_2 - mu_1),    f(t) = ((1 - e^(-mu_1 t)) / mu_1 - h) / mu_2 = int_0^t h,
 //     x~ = x_0 + u_0 h + F f,      l = p - x_0 + v t - u_0 h - F f,      l' = v - u_0 e^(-mu_2 t) - (F - mu_1 u_0) h,
 //
-// each from the exponentials of -mu_1 t and -(mu_2 - mu_1) t less one, so that no digits are lost anywhere.
+// each computed from the exponentials of -mu_1 t and -(mu_2 - mu_1) t minus one, so that no digits are lost.
 //
 // **First crossing.** 0 <= e^(-mu_2 t) <= 1, and h is never above (mu_1 + mu_2) / (mu_2 (mu_2 + 3 mu_1)): its maximum
 // is r^(-1 / (r - 1)) / mu_2 at r = mu_2 / mu_1, where ln r >= 2 (r - 1) / (r + 1) and e^-x <= 1 / (1 + x). Also
@@ -15,9 +15,9 @@
 //
 // **Root.** f = t^2 / (2 + (mu_1 + mu_2) t + mu_1 mu_2 t^2) has the right limits for short and long times; one step
 // of Newton with it starts from the time after which steady motion would meet. Two steps of Householder's third
-// order follow. The second is proved: |x~^(k)| <= mu_1^(k-2) |x~''| + (k - 2) mu_2^(k-3) |x~''' + mu_1 x~''| at one
-// time bounds what its Taylor polynomial leaves out. What is not proved close goes on between two bounds, until the
-// same proof holds; where l' < 0 is not proved the encounter is left open, for the guaranteed path.
+// order follow. The error of the second is bounded: |x~^(k)| <= mu_1^(k-2) |x~''| + (k - 2) mu_2^(k-3) |x~''' + mu_1 x~''|
+// at one time bounds the remainder of its Taylor polynomial. If the bound is too large, a bracketed search continues until
+// the same proof succeeds. If l' < 0 is not proved, the encounter is left open for the guaranteed path.
 
 #include "lanes_kernels.hpp"
 
@@ -27,23 +27,23 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr int PASS = 8;  // vectors that are taken through one step before the next: a processor overlaps their turns
+constexpr int PASS = 8;  // vectors per step, since a processor overlaps their operations
 constexpr double TOLERANCE = 1e-11;
-constexpr double LEAST_APPROACH = 1e-6;  // of |v| + |u_0|, far above rounding
+constexpr double LEAST_APPROACH = 1e-6;  // relative to |v| + |u_0|, far above rounding
 constexpr int TRIES = 100;
 
 struct Approach {
     Lanes weighted, plain;
 };
 
-// The two bounds of -l' from below, the first of them times (mu_2 + 3 mu_1).
+// The two lower bounds of -l', the first of them times (mu_2 + 3 mu_1).
 inline Approach approach(const Rates &rates, Lanes u0, Lanes v, Lanes force) {
     const Lanes zero = {}, push = most(-u0, zero), pull = most(rates.mu1 * u0 - force, zero);
     return {(-v - push) * (rates.mu2 + 3.0 * rates.mu1) - pull * (rates.mu1 + rates.mu2) * rates.by2,
             -v - most(push, pull * rates.by_width)};
 }
 
-// Columns of numbers, WIDTH at a time. What is one number for all is spread out once.
+// Columns of numbers, WIDTH at a time. A number that all encounters share is broadcast once.
 struct Columns {
     const int many;
     const double *at[ALL_INPUTS] = {};
@@ -58,7 +58,7 @@ struct Columns {
         }
     }
 
-    // The last few of others, from the i-th on: the lanes that are left over hold what the first of them holds.
+    // The last columns from the i-th on; unused lanes repeat the first one.
     Columns(const Columns &others, int64_t i, int64_t count) : many(others.many) {
         for (int k = 0; k < many && count > 0; k++)
             spread_out(k, others.step[k] ? load(others.at[k] + i, count) : others.get(k, 0));
@@ -74,8 +74,7 @@ struct Columns {
     }
 };
 
-// Finds rates, l(0) and F; where contacts are not given, a start for the root, and whether l' < 0 is proved: it is then to
-// be found.
+// Finds rates, l(0) and F. If contacts must be found, also a start for the root, and whether l' < 0 is proved.
 inline void prepare(const Columns &inputs, int64_t i, double slope, bool given, Encounters &q) {
     const Lanes mass = inputs.get(MASS, i), damping = inputs.get(DAMPING, i), stiffness = inputs.get(STIFFNESS, i);
     const Lanes x0 = inputs.get(X0, i), u0 = inputs.get(U0, i), p = inputs.get(P, i), v = inputs.get(V, i);
@@ -99,12 +98,12 @@ inline void prepare(const Columns &inputs, int64_t i, double slope, bool given, 
     q.found = falls;
 }
 
-// l at a time, and x~ with its derivatives.
+// l at one time, and x~ with its derivatives.
 struct Course {
     Lanes l, y1, y2, y3;
     Lanes h, rest;  // see Basis
 
-    // to the root by one step of Householder's method of third order
+    // one step of Householder's method of third order
     Lanes step(Lanes v) const {
         const Lanes l1 = v - y1, square = 6.0 * (l1 * l1), turn = l * y2;
         return -l * (square + 3.0 * turn) / (l1 * (square + 6.0 * turn) - l * l * y3);
@@ -123,11 +122,11 @@ template <Exponential exponential_of(Lanes)> inline Course course(const Encounte
 
 struct Step {
     Lanes end;
-    Masks close;  // whether the end is proved close to the root
-    Lanes value;  // l where the step began
+    Masks close;  // whether the end is proved to be close to the root
+    Lanes value;  // l at the start of the step
 };
 
-// The step with all digits, and its proof.
+// The step with full accuracy, and its proof.
 [[gnu::always_inline]] inline Step proved_step(const Encounters &q, Lanes t) {
     const auto &[mu1, mu2, by1, by2, width, by_width] = q.rates;
     const Course at = course<exponential>(q, t);
@@ -139,7 +138,7 @@ struct Step {
     const Lanes growth = 1.0 + fast_reach * (1.0 + 3.1 * fast_reach);  // above its exponential up to 4
     const Lanes area = reach * fast_reach;
     const Lanes tail = area * area * (reach * (mu1 * bend) + 3.0 * fast) * (growth * (1.0 / 120));
-    const Lanes size = q.gap + absolute(q.x0) - q.v * end;  // with what follows, what l is the difference of
+    const Lanes size = q.gap + absolute(q.x0) - q.v * end;  // with the next terms: size of the terms of l
     const Lanes rounding =
         4e-15 * (size + absolute(q.u0) * at.h + absolute(q.force) * (at.rest * by1 + at.h) * by2);
     const Masks close = (t > 0.0) & (fast_reach <= 4.0) & (2.0 * reach * (bend + fast) * growth <= -l1) &
@@ -152,7 +151,7 @@ struct Found {
     Masks found;
 };
 
-// Finds the one zero of each l that waits, and is proved to fall, between two bounds.
+// Finds the only zero of each queued l, which is proved to fall, between two bounds.
 __attribute__((noinline)) Found refine(const Encounters &q, Lanes t, Masks waits, double horizon) {
     const Lanes latest = all(horizon);
     const auto [weighted, plain] = approach(q.rates, q.u0, q.v, q.force);
@@ -171,7 +170,7 @@ __attribute__((noinline)) Found refine(const Encounters &q, Lanes t, Masks waits
         const Masks early = value > 0.0;
         low = where(early, t, low);
         high = where(early, high, t);
-        const bool slow = k % 4 == 3;  // halves what steps of no use would leave as it is
+        const bool slow = k % 4 == 3;  // bisection, if the other steps make no progress
         const Lanes middle = 0.5 * (low + high);
         t = slow ? middle : where((low < end) & (end < high), end, middle);
     }
@@ -192,7 +191,7 @@ inline Masks load_status(const int8_t *status, int64_t count) {
     return open == 0;
 }
 
-// Finds the contacts of encounters that wait for it, from where the first step ended.
+// Finds the contacts of queued encounters, from the end of the first step.
 inline void contact(Encounters &q, double horizon) {
     const auto [end, close, value] = proved_step(q, q.time);
     const Masks waits = q.found, found = close & (end > 0.0) & (end <= horizon) & waits;
@@ -204,7 +203,7 @@ inline void contact(Encounters &q, double horizon) {
     }
 }
 
-// Finds the contacts of many vectors of encounters, of which the first is the i-th, or loads what was found of them.
+// Finds the contacts of several vectors of encounters, starting with the i-th, or loads earlier results.
 inline void find(Encounters *batch, int many, int64_t i, int64_t n, double horizon, const pretouch_linear &to) {
     if (to.given) {
         for (Encounters *q = batch; q < batch + many; q++, i += WIDTH)
@@ -249,7 +248,7 @@ void linear_contacts(const pretouch_column *inputs, int64_t n, double slope, dou
     }
 }
 
-// What the tests look at: e^x and 1 - e^x of each kind, phi_2 and phi_3 with whether they hold, and ln(1 - x).
+// For tests: e^x and 1 - e^x of each kind, phi_2 and phi_3 with their validity, and ln(1 - x).
 void exponentials(const double *x, int64_t n, double *out) {
     for (int64_t i = 0; i < n; i += WIDTH) {
         const Lanes at = load(x + i, n - i);

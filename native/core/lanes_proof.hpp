@@ -1,9 +1,9 @@
-// A step's polynomial of l, on [0, tau]: its values, and what its coefficients prove of it.
+// The polynomial of l on a step [0, tau]: its values, and proofs from its coefficients.
 //
-// A step counts only where one of three things is proved: l is monotone, so that its value at the end decides whether
-// it passed a border; l stays between two borders, since the sum of all moves is too small to reach one; or l'' has
-// one sign, so that l turns at most once, and its values there and at the end decide. The last is what a touch needs:
-// next to it the other two hold on ever shorter steps only.
+// A step is accepted only if one of three properties is proved. l is monotone, so its value at the end decides whether
+// it passed a border. Or l stays between two borders, since the sum of all terms is too small to reach one. Or l'' has
+// one sign, so that l turns at most once, and its values at the turn and at the end decide. A touch needs the third:
+// near a touch the other two hold only on ever shorter steps.
 
 #pragma once
 
@@ -19,8 +19,8 @@ using namespace pretouch;
 constexpr double SHORTEST = 1e-14;  // tau
 constexpr int MOST_HALVINGS = 100;
 
-// A step that counts: how long, and l at its end; -1 or 1 where that is the lower or the upper border and 0 elsewhere;
-// whether the contact is only touched; since when l is monotone.
+// An accepted step: length, and l at its end; -1 or 1 if that is the lower or upper border, else 0; whether the contact
+// is a touch; the time from which l is monotone.
 struct Accepted {
     double tau, end;
     int moved;
@@ -28,7 +28,7 @@ struct Accepted {
     double since;
 };
 
-// Whether l is monotone on [0, tau], stays between the borders, and bends one way only.
+// Whether l is monotone on [0, tau], stays between the borders, and has a curvature of one sign.
 struct Proof {
     bool monotone, inside, bent;
     bool none() const { return !(monotone || inside || bent); }
@@ -68,7 +68,7 @@ inline double zero_time(const double *c, Wanted wanted, double level, double lef
     return t;
 }
 
-// Shorten a step until what l does on it is proved, and end it at the border that l passes first, if any; begin and
+// Shorten a step until the course of l is proved, and end it at the first border that l passes, if any; begin and
 // unit: the time at tau = 0 and the unit of tau [s].
 inline Accepted accepted_step(const Values &m, const double *c, const Borders &borders, double begin, double unit,
                               double tau) {

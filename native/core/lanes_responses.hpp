@@ -1,22 +1,22 @@
-// How the state at contact depends on the nine inputs, side by side.
+// Derivatives of the state at contact by the nine inputs, vectorized.
 //
-// A change of an input changes l by d(t), which obeys the linear equation of small changes,
+// A change of an input changes l by d(t), which obeys the linearized equation of motion,
 //
 //     M d'' + D d' + K d + D_p (g d)' = f,    d' = y - c d,   y' = -(K d - f) / M,   c = (D + D_p g) / M,
 //
-// along the motion that is known already, so its Taylor coefficients follow over the same steps by one convolution of c
-// and d. Eight responses are followed: h_1 to l(0) and h_2 to l'(0), and from rest those to the forces x~' (for D), x~
+// along the computed motion, so its Taylor coefficients follow on the same steps by one convolution of c and d. Eight
+// responses are integrated: h_1 to l(0) and h_2 to l'(0), and from rest those to the forces x~' (for D), x~
 // (for K), -d(ln xi)/dt (for D_p), and M times 1, t and t^2/2 (F_0, F_1, F_2). They give
 //
 //     d_x0 = -h_1,   d_p = h_1 + (K/M) F_0,   d_a = F_0 + (D F_1 + K F_2) / M,
 //     d_u0 = -h_2,   d_v = h_2 + (D F_0 + K F_1) / M,
 //
-// and a symmetry of the equation of motion, the same factor on M, D, K and D_p, gives the last,
+// and the last follows since a common factor of M, D, K and D_p does not change the motion,
 //
 //     0 = M d_M + D d_D + K d_K + D_p d_Dp.
 //
-// (Other units and another origin of time would give h_2 and h_1 as well, but lose digits: the one divides by l'(0),
-// which is small at a slow start, the other takes those of the damping rate where the motion is stiff.)
+// (Scaling of lengths and a shift of time would give h_2 and h_1, too, but lose digits: the first divides by l'(0), which
+// may be small, the second loses those of the damping rate in stiff motions.)
 
 #pragma once
 
@@ -28,7 +28,7 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double RESPONSE_TOLERANCE = 1e-10;  // what the last term of a step may add to a response, of its size
+constexpr double RESPONSE_TOLERANCE = 1e-10;  // largest last term of a step, relative to the response
 
 enum { BY_DAMPING, BY_STIFFNESS, BY_GAIN, BY_CONSTANT, BY_TIME, BY_SQUARE, BY_DISTANCE, BY_SPEED, BY_SHAPE, SHAPED };
 constexpr int RESPONSES = BY_SHAPE;
@@ -37,13 +37,13 @@ struct Response {
     Lanes d, y;  // the change of l, and d' + c d
 };
 
-// What is followed beside a motion: the eight, or SHAPED with that to a parameter of the curve.
+// Responses that are integrated with a motion: the eight, or SHAPED with that to a parameter of the curve.
 struct Responses {
     Lanes mass, widest, excess;  // the largest response to D_p, and what last terms add beside it
     Response of[SHAPED];
     Lanes shape[LARGEST_DEGREE + 1];  // what the parameter adds to ln xi, in the terms of the window
 
-    // Begin in a lane; held: c at the start.
+    // Start in a lane; held: c at the start.
     void start(int lane, double m, double held) {
         mass[lane] = m;
         widest[lane] = 0.0;
@@ -149,7 +149,7 @@ __attribute__((noinline)) void carry_all(const Around &s, const Responses &r, Re
     }
 }
 
-// Carry the responses over the step that was taken, in the lanes that moved; return in which it suits them.
+// Propagate the responses over the accepted step, in the lanes that moved; return the lanes in which they are accurate.
 template <int DEGREE, int N = RESPONSES>
 __attribute__((noinline)) uint64_t carry_responses(const Motion &m, Responses &r, Lanes start, Masks moved,
                                                    double tolerance = RESPONSE_TOLERANCE) {

@@ -1,4 +1,4 @@
-// Contacts of any curve, many encounters side by side: see lanes_block.hpp.
+// Contacts of many encounters with any curve, vectorized; see lanes_block.hpp.
 
 #include <string.h>
 
@@ -15,7 +15,7 @@ template <int DEGREE, class Beside> __attribute__((noinline)) void solve(const R
     block.run();
 }
 
-// The windows say by their width which degree they have.
+// The width of the windows determines their degree.
 template <class Beside> void solve(const Request &request) {
     switch (request.curves->width - TERMS - 1) {
         case 0: return solve<0, Beside>(request);
@@ -38,7 +38,7 @@ void series_contacts(const pretouch_column *inputs, const pretouch_column *refer
     solve<Nothing>(request);
 }
 
-// ---- Chebyshev series of two functions at many places, side by side: Clenshaw's recurrence ----
+// ---- Chebyshev series of two functions at many places, vectorized: Clenshaw's recurrence ----
 
 namespace {
 

@@ -1,4 +1,4 @@
-// One Taylor step of encounters side by side, and the contact inside a step.
+// One vectorized Taylor step of encounters, and the contact inside a step.
 //
 // With the obstacle at p + v t + a t^2 / 2 from the reference, expanded about the present time,
 //
@@ -14,18 +14,18 @@ namespace PRETOUCH_VARIANT {
 
 namespace {
 
-constexpr double LOG_TOLERANCE = -43.5;  // log2 of what the last coefficient may add to l, of l at the start: 8e-14
+constexpr double LOG_TOLERANCE = -43.5;  // log2 of the largest last term, relative to the initial l: 8e-14
 constexpr double ROUNDING = 2e-16;
-constexpr double MOST_STEPS = 200.0;  // what takes more is stiff: l' and l'' are differences of much larger numbers
+constexpr double MOST_STEPS = 200.0;  // longer motions are stiff: l' and l'' are differences of much larger numbers
 constexpr double NEVER = 1e300;
 constexpr double SMALLEST = 1e-300;
-constexpr double MOST_NEGATIVE = -1e-9;  // of the first coefficient: l falls all along where its bound is below that
+constexpr double MOST_NEGATIVE = -1e-9;  // of the first coefficient: l falls during the whole step if its bound is below
 
 struct State {
     Lanes time, distance, speed, integral, error, strongest;
 };
 
-// What encounters side by side are, and where they are. Lanes that hold none go through the same steps.
+// Parameters and state of one encounter per lane. Empty lanes execute the same steps.
 struct Motion {
     Lanes b[ORDER + 1];                      // the coefficients of l over the last step, in [0, 1]
     Lanes length, end, weakest, scale;       // of that step, where it ends, its damping; l at the start
@@ -37,12 +37,12 @@ struct Motion {
 };
 constexpr int COPIED = __builtin_offsetof(Motion, damping) / sizeof(Lanes);  // rows that a search for the contact reads
 
-// Contacts that were found, with the doubt about their time, over it.
+// Contacts with the relative uncertainty of their time.
 struct Contacts {
     Lanes time, speed, bend, integral, doubt;
 };
 
-// Which lanes moved, and which of them need another window.
+// Lanes that moved, and those of them that need another window.
 struct Taken {
     uint64_t moved, late;
 };
@@ -59,7 +59,7 @@ inline Lanes rough_log2(Lanes x) {
 // about 2 to the power of x, at most 6 % too large, for |x| < 1000: the same backward
 inline Lanes rough_exp2(Lanes x) { return from_bits(as_bits(x + (0x1.8p32 + 1023.0)) << 32); }
 
-// Where the obstacle is, and how fast, at some time.
+// Position and velocity of the obstacle at some time.
 struct Obstacle {
     Lanes position, velocity;
 };
@@ -72,8 +72,7 @@ inline Lanes mean_path(const Motion &m, const Obstacle &o, Lanes step) {
     return o.position + (o.velocity * 0.5 + (m.acceleration * (1.0 / 6.0)) * step) * step;
 }
 
-// Fill c with the coefficients of l, and rates, where wanted, with those of d ln xi / dt; return the damping that the
-// motion feels.
+// Fill c with the coefficients of l, and rates, if not null, with those of d ln xi / dt; return the total damping.
 template <int DEGREE>
 __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstacle &o, Lanes *c,
                                                    Lanes *rates = nullptr) {
@@ -98,8 +97,8 @@ __attribute__((always_inline)) inline Lanes expand(const Motion &m, const Obstac
     return held;
 }
 
-// The length of a step: where its last two terms are below the tolerance, but no more than the most. A sixteenth root
-// forgives much.
+// The length of a step for which its last two terms are below the tolerance, at most the given maximum. Due to the
+// sixteenth root, low accuracy suffices.
 inline Lanes longest(const Motion &m, const Lanes *c, Lanes most_of_all) {
     const Lanes size = rough_log2(m.scale) + LOG_TOLERANCE / LOG_UNIT;
     const Lanes reach = (size - rough_log2(c[ORDER])) * (LOG_UNIT / ORDER);

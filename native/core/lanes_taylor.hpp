@@ -1,14 +1,15 @@
-// Coefficients of products of series, and of ln xi along a motion, one order after the other.
+// Taylor coefficients of products of series, and of ln xi along a motion, computed order by order.
 //
-// With l = c_0 + c_1 t + ... and v_k = (k + 1) c_{k+1}, coefficient k of d(ln xi)/dt is g v_k and a rest that knows
-// older coefficients only. The rest comes from the polynomial sum_j a_j z^j about the present l, with z = l(t) - l(0) =
-// c_1 t + c_2 t^2 + ..., by Paterson's and Stockmeyer's way: z^2, z^3 and z^4 are series once, and
+// With l = c_0 + c_1 t + ... and v_k = (k + 1) c_{k+1}, coefficient k of d(ln xi)/dt is g v_k plus a remainder that
+// contains only lower coefficients. The remainder comes from the polynomial sum_j a_j z^j about the present l, with
+// z = l(t) - l(0) = c_1 t + c_2 t^2 + ..., by the Paterson-Stockmeyer scheme: the series of z^2, z^3 and z^4 are
+// computed once, and
 //
 //     degree 4:   a_1 z + a_2 z^2 + z^2 (a_3 z + a_4 z^2)
 //     degree 12:  a_1 z + ... + a_3 z^3 + z^4 (a_4 + ... + a_7 z^3 + z^4 (a_8 + ... + a_12 z^4))
 //
-// so that 1.5 and 4 convolutions are left, all of them short since z starts at order one. For g = n / (l + l_0), degree
-// 0, one is enough: q (l + l_0) = l', d(ln xi)/dt = n q. A constant slope, degree 1, needs none: the motion is linear.
+// so 1.5 and 4 convolutions remain, all of them short since z starts at order one. For g = n / (l + l_0), degree 0, one
+// suffices: q (l + l_0) = l', d(ln xi)/dt = n q. A constant slope, degree 1, needs none: the motion is linear.
 
 #pragma once
 
@@ -21,7 +22,7 @@ namespace {
 constexpr int ORDER = 16;
 constexpr int LARGEST_DEGREE = 12;
 
-// A loop whose counter is a constant in every pass, so that what it indexes can lie in registers:
+// A loop with a compile-time counter, so that the indexed values can be kept in registers:
 template <int I> struct Place {
     static constexpr int value = I;
 };
@@ -34,7 +35,7 @@ template <int FROM, int TO, class Body> __attribute__((always_inline)) inline vo
     }
 }
 
-// A polynomial and its two derivatives at a place.
+// A polynomial and its first two derivatives at a point.
 template <class V> struct Point {
     V value, slope, bend;
 };
@@ -49,13 +50,13 @@ template <int DEGREE = ORDER, class V> __attribute__((always_inline)) inline Poi
     return {value, slope, bend + bend};
 }
 
-// A series whose first coefficient that is not zero is that of order FIRST; those before are not there.
+// A series whose first nonzero coefficient has the order FIRST; lower ones are not stored.
 template <int FIRST> struct Series {
     Lanes at[ORDER + 1];
 };
 
-// How many products coefficient n of a product of two series has, and the order of the left factor of each of them: the
-// newest factors come last, for they are waited for.
+// Number of products in coefficient n of a product of two series, and the order of the left factor of each. The newest
+// factors come last, since they are available last.
 constexpr int products(int n, int left, int right) { return n - left - right + 1; }
 constexpr int left_factor(int n, int left, int right, int which) {
     for (int newest = (n + 1) / 2; newest <= n; newest++) {
@@ -110,8 +111,8 @@ __attribute__((always_inline)) inline void shift(const Lanes *terms, Lanes by, L
     });
 }
 
-// A polynomial sum_j a_j z^j about the present l, from z^2 on, along the motion. What stands between a coefficient and the
-// next is kept short, for that is what a step waits for: sums end with what comes last.
+// A polynomial sum_j a_j z^j about the present l, from z^2 on, along the motion. The chain from one coefficient to the
+// next determines the time of a step, so it is kept short: sums end with the newest terms.
 template <int DEGREE> struct Composed {
     Lanes a[DEGREE + 1];
     Series<1> z, twice, inner, outer;
@@ -119,7 +120,7 @@ template <int DEGREE> struct Composed {
     Series<3> z3;
     Series<4> z4;
 
-    // Coefficient N, all before it having been asked for; l: coefficient N of z.
+    // Coefficient N, after all lower ones; l: coefficient N of z.
     template <int N> __attribute__((always_inline)) Lanes next(Lanes l) {
         set<N>(z, twice, l);
         if constexpr (N >= 2) set<N>(z2, twice2, square<N>(z, twice));
@@ -151,7 +152,7 @@ template <int DEGREE> struct Composed {
     }
 };
 
-// ln xi along the motion: its slope at the start, and what it adds to the acceleration beside that.
+// ln xi along the motion: its slope at the start, and its other contribution to the acceleration.
 template <int DEGREE> struct LogCurve {
     Composed<DEGREE> curve;
     Lanes slope, weight, beyond;
@@ -203,7 +204,7 @@ template <> struct LogCurve<1> {
     template <int K> __attribute__((always_inline)) Lanes pulled(Lanes rest, Lanes, Lanes) { return rest; }
 };
 
-// The series of the slope of a curve along a motion that is known, from the coefficients of the curve as those of ln xi.
+// The series of the slope of a curve along a computed motion, from the coefficients of ln xi.
 template <int DEGREE>
 __attribute__((always_inline)) inline void find_slope(const Lanes *terms, Lanes from_middle, const Lanes *l,
                                                       Series<0> &g) {

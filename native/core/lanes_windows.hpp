@@ -1,5 +1,4 @@
-// What is done for one lane at a time: find, enter and read the windows of its curve, and steps on which l need not
-// fall.
+// Operations on one lane at a time: find, enter and read the windows of its curve, and take steps on which l may rise.
 
 #pragma once
 
@@ -13,7 +12,7 @@ namespace PRETOUCH_VARIANT {
 namespace {
 
 constexpr int EDGE = 0, LOW = 1, TOP = 2, LEAVE = 3, MIDDLE = 4, TERMS = 5;  // columns of a window
-constexpr double TURN = 24;  // steps that a turn counts as: some forty are enough, a long swing is for solve_series
+constexpr double TURN = 24;  // a turn counts as so many steps; long oscillations are left to solve_series
 
 // Windows of all curves, from l = 0 upward.
 struct Windows {
@@ -33,8 +32,8 @@ inline double window_slope(const double *window, int64_t width, double l) {
     return value;
 }
 
-// The lowest window from first to before last whose top is not below l, -1 where there is none. It is quick where the
-// hint is right, and none of the worse where not.
+// The lowest window from first to before last whose top is not below l, -1 if there is none. A correct hint makes it
+// faster; a wrong one does no harm.
 inline int64_t find_window(const Windows &windows, int64_t first, int64_t last, double l, int64_t hint) {
     if (!(l <= windows[last - 1][TOP])) return -1;
     const bool hinted = first <= hint && hint < last;
@@ -42,7 +41,7 @@ inline int64_t find_window(const Windows &windows, int64_t first, int64_t last, 
     return lowest_above(first, last, l, [&](int64_t i) { return windows[i][TOP]; });
 }
 
-// Let a lane read another window of its curve.
+// Load another window of its curve into a lane.
 template <int DEGREE> void enter_window(const double *window, bool is_lowest, Motion &m, int lane) {
     m.edge[lane] = window[EDGE];
     m.leave[lane] = is_lowest ? -INFINITE : window[LEAVE];
@@ -59,8 +58,8 @@ struct LaneSeries {
     }
 };
 
-// Move a lane over a step on which l need not fall, where its coefficients prove that l stays between two levels.
-// Returns whether that is proved, the step ends within the horizon, and it is none too many.
+// Move a lane over a step on which l may rise, if its coefficients prove that l stays between two levels. Returns
+// whether that is proved, the step ends within the horizon, and the number of steps is not exceeded.
 inline bool pass_turn(Motion &m, int lane, double low, double top, double horizon) {
     if (!(m.steps[lane] < MOST_STEPS)) return false;
     const LaneSeries series(m, lane);
@@ -84,7 +83,7 @@ inline bool pass_turn(Motion &m, int lane, double low, double top, double horizo
     return true;
 }
 
-// Let steps end with the contacts that were found in them.
+// End steps at the contacts inside them.
 inline void cut_steps(Motion &m, Lanes end) {
     const Lanes s = (end - m.state.time) / m.length;
     Lanes power = all(1.0);

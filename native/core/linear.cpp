@@ -1,10 +1,9 @@
 // First contact and extremes of the linear motion L(8) of a curve with constant slope.
 //
-// With x~ = x - x_d, the motion is M x~'' + (D + c D_p) x~' + K x~ = c D_p (v_o + a_o t), and x~''' is a free response:
-// so its zeros are known in closed form. Between two of them x~'' is monotone, so every line a + b t has at most one
-// crossing with x~' there on each side of the one zero of x~'' + b: a chain that encloses every zero of l'', l' and l,
-// one each. No contact can be missed, whatever the damping or the acceleration. What lies closer to zero than rounding
-// lets one tell is decided by pieces.hpp.
+// With x~ = x - x_d, the motion is M x~'' + (D + c D_p) x~' + K x~ = c D_p (v_o + a_o t), and x~''' is a free response
+// whose zeros have a closed form. Between two of them x~'' is monotone, so every line a + b t crosses x~' there at most
+// once on each side of the only zero of x~'' + b. This chain brackets every zero of l'', l' and l separately. No contact
+// can be missed, for any damping and acceleration. The rules of pieces.hpp apply to distances within rounding of zero.
 
 #include <string.h>
 
@@ -55,8 +54,8 @@ struct Line {
     double slope(const Instant &i) const { return i.x.y[order + 1] + b + 2 * c * i.time; }
 };
 
-// Finds where a line that changes its sign once between two instants is zero: Newton's method held in the bracket; the
-// right one where it does not.
+// Finds the zero of a function that changes its sign once between two instants, by Newton's method with bisection;
+// returns the right instant if it does not change its sign.
 Instant zero(const Encounter &e, const Line &line, const Instant &first, const Instant &last) {
     const double start = line.at(first), end = line.at(last);
     if (start == 0) return first;
@@ -77,7 +76,7 @@ Instant zero(const Encounter &e, const Line &line, const Instant &first, const I
     return here;
 }
 
-// The k-th positive zero of x~''', infinite where there is none.
+// The k-th positive zero of x~''', infinite if there is none.
 double next_break(const Motion &m, int k) {
     if (m.disc < 0) {
         const double root = sqrt(-m.disc), period = PI / root;
@@ -138,13 +137,13 @@ double floor_after(const Encounter &e, const Instant &i) {
     return particular - sqrt(rest * rest + rest_slope * rest_slope / x.square);
 }
 
-// The distance at which the motion comes to rest, infinite where it does not.
+// The distance at which the motion comes to rest, infinite if it does not.
 double settling(const Values &m, double damping) {
     if (!is_left_alone(m) || damping <= 0) return INFINITY;
     return m.stiffness > 0 ? m.p : m.p - m.x0 + (m.v - m.u0) * m.mass / damping;
 }
 
-// Raises the largest and lowers the smallest quantities of a row to those of an instant.
+// Updates the largest and smallest quantities of a row with those of an instant.
 void keep_extremes(const Encounter &e, const Instant &i, Course &row) {
     const Values &m = e.m;
     const double t = i.time, *x = i.x.y;
@@ -156,7 +155,7 @@ void keep_extremes(const Encounter &e, const Instant &i, Course &row) {
     row.closest_distance = smaller(row.closest_distance, i.l);
 }
 
-// Whether l is proved to stay above 0 and within the range for good, at its end or close to its least.
+// Whether l is proved to stay above 0 and within the range for all later times, at its end or near its minimum.
 bool is_over(const Encounter &e, const Instant &i, bool last, double high, bool never, Course &row) {
     const bool settles = row.settling_distance < INFINITY;
     const double floor = e.m.stiffness == 0 && settles ? row.settling_distance : floor_after(e, i);
@@ -267,7 +266,7 @@ void pretouch_solve_linear(const double *values, int64_t n, double slope, const 
         const Encounter one = {m, c, Motion({m.mass, m.damping + c, m.stiffness, m.x0, m.u0, c * m.v, c * m.a})};
         Course &row = reinterpret_cast<Course *>(rows)[i] = {};
         status[i] = solve(one, {horizon, low, high}, row);
-        if (rounding(m, c, row.time) > 1e-6 * (m.p - m.x0)) row.time = NAN;  // not a number that could be trusted
+        if (rounding(m, c, row.time) > 1e-6 * (m.p - m.x0)) row.time = NAN;  // the number is not reliable
     }
 }
 

@@ -1,13 +1,13 @@
-// What an over-damped motion of constant slope is made of, on vectors: its rates, and its functions at one time.
+// Rates and basis functions of over-damped motions with constant slope, vectorized.
 //
 // With e_1, e_2 the exponentials of -mu_1 t, -mu_2 t and * the convolution over [0, t], h = e_1 * e_2 and f = 1 * h,
 // the sensitivity S of x~ to a coefficient is again a forced motion from rest, M S'' + (D + c) S' + K S = -x~'' (to
-// M), -x~' (to D), -x~ (to K), v - x~' (to c = g D_p): a convolution of h / M with what stands on the right. All
-// that x~ is made of are 1, h, h' and f, so all that is needed are
+// M), -x~' (to D), -x~ (to K), v - x~' (to c = g D_p): a convolution of h / M with the right-hand side. x~ is a
+// combination of 1, h, h' and f, so only these convolutions are needed:
 //
 //     j = h * h,      h * h' = j' = e_2 * h - mu_1 j,      h * f = (f * e_1 - j) / mu_2,      1 * f,
 //
-// which quotients by mu_2 - mu_1 and mu_1 give away from zero and the functions phi_m of the exponential near it.
+// They are quotients by mu_2 - mu_1 and mu_1 away from zero, and the functions phi_m of the exponential near zero.
 
 #pragma once
 
@@ -51,7 +51,7 @@ static inline Decays decay_rates(Lanes mass, Lanes damping, Lanes stiffness, Lan
     return {rates, by_mass, inverse * whole, real};
 }
 
-// Some encounters, and what is found of their contacts.
+// Some encounters and the results at their contacts.
 struct Encounters {
     Rates rates;
     Lanes gap, force, by_mass;  // l(0), F = (c v - K x~(0)) / M, 1 / M
@@ -110,7 +110,7 @@ static inline Functions functions(Lanes t, const Rates &rates) {
             fast, twice, ((ramp - slow) * by2 - twice) * by2};
 }
 
-// Rows of numbers, those of the encounters from the i-th on; none where nothing is found.
+// Output rows of the encounters from the i-th on; null if not needed.
 struct Rows {
     pretouch_rows to;
     int64_t i, left;
@@ -140,7 +140,7 @@ enum { OF_SLOPE = LINEAR_INPUTS, DERIVATIVES };
     rows.keep(4, q.x0 * q.time + q.u0 * f + q.force * f3);
 }
 
-// The motion at contact, and where its derivatives go.
+// The motion at contact, and the output of its derivatives.
 struct Contact {
     Lanes velocity, acceleration, by_approach;  // x~', x~'' and 1 / l'
     const Rows &rows;
@@ -155,7 +155,7 @@ struct Contact {
 };
 
 [[gnu::noinline]] static void write_gradients(const Encounters &q, Lanes gain, double slope, const Rows &rows) {
-    const auto [rates, gap, force, by_mass, x0, u0, v, t, found] = q;  // a copy: no store could change it
+    const auto [rates, gap, force, by_mass, x0, u0, v, t, found] = q;  // a copy, so that no store can alias it
     const Lanes total = rates.mu1 + rates.mu2, product = rates.mu1 * rates.mu2, zero = {};
     const auto [h, h1, f, f3, fast, j, jf] = functions(t, rates);
     const Lanes j1 = fast - rates.mu1 * j, j2 = h - total * j1 - product * j;
@@ -188,11 +188,11 @@ struct Contact {
 //
 //     t = ln(1 + (mu_2 - mu_1) r) / (mu_2 - mu_1),
 //
-// which nothing makes singular. So x~, x~' and x~'' have at most one peak each inside the motion, and the largest
-// magnitude is that at the start, at the peak or at the end. A peak is flat: 1e-9 in its time is 1e-18 in its
-// height, and whatever the time that rounding leaves, no value that the motion does not reach is reported.
+// which is never singular. So x~, x~' and x~'' have at most one peak each inside the motion, and the largest
+// magnitude is that at the start, at the peak or at the end. A peak is flat: an error of 1e-9 in its time causes
+// 1e-18 in its height. The reported value is always one that the motion reaches.
 //
-// A reference that moves adds a line to x~; its peaks are then two, and they are left to the Taylor lanes.
+// A moving reference adds a line to x~, which then has two peaks; these cases are left to the Taylor lanes.
 
 struct Free {
     Lanes e2, h, f;
@@ -216,7 +216,7 @@ static inline Lanes largest(Lanes at_start, Lanes at_peak, Lanes at_end) {
 
 // Writes the largest demands; drift, pull: velocity and acceleration of the reference.
 [[gnu::noinline]] static void write_peaks(const Encounters &q, Lanes coupling, Lanes drift, Lanes pull, const Rows &rows) {
-    const auto [rates, gap, force, by_mass, x0, u0, v, end, found] = q;  // a copy: no store could change it
+    const auto [rates, gap, force, by_mass, x0, u0, v, end, found] = q;  // a copy, so that no store can alias it
     const Lanes mu1 = rates.mu1, by1 = rates.by1, total = mu1 + rates.mu2, product = mu1 * rates.mu2;
     const Lanes b = force - mu1 * u0, start = force - total * u0;
     const Lanes jerk = -total * start - product * u0, by_b = 1.0 / b;

@@ -8,7 +8,7 @@ namespace pretouch {
 
 namespace {
 
-// How a run ended: the numbers of ContactStatus.
+// How a run ended: the values of ContactStatus.
 constexpr double CONTACT = 0.0, HORIZON = 2.0, UNRESOLVED = 4.0;
 constexpr double FINEST = 1e-8;  // of a period: the shortest step
 
@@ -58,7 +58,7 @@ void Encounter::run() {
     finish();
 }
 
-// Hands over what the sensor has, and lets the law say what the virtual object does over the period.
+// Passes the available reading to the law, which moves the virtual object over the period.
 void Encounter::ask_law() {
     const int32_t fresh = sensor.deliver(t);
     const double force = force_now();
@@ -106,7 +106,7 @@ void Encounter::follow_period() {
     }
 }
 
-// Goes on with the next stretch of the obstacle's course, or with what holds from the last one on.
+// Continues with the next stretch of the obstacle's course, or with the acceleration after the last one.
 void Encounter::begin_leg() {
     const double since = leg.until;
     leg.way = leg.way_until(since);
@@ -143,7 +143,7 @@ void Encounter::move_along(Step &step) const {
     step.moved = advance(body, at, step.h, target, loop.plant, touching ? &loop.contact : nullptr, leg.ao);
 }
 
-// Ends a step where the bodies touch; an ideal plant is there at once.
+// Ends a step at a touch of the bodies; an ideal plant reaches it at once.
 void Encounter::shorten(Step &step) {
     const double part = step.touch.part, h = step.h;
     const Body &to = step.moved;
@@ -164,7 +164,7 @@ void Encounter::shorten(Step &step) {
     step.touch.least = step.gap.end;
 }
 
-// Lets the sensor look at all instants of a step that it looks at.
+// Evaluates the sensor at all of its sampling instants within a step.
 void Encounter::sense(const Step &step) {
     while (sensor.next() <= t + at + step.h + INSTANT) {
         const double part =

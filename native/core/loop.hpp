@@ -1,9 +1,9 @@
-// One encounter of the sampled loop: contact forces and steps of plant and obstacle (loop_mechanics.cpp), the sensor chain
-// from a distance to the number that the controller is handed (loop_sensing.cpp), and the run (loop.cpp).
+// One encounter of the sampled loop: contact forces and steps of plant and obstacle (loop_mechanics.cpp), the sensor
+// chain from a distance to the reading of the controller (loop_sensing.cpp), and the run (loop.cpp).
 //
-// Random numbers come by their index: the k-th draw of a run is the same whatever was drawn before, on any thread. So
-// two runs with one seed meet the same noise, reading by reading, even where one of them ends earlier: common random
-// numbers. The mixing is that of SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014).
+// Random numbers depend only on their index: the k-th draw of a run is the same on any thread and for any earlier draws.
+// Two runs with one seed therefore have the same noise, reading by reading, even if one ends earlier (common random
+// numbers). The mixing is that of SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014).
 
 #pragma once
 
@@ -107,22 +107,22 @@ struct Wave {
     double amplitude, number, phase;
 };
 
-// The sensor in one run: exposures that end up as readings, and readings on their way to the controller.
+// The sensor in one run: exposures that become readings, and readings in transit to the controller.
 class Sensor {
 public:
     Sensor(const pretouch_chain &chain, const pretouch_curve &curve, uint64_t key, pretouch_reading *waiting,
            int64_t room);
 
-    // When it looks at the distance next [s].
+    // Time of the next sample of the distance [s].
     double next() const { return instant; }
 
-    // Looks at the distance, and makes a reading of an exposure that is over.
+    // Samples the distance, and makes a reading of a completed exposure.
     void look(double distance);
 
     // A reading at the start, before anything has moved.
     void look_at_start(double distance);
 
-    // Hands over what is there by a time; says whether there was any.
+    // Delivers the reading available at a time; returns whether there was one.
     bool deliver(double t);
 
     double reading = 0.0, measured = 0.0;  // what was handed over last, and when it was measured [s]

@@ -6,7 +6,7 @@ namespace pretouch {
 
 namespace {
 
-// Where the cubic, which falls from low to high, comes to zero: by bisection.
+// The zero of a cubic that falls from low to high, by bisection.
 double zero_between(const Cubic &gap, double low, double high) {
     for (int i = 0; i < 60; i++) {
         const double middle = 0.5 * (low + high);
@@ -15,7 +15,7 @@ double zero_between(const Cubic &gap, double low, double high) {
     return high;
 }
 
-// Most speeds are far beyond that of the friction, and tanh is 1 to the last bit from 20 on.
+// Most speeds are far above that of the friction, and tanh(x) is exactly 1 for x >= 20.
 inline double friction(const pretouch_plant &p, double v) {
     if (fabs(v) > 20.0 * p.friction_speed) return copysign(p.coulomb_friction, v);
     return p.coulomb_friction * tanh(v / p.friction_speed);

@@ -7,8 +7,8 @@ namespace pretouch {
 namespace {
 
 constexpr double PI = 3.14159265358979323846;
-constexpr uint64_t MISFIT = 1ull << 63;   // the draw of a run that its misfit comes from, beyond those of all readings
-constexpr double INNER = 0.1127016653792583;  // first node of Gauss's rule with three on [0, 1]
+constexpr uint64_t MISFIT = 1ull << 63;   // index of the random draw for the misfit of a run, beyond those of all readings
+constexpr double INNER = 0.1127016653792583;  // first node of the three-point Gauss rule on [0, 1]
 
 // Draws of a reading: two each for the numbers of the normal distribution, and the phase of the run, by the first one.
 enum Draw : uint64_t { NOISE = 0, JITTER = 2, DROPOUT = 4, DISTANCE = 5, PHASE = 7, DRAWS = 8 };

@@ -1,4 +1,4 @@
-// What all paths have of an encounter: how it ends; and what the guaranteed path has of its curve: the slope g on pieces.
+// Shared by all paths: rules for the end of an encounter. For the guaranteed path: the slope g of a curve on pieces.
 
 #pragma once
 
@@ -9,50 +9,50 @@
 
 namespace pretouch {
 
-// What is told from zero and what is not, alike on every path: touches, and motions that never arrive.
+// Which distances count as zero, with the same rules on every path: touches, and motions that never reach contact.
 //
-// l is the obstacle's path p + v t + a t^2 / 2 less x~, which is as large as that path where l is zero; so no computation
-// knows l there better than some rounding of the path's terms. The slope of a curve is met to 1e-13 of itself, and l with
-// it to 1e-13 of these terms. Ten times that is the RESOLUTION: a smallest distance that lies closer to zero, on either
+// l is the difference of the obstacle's path p + v t + a t^2 / 2 and x~. Near l = 0 both are equally large, so the error
+// of l is at least a rounding error of the terms of the path. The slope of a curve has a relative error of 1e-13, and so
+// has l, relative to these terms. Ten times this is the RESOLUTION: a smallest distance that is closer to zero, on either
 // side, is a touch.
 //
-// A distance may also come to zero without a smallest one: with p, v and a so that l alone is left,
+// A distance may also decay to zero without a minimum: if p, v and a cancel, so that only l remains,
 //
 //     M l'' + (D + D_p g) l' + K (l - p) = 0,
 //
-// it tends to p (for K = 0 to l + l' M / (D + D_p g)), and where that is zero it never gets there. Let w = l - p > 0 and
+// it tends to p (for K = 0 to l + l' M / (D + D_p g)). If that is zero, it never reaches it. Let w = l - p > 0 and
 // z = w' / w. Then z' = -(z^2 + c z + k) with c = (D + D_p g) / M, k = K / M, which is not negative at z = -mu if
-// mu^2 - c mu + k <= 0. So with c >= c_0 on all that is ahead and c_0^2 >= 4 k, z never falls below the larger root
-// -mu_2(c_0) if it is not below it now: w stays above 0. For a constant c that decides it; for a curve c_0 tends to c(0).
-// A resting place within the RESOLUTION of zero, of what it is the difference of, is zero.
+// mu^2 - c mu + k <= 0. So if c >= c_0 at all distances ahead and c_0^2 >= 4 k, z never falls below the larger root
+// -mu_2(c_0) unless it is below it now: w stays above 0. This suffices for a constant c; for a curve c_0 tends to c(0).
+// A resting place counts as zero within the RESOLUTION, relative to the terms whose difference it is.
 
-constexpr double RESOLUTION = 1e-12;  // of the terms that l is the difference of; motion/layout.py has it as well
+constexpr double RESOLUTION = 1e-12;  // relative to the terms whose difference is l; same value as in motion/layout.py
 
-// An encounter as a kernel is given it: a row of `values`.
+// The inputs of an encounter: a row of `values`.
 struct Values {
     double mass, damping, stiffness, x0, u0, p, v, a, own_v, own_a;
 };
 
-// The distance [m] at a time that is not told from zero.
+// The distance [m] at a time that counts as zero.
 static inline double resolution(const Values &m, double t) {
     return RESOLUTION * (fabs(m.p) + (fabs(m.v) + fabs(m.a) / 2 * t) * t);
 }
 
-// The distance [m] of a resting place that is not told from zero.
+// The distance [m] of a resting place that counts as zero.
 static inline double rest_resolution(const Values &m, double damping) {
     const double way = m.stiffness == 0 && damping > 0 ? fabs(m.v - m.u0) * m.mass / damping : 0.0;
     return RESOLUTION * (fabs(m.p) + fabs(m.x0) + way);
 }
 
-// Whether nothing drives l but itself: an obstacle at rest beside the reference, or nothing that holds.
+// Whether l is undriven: the obstacle is at rest relative to the reference, or there is no admittance force.
 static inline bool is_left_alone(const Values &m) {
     return m.a == 0 && (m.v == 0 || (m.damping == 0 && m.stiffness == 0));
 }
 
-// Whether an l that is left alone is proved to tend to its resting place without ever passing a level [m]; damping: the
-// least D + D_p g between the level and where l may still go [N s/m].
+// Whether an undriven l is proved to tend to its resting place without ever passing a level [m]; damping: the smallest
+// D + D_p g between the level and the largest l ahead [N s/m].
 static inline bool never_arrives(const Values &m, double damping, double l, double speed, double level) {
-    constexpr double rounding = 1e-15;  // of D^2, and of mu_2: a damping is critical to no more digits than it has
+    constexpr double rounding = 1e-15;  // of D^2, and of mu_2: critical damping is decided within rounding
     const double doubt = rest_resolution(m, damping);
     if (m.stiffness == 0) return speed >= 0 || (damping > 0 && l + speed * m.mass / damping >= level - doubt);
     const double square = damping * damping, product = 4 * m.mass * m.stiffness, way = l - m.p;
@@ -62,13 +62,13 @@ static inline bool never_arrives(const Values &m, double damping, double l, doub
 }
 
 constexpr int COEFFICIENTS = 10;  // of g on a piece, at most
-constexpr double OVERLAP = 1e-9;  // of a piece's width: how far its polynomial is used beyond its border
+constexpr double OVERLAP = 1e-9;  // share of its width by which a piece is used beyond its border
 
-// the larger and the smaller; the first one where either is not a number
+// the larger and the smaller number; the first one if either is NaN
 static inline double larger(double x, double y) { return y > x ? y : x; }
 static inline double smaller(double x, double y) { return y < x ? y : x; }
 
-// What is written of an encounter: COLUMNS of motion/layout.py.
+// Results of an encounter: COLUMNS of motion/layout.py.
 struct Course {
     double time, distance, displacement, displacement_velocity, displacement_acceleration, relative_velocity;
     double virtual_force;
@@ -100,7 +100,7 @@ static inline Slope slope_at(const Piece &piece, double l) {
     return {value, bend / piece.half};
 }
 
-// The lowest place from first to before last whose top is not below l, the last one where all are.
+// The lowest piece from first to before last whose top is not below l; the last one if there is none.
 template <class Top> static inline int64_t lowest_above(int64_t first, int64_t last, double l, Top top) {
     int64_t low = first, high = last - 1;
     while (low < high) {
@@ -111,14 +111,14 @@ template <class Top> static inline int64_t lowest_above(int64_t first, int64_t l
     return low;
 }
 
-// Between which distances [m] a step must end, and where l comes into contact, at or below the lower one.
+// The distances [m] between which a step must end, and that of the contact, at or below the lower one.
 struct Borders {
     double low, high, contact;
 };
 
-namespace {  // as functions of it are compiled for each kind of processor
+namespace {  // since its functions are compiled for each kind of processor
 
-// A curve as an entry point is given it.
+// A curve in the form of the C interface.
 struct Curve : pretouch_pieces {
     double bottom(int64_t i) const { return pieces[i * width] - pieces[i * width + 1]; }
     double top(int64_t i) const { return pieces[i * width] + pieces[i * width + 1]; }
@@ -130,10 +130,10 @@ struct Curve : pretouch_pieces {
         return found;
     }
 
-    // the lowest piece whose upper border is not below l, the last where all are
+    // the lowest piece whose upper border is not below l; the last one if there is none
     int64_t find(double l) const { return lowest_above(0, count, l, [this](int64_t i) { return top(i); }); }
 
-    // between which distances the polynomial of a piece is used: at the top as well, where an object may rest
+    // the distances between which the polynomial of a piece is used, including its top, where an object may rest
     Borders borders(int64_t i, double contact) const {
         const double half = pieces[i * width + 1];
         return {bottom(i) - (i > 0 ? OVERLAP * half : 0.0), top(i) + OVERLAP * half, contact};

@@ -1,6 +1,6 @@
-/* The kernels behind a plain C interface: numbers and addresses in, arrays filled. Python loads them by ctypes
- * (pretouch/_core/native.py); every argument is checked there, so nothing here can fail. All arrays are contiguous,
- * float64 unless said otherwise; an array that the kernel fills is no const. */
+/* C interface of the kernels. Python calls them through ctypes (pretouch/_core/native.py), which checks every argument,
+ * so no function here reports errors. All arrays are contiguous, and float64 unless stated otherwise. Output arrays are
+ * not const. */
 
 #ifndef PRETOUCH_H
 #define PRETOUCH_H
@@ -19,30 +19,30 @@ typedef struct {
     int64_t stride;
 } pretouch_column;
 
-/* Which kernels run: 0 base, 1 AVX2 and FMA, 2 AVX-512. Choosing tells what runs from then on, which is the wanted one or
- * the best that the processor and the library have. */
+/* Which kernels run: 0 base, 1 AVX2 and FMA, 2 AVX-512. Choosing returns the variant that runs from then
+ * on: the requested one, or the best that the processor and the library support. */
 PRETOUCH_API int pretouch_best_variant(void);
 PRETOUCH_API int pretouch_choose_variant(int wanted);
 
-/* ---- one encounter at a time, every contact found or excluded (linear.cpp, lanes_guaranteed.cpp) ----
+/* ---- one encounter at a time; every contact is found or excluded (linear.cpp, lanes_guaranteed.cpp) ----
  * values: M, D, K, x~(0), x~'(0), p, v, a, velocity and acceleration of the reference; SI, shape (n, 10).
- * rows: filled with COLUMNS of motion/layout.py, shape (n, 15); status: filled with the numbers of ContactStatus. */
+ * rows: filled with COLUMNS of motion/layout.py, shape (n, 15); status: filled with the values of ContactStatus. */
 PRETOUCH_API void pretouch_solve_linear(const double *values, int64_t n, double slope, const double *gains,
                                         double horizon, double low, double high, double *rows, int64_t *status);
 
 /* The first `count` of y, y', y'', y''' and the integral of y, for M y'' + D y' + K y = f0 + f1 t, for each row (M, D,
- * K, y0, v0, f0, f1) at times, shape (n, m): out, whose encounters lie `stride` numbers apart and whose times `step`. */
+ * K, y0, v0, f0, f1) at times, shape (n, m). In out, encounters are `stride` numbers apart, times `step` numbers. */
 PRETOUCH_API void pretouch_respond(const double *rows, int64_t n, const double *times, int64_t m, double *out,
                                    int64_t stride, int64_t step, int64_t count);
 
 /* A curve on pieces: middle, half width and coefficients of g of each, ascending, shape (count, width); whether its lowest
- * border is the contact, and whether it goes on beyond the highest. */
+ * border is the contact, and whether the curve continues beyond the highest. */
 typedef struct {
     const double *pieces;
     int64_t count, width, ends_in_contact, open_ended;
 } pretouch_pieces;
 
-/* Where times, shape (n, m), are not null, trace is filled with TRACE_COLUMNS of motion/layout.py, shape (n, m, 4). */
+/* If times, shape (n, m), is not null, trace is filled with TRACE_COLUMNS of motion/layout.py, shape (n, m, 4). */
 PRETOUCH_API void pretouch_solve_series(const double *values, int64_t n, const double *gains,
                                         const pretouch_pieces *curve, double horizon, double *rows, int64_t *status,
                                         const double *times, int64_t m, double *trace);
@@ -56,16 +56,16 @@ PRETOUCH_API void pretouch_follow_gradients(const double *values, int64_t n, con
                                             const pretouch_pieces *curve, const double *shape, double horizon,
                                             double *found, int8_t *status);
 
-/* ---- many encounters of a constant slope, side by side (lanes_linear.cpp) ---- */
-/* Rows of numbers, one of each row for each encounter: the first row, and how far the next ones lie behind it. */
+/* ---- many encounters with a constant slope, vectorized (lanes_linear.cpp) ---- */
+/* Rows with one number per encounter: the first row, and the distance between rows. */
 typedef struct {
     double *at;
     int64_t stride;
 } pretouch_rows;
 
-/* What is wanted of contacts. time, and status, 0 or -1 (open), are found, or `given` by an earlier call. The rest is
- * filled where not null, with no numbers where open: l'; x~, x~', x~'', l' and the integral of x~; the derivatives of
- * time, x~ and l', ten rows each: by the inputs up to D_p and by the slope; the largest demands, five rows. */
+/* Outputs at contacts. time and status (0, or -1 if open) are computed, or `given` by an earlier call. The others are
+ * filled if not null, with NaN if open: l'; x~, x~', x~'', l' and the integral of x~; the derivatives of time, x~ and
+ * l', ten rows each, by the inputs up to D_p and by the slope; the largest demands, five rows. */
 typedef struct {
     double *time;
     int8_t *status;
@@ -78,32 +78,34 @@ typedef struct {
 PRETOUCH_API void pretouch_linear_contacts(const pretouch_column *inputs, int64_t n, double slope, double horizon,
                                            const pretouch_linear *wanted);
 
-/* For tests: of x <= 0 the rows e^x and 1 - e^x; the same two beside phi_2, phi_3 and whether these hold, 1 or 0; e^x
- * and 1 - e^x roughly; ln(1 - x) roughly. out, shape (10, n). */
+/* For tests: for x <= 0 the rows e^x and 1 - e^x; the same two with phi_2, phi_3 and their validity, 1 or 0; e^x and
+ * 1 - e^x with low accuracy; ln(1 - x) with low accuracy. out, shape (10, n). */
 PRETOUCH_API void pretouch_exponentials(const double *x, int64_t n, double *out);
 
-/* ---- many encounters of any curve, side by side (lanes_series.cpp) ----
- * The curves: windows of all, shape (rows, width); where those of each begin, and the last end; which is whose. */
+/* ---- many encounters with any curve, vectorized (lanes_series.cpp) ----
+ * The curves: windows of all, shape (rows, width); first row of each curve, and the number of rows; curve of each
+ * encounter. */
 typedef struct {
     const double *windows;
     int64_t rows, width;
     const int64_t *starts;
     const int64_t *curve_of;
-    int64_t stride; /* of curve_of: 0 where all encounters have one curve */
+    int64_t stride; /* of curve_of: 0 if all encounters share one curve */
 } pretouch_curves;
 
-/* out: time, x~, x~', x~'', l' and the integral of x~, shape (6, n); gradients, where not null: of time, x~ and l' by
- * the inputs, shape (3, 9, n); or peaks, where not null: the largest demands, shape (5, n), for a reference as above. */
+/* out: time, x~, x~', x~'', l' and the integral of x~, shape (6, n); gradients, if not null: of time, x~ and l' by
+ * the inputs, shape (3, 9, n); or peaks, if not null: the largest demands, shape (5, n), for a reference as above. */
 PRETOUCH_API void pretouch_series_contacts(const pretouch_column *inputs, const pretouch_column *reference, int64_t n,
                                            const pretouch_curves *curves, double horizon, double *out,
                                            double *gradients, double *peaks, int8_t *status);
 
 /* ---- designs (lanes_design.cpp) ---- */
-/* inputs: as values above, shape (10, n). slope: g at l = 0. curves: null where that is g everywhere. falling: whether g < 0
- * wherever an encounter may come. terms: rows of factor * |quantity|^exponent, shape (k, 4): quantity (0 time,
- * 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force), factor in SI, exponent, and 1 where the
- * term is divided by the obstacle's squared speed, else 0. Gains lie at scale * sinh(u), u from weak to strong, and within
- * [low, high]. out: the optimal gains, the objective there, and 1 where both are known for certain, else 0; shape (3, n). */
+/* inputs: as values above, shape (10, n). slope: g at l = 0. curves: null if that is g everywhere. falling: whether
+ * g < 0 at all distances that an encounter may reach. terms: rows of factor * |quantity|^exponent, shape (k, 4): quantity
+ * (0 time, 1 displacement, 2 velocity, 3 acceleration, 4 relative velocity, 5 virtual force), factor in SI, exponent,
+ * and 1 if the term is divided by the obstacle's squared speed, else 0. Gains are scale * sinh(u), u from
+ * weak to strong, within [low, high]. out: the optimal gains, their objective, and 1 if both are certain, else 0; shape
+ * (3, n). */
 PRETOUCH_API void pretouch_find_gains(const double *inputs, int64_t n, double slope, const pretouch_curves *curves,
                                       int falling, double horizon, const double *terms, int64_t k, double scale,
                                       double strong, double weak, double low, double high, double *out);

@@ -1,11 +1,11 @@
-// Radau's ten points in (0, 1] and what belongs to them: numbers of stiff_step.cpp.
+// The ten Radau points in (0, 1] and their matrices, for stiff_step.cpp.
 //
-// How they were made, in Python: the points are the zeros of P_10 - P_9, from numpy.polynomial.legendre.legroots and
+// They were computed in Python: the points are the zeros of P_10 - P_9, from numpy.polynomial.legendre.legroots and
 // three steps of Newton's method on legval, the last one set to 1, brought from [-1, 1] to [0, 1]. TO_LEGENDRE is the
 // inverse of legvander at them, and INTEGRALS are legint of each P_n from -1 to each point, halved, times TO_LEGENDRE. Each
-// was printed with 17 digits; tests/equations/test_radau_points.py makes them anew. TWICE is the square of INTEGRALS, and
+// was printed with 17 digits; tests/equations/test_radau_points.py recomputes them. TWICE is the square of INTEGRALS, and
 // TO_POWERS has the whole numbers (-1)^(n + k) binom(n, k) binom(n + k, k), the coefficients of the shifted Legendre
-// polynomials; the compiler makes these.
+// polynomials; the compiler computes these.
 
 #pragma once
 

@@ -1,12 +1,12 @@
-// The response of M y'' + D y' + K y, exact to rounding for every damping, through critical and for K -> 0.
+// The response of M y'' + D y' + K y, accurate to rounding for every damping, including critical damping and K -> 0.
 //
-// The printed form of L(10) divides by lambda_2 - lambda_1 and by K_a and loses its digits where either vanishes. All
-// that it needs are the divided differences G_m = exp[0^m, z1, z2] at the points z = lambda t and m zeros:
+// The printed form of L(10) divides by lambda_2 - lambda_1 and by K_a and loses digits if either is near zero. It can be
+// expressed by the divided differences G_m = exp[0^m, z1, z2] at the points z = lambda t and m zeros:
 //
 //     t^(m+1) G_m  is the response, from rest, to the force t^(m-1) / (m-1)!   (m = 0: to an impulse),
 //
-// which are entire functions of (z1, z2). They are summed as a series near the origin and by recursion over the point
-// that lies farthest from zero elsewhere, where no digits are lost.
+// which are entire functions of (z1, z2). They are computed by a series near the origin, and elsewhere by recursion over
+// the point farthest from zero, so that no digits are lost.
 
 #pragma once
 

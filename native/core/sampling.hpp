@@ -1,4 +1,4 @@
-// What samples of a function tell of it: whether they resolve it, and where its minimum is.
+// Decide from samples of a function whether they resolve it, and find its minimum.
 
 #pragma once
 
@@ -7,7 +7,7 @@
 
 namespace PRETOUCH_VARIANT {
 
-constexpr int LEAST = 11;  // samples that are needed to tell whether they resolve a function: six with even numbers
+constexpr int LEAST = 11;  // smallest number of samples for which resolution can be judged: six have even indices
 constexpr int NODES = 8;
 constexpr double AT[NODES] = {  // cos((i + 1/2) pi / 8)
     0.98078528040323043,  0.83146961230254524,  0.55557023301960229,  0.19509032201612833,
@@ -19,7 +19,7 @@ constexpr double RESOLVED = 1e-3, STEEP = 0.03;
 constexpr double VANISHED = 1e-7;  // of the curvature: an error of 1e-8 in z at most, since coefficients go on to fall
 
 struct Quintic {
-    double weight[5][6];  // of its values at 0 to 5, for that at 0.5 to 4.5
+    double weight[5][6];  // of the values at 0 to 5, for the values at 0.5 to 4.5
 };
 
 constexpr Quintic quintic() {
@@ -54,8 +54,8 @@ static inline void differentiate(const double *c, double *slope) {
 
 }  // namespace sampling
 
-// Whether every odd node is predicted by the quintic through the six even nodes nearest to it. An error counts beside the
-// objective, or beside its rise over the gap: what is steep there hides no minimum.
+// Whether every odd node is predicted by the quintic through the six even nodes nearest to it. An error is compared
+// with the objective, or with its rise over the gap, since a steep part hides no minimum.
 static inline bool is_resolved(const double *f, int used) {
     for (int i = 1; i < used - 1; i += 2) {
         int first = i - 5 > 0 ? i - 5 : 0;
@@ -68,7 +68,7 @@ static inline bool is_resolved(const double *f, int used) {
     return true;
 }
 
-// The node of the one minimum, -1 where there are more or where it is at an end.
+// The node of the only minimum; -1 if there are more, or if it is at an end.
 static inline int only_minimum(const double *f, int used) {
     int found = -1;
     for (int i = 0; i < used; i++) {
@@ -80,7 +80,7 @@ static inline int only_minimum(const double *f, int used) {
     return found <= 0 || found >= used - 1 ? -1 : found;
 }
 
-// Where the quartic through five nodes around the best has its minimum, in steps from node 0.
+// The minimum of the quartic through five nodes around the best, in steps from node 0.
 static inline double guess_minimum(const double *f, int best, int used) {
     int c = best > 2 ? best : 2;
     if (c > used - 3) c = used - 3;
@@ -99,7 +99,7 @@ static inline double guess_minimum(const double *f, int best, int used) {
 
 struct Bottom {
     double z, value;
-    bool fits;  // the last coefficients vanish beside the curvature: no corner, no noise
+    bool fits;  // the last coefficients are negligible compared with the curvature: no corner, no noise
 };
 
 // The minimum in [-1, 1] of the polynomial through the values at the nodes.

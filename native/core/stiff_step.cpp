@@ -1,14 +1,14 @@
-// One long step of a stiff motion: a polynomial that meets L(1) with L(2) at ten points, Radau IIA.
+// One long step of a stiff motion by the Radau IIA method: a polynomial that satisfies L(1) with L(2) at ten points.
 //
-// Where D + D_p g is large beside M, a motion forgets its start within M / (D + D_p g) and then follows a slow
-// course. The steps of a Taylor series end after some of these times, however smooth the course is. Here l' is a
-// polynomial over the whole step, with l'' from the equation of motion at the points of Radau's quadrature; Newton's
-// method finds it. The method is L-stable: what rounding adds to the fast part is forgotten, too.
+// If D + D_p g is large compared with M, the initial transient decays within M / (D + D_p g), and a slow motion follows.
+// A Taylor step covers only a few of these times, even if the slow motion is smooth. Here l' is a polynomial over the
+// whole step, with l'' from the equation of motion at the Radau points, found by Newton's method. The method is
+// L-stable: rounding errors of the fast part decay, too.
 //
-// A step is accepted only when its own coefficients show that it is resolved: the last ones of l'' in Legendre
-// polynomials vanish beside l', or beside what rounding makes of it. So a fast part of a motion, a swing or the
-// start, is never stepped over: its polynomial would not end. The damping must be positive at all points: an unstable
-// motion forgets nothing.
+// A step is accepted only if its coefficients show that it is resolved: the last Legendre coefficients of l'' must be
+// negligible compared with l', or with its rounding error. A fast part of a motion, such as an oscillation or the
+// transient, is therefore never skipped, since its coefficients do not decay. The damping must be positive at all
+// points, since errors of an unstable motion do not decay.
 
 #include "stiff_step.hpp"
 

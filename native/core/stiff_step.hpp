@@ -6,17 +6,16 @@
 
 namespace pretouch {
 
-constexpr double PATIENCE = 64;  // Taylor steps until long ones are tried, fewer where the next border is far
+constexpr double PATIENCE = 64;  // Taylor steps before long ones are tried; fewer if the next border is far
 constexpr int LONG_TERMS = 12;
-constexpr double AHEAD = 1.5;    // of the way to a border: how far a long step may come, beyond it too
+constexpr double AHEAD = 1.5;    // largest length of a long step relative to the way to a border
 
-// Where a step starts.
+// State at the start of a step.
 struct Start {
     double time, l, speed;
 };
 
-// The length of the next try [s], Taylor steps until then, those to wait after another failure, and how well l' is
-// known [m/s].
+// Length of the next attempt [s], Taylor steps until then, Taylor steps after another failure, and the error of l' [m/s].
 struct Pace {
     double next, wait, patience, doubt;
 };

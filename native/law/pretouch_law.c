@@ -16,22 +16,22 @@
 #define FABS fabs
 #define FLOOR floor
 #define R(x) x
-#define SAME_INSTANT 1e-6 /* of a period: two readings closer than that are one */
-#define ROUNDING 1e-9     /* of an impulse: what is left of it is nothing */
+#define SAME_INSTANT 1e-6 /* of a period: closer readings are the same reading */
+#define ROUNDING 1e-9     /* of an impulse: a smaller remainder counts as zero */
 #endif
 
 typedef pretouch_real real;
 
-static const real ANY_CHANGE = R(1500.0); /* of ln xi: more than any two numbers can differ */
+static const real ANY_CHANGE = R(1500.0); /* of ln xi: larger than the difference of any two numbers */
 static const real ANY_FORCE = R(1e9);     /* N, beyond which a contact force is a fault */
-static const real ANY_REFERENCE = R(1e6); /* SI, beyond which a number is a fault and no reference of a robot */
+static const real ANY_REFERENCE = R(1e6); /* SI, beyond which a reference is a fault */
 
-/* The first of two numbers unless the second is larger, smaller: for NaN and for zeros of both signs, too. */
+/* Return the first number unless the second is larger (smaller), also for NaN and for zeros of both signs. */
 static inline real larger(real a, real b) { return b > a ? b : a; }
 static inline real smaller(real a, real b) { return b < a ? b : a; }
 static inline real within(real value, real limit) { return larger(smaller(value, limit), -limit); }
 
-/* ---- running median: what is far off in one reading or a few never reaches the low-pass ---- */
+/* ---- running median: keeps outliers from the low-pass ---- */
 
 static void fill_median(int32_t length, real value, pretouch_median_state *s) {
     for (int32_t i = 0; i < PRETOUCH_MEDIAN; i++) s->arrived[i] = value;
@@ -39,9 +39,9 @@ static void fill_median(int32_t length, real value, pretouch_median_state *s) {
     s->oldest = 0;
 }
 
-/* Takes in a reading; returns the median of the last `length`: of an even number the mean of the middle two. From the
- * oldest reading on, each place takes the value of the next; then each keeps its value, takes that of the place before,
- * or the new one. All places are passed, whatever the reading is, so that a step takes the same time with every one. */
+/* Adds a reading and returns the median of the last `length` readings; for an even number the mean of the middle two.
+ * One pass removes the oldest reading from the sorted array by shifting the values above it, and inserts the new one.
+ * The loop always visits all elements, so a step takes the same time for every reading. */
 static real advance_median(int32_t length, pretouch_median_state *s, real value) {
     const real oldest = s->arrived[s->oldest];
     real before = -INFINITY;
@@ -58,7 +58,7 @@ static real advance_median(int32_t length, pretouch_median_state *s, real value)
 
 /* ---- Butterworth low-pass: second-order sections in transposed direct form II ---- */
 
-/* Starts as if the input had always been `value`, without a transient. */
+/* Starts in the steady state for the constant input `value`, without a transient. */
 static void fill_low_pass(const pretouch_sensing_numbers *p, real value, pretouch_sensing_state *s) {
     for (int32_t i = 0; i < p->sections; i++) {
         const pretouch_section *n = &p->low_pass[i];
@@ -92,11 +92,12 @@ void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_
     s->running = 0;
 }
 
-/* Why a reading that came cannot be used, 0 if it can or if none came; measured: time since the last one was [s]. */
+/* Returns why a new reading is rejected; 0 if it is usable or if there is none. measured: time since the last one was
+ * measured [s]. */
 static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensing_state *s,
                         const pretouch_sample *sample, real level, real measured) {
     const real elapsed = measured - sample->age;
-    const int in_time = 0 <= sample->age && sample->age <= p->timeout; /* not for NaN */
+    const int in_time = 0 <= sample->age && sample->age <= p->timeout; /* false for NaN */
     const int in_order = elapsed > SAME_INSTANT * p->period || !s->running;
     const real believable = p->largest_rate * elapsed;
     if (!sample->fresh) return 0;
@@ -106,8 +107,7 @@ static int32_t fault_of(const pretouch_sensing_numbers *p, const pretouch_sensin
     return 0;
 }
 
-/* A reading that can be used: through the filters, and the logarithm of what became of it; measured: time since the
- * one before was [s]. */
+/* Filters a usable reading and takes its logarithm. measured: time since the previous one was measured [s]. */
 static void take_in(const pretouch_sensing_numbers *p, pretouch_sensing_state *s, real age, real level,
                     real measured, pretouch_observation *seen) {
     const int32_t restarted = !s->running;
@@ -140,7 +140,7 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
                       pretouch_observation *seen) {
     const real quiet = s->quiet + p->period, measured = s->measured + p->period;
     const real above = sample->reading - p->offset;
-    const real level = p->floor < above && above < INFINITY ? above : p->floor; /* the floor also for NaN */
+    const real level = p->floor < above && above < INFINITY ? above : p->floor; /* NaN becomes the floor, too */
     const int32_t fault = fault_of(p, s, sample, level, measured);
     if (sample->fresh && fault == 0) {
         take_in(p, s, sample->age, level, measured, seen);
@@ -152,7 +152,7 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
         s->running = 0;
         s->log_level = 0;
     }
-    s->quiet = smaller(quiet, 2 * p->timeout); /* from there on, longer is no news */
+    s->quiet = smaller(quiet, 2 * p->timeout); /* larger values have no effect */
     s->measured = smaller(measured, 3 * p->timeout);
     seen->change = seen->elapsed = 0;
     seen->log_level = s->log_level;
@@ -163,14 +163,14 @@ void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state 
                    (seen->lost ? PRETOUCH_LOST : 0) + fault;
 }
 
-/* ---- L(2): the impulse is D_p times the change of ln xi, exact at any sample time ---- */
+/* ---- L(2): the impulse is D_p times the change of ln xi, exact at any sampling rate ---- */
 
 void pretouch_damp(const pretouch_damper_numbers *p, pretouch_damper_state *s, const pretouch_observation *seen,
                    pretouch_push *push) {
     const real ramp = seen->detecting ? smaller(s->ramp + p->ramp_step, 1) : larger(s->ramp - p->ramp_step, 0);
-    const real share = seen->detecting ? ramp : s->ramp; /* the change to the floor still belongs to the object */
+    const real share = seen->detecting ? ramp : s->ramp; /* the change down to the floor still counts */
     const real before = seen->restarted ? seen->log_level : s->mark;
-    /* for approaches alone, a mark follows ln xi upwards at once and downwards at a distance: only its rises count */
+    /* for approach_only, a mark follows ln xi up at once and down with a lag of `release`; only its rises count */
     const real mark =
         seen->usable ? smaller(larger(before, seen->log_level), seen->log_level + p->release) : before;
     const real change = p->approach_only ? larger(mark - before, 0) : seen->change;
@@ -182,10 +182,10 @@ void pretouch_damp(const pretouch_damper_numbers *p, pretouch_damper_state *s, c
 
 /* ---- the virtual drag: phi times the rate of ln xi times its rise ---- */
 
-/* How far ln xi, smoothed, has risen with this reading beyond its dead zone; its rate beyond noise goes to *fast [1/s].
- * Level and rate are corrected by what a reading misses what they had led to expect, so a steady approach is followed
- * without lag, whatever the time between readings. The zone is as wide as noise may reach at this xi: a mark follows the
- * level upwards at once and downwards at that distance, and only a rise of the mark counts. */
+/* Returns by how much this reading raises the smoothed ln xi beyond its dead zone; *fast: rate beyond noise [1/s].
+ * The prediction error of each reading corrects level and rate, so they follow a steady approach without lag for any
+ * time between readings. The dead zone is as wide as the noise at this xi: a mark follows the level upward at once and
+ * downward with a lag of that width, and only rises of the mark count. */
 static real advance_rise(const pretouch_drag_numbers *p, pretouch_drag_state *s, const pretouch_observation *seen,
                          real *fast) {
     const real xi = seen->level, sigma = SQRT(p->variance + p->relative_variance * xi * xi) / xi;
@@ -207,10 +207,10 @@ void pretouch_drag(const pretouch_drag_numbers *p, pretouch_drag_state *s, const
     const real x = driven->motion.position, v = driven->motion.velocity, ahead = p->period / 2;
     real fast = 0;
     const real rise = seen->usable ? advance_rise(p, s, seen, &fast) : 0;
-    const real own = v > 0 ? larger(p->own_advance * rise, -p->mass * v) : 0; /* never beyond rest */
+    const real own = v > 0 ? larger(p->own_advance * rise, -p->mass * v) : 0; /* brakes to rest at most */
     const real left = rise > 0 ? p->hold : s->hold;
     const int approaching = seen->detecting && left > 0;
-    /* the admittance's pull in the middle of the period, held off while the plant gives way: else the drag is no share */
+    /* pull of the admittance in the middle of the period; it is cancelled while the plant retreats */
     const real pull = p->stiffness * (x + ahead * v) + p->damping * (v + ahead * driven->delivery.steady / p->mass);
     const real held = v <= 0 ? smaller(pull, 0) : 0;
     s->hold = approaching ? larger(left - p->period, 0) : 0;
@@ -220,9 +220,9 @@ void pretouch_drag(const pretouch_drag_numbers *p, pretouch_drag_state *s, const
 
 /* ---- delivery: an impulse as a constant force over one sensor period ---- */
 
-/* The force of this period [N]. Where the next reading is late, the force goes on and fades; what was given ahead is
- * taken off the impulse that the reading brings, so that the sum stays exact, but makes no force of its own. What the
- * force limit does not let through is dropped: it would act when it is no longer called for. */
+/* Returns the force of this period [N]. If the next reading is late, the force continues and fades. The impulse that
+ * was delivered ahead is subtracted from that of the next reading, so the sum stays exact; it causes no force by
+ * itself. The part of an impulse above the force limit is dropped, since it would act too late. */
 static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const pretouch_observation *seen,
                     real impulse) {
     const real period = p->limits.period;
@@ -248,7 +248,7 @@ static real deliver(const pretouch_drive_numbers *p, pretouch_delivery *s, const
     return force;
 }
 
-/* ---- L(1), and limits that can be held together, whatever force acts ---- */
+/* ---- L(1), and limits that hold together for any force ---- */
 
 static pretouch_motion advance_admittance(const pretouch_admittance_numbers *p, pretouch_motion m, real force) {
     const real x = m.position, v = m.velocity;
@@ -258,26 +258,26 @@ static pretouch_motion advance_admittance(const pretouch_admittance_numbers *p, 
     };
 }
 
-/* The way to rest [m] from a speed >= 0: full periods of the largest deceleration, and one of what is left. */
+/* Stopping distance [m] from a speed >= 0: full periods of the largest deceleration, and one for the rest. */
 static real stopping_distance(const pretouch_motion_limits *p, real speed) {
     const real step = p->acceleration * p->period, whole = FLOOR(speed / step), rest = speed - whole * step;
     return p->period * (step / 2 * whole * whole + rest * (whole + R(0.5)));
 }
 
-/* The largest speed v with T v/2 + (way to rest from v) <= room. */
+/* The largest speed v with T v/2 + (stopping distance from v) <= room. */
 static real fastest(const pretouch_motion_limits *p, real room) {
     const real step = p->acceleration * p->period, left = larger(room, 0);
     const real whole = FLOOR((SQRT(1 + 8 * left / (step * p->period)) - 1) / 2);
     return step * whole + (left - step * p->period / 2 * whole * (whole + 1)) / (p->period * (whole + 1));
 }
 
-/* Keeps what the admittance wants if it is within limits, otherwise goes as far as they allow; says whether one acted.
- * The admittance goes on from there: nothing winds up behind a limit. */
+/* Limits the motion that the admittance requests; returns whether a limit acted. The admittance continues from the
+ * limited motion, so there is no windup. */
 static int limit_motion(const pretouch_motion_limits *p, pretouch_motion now, pretouch_motion *wanted) {
     const real step = p->acceleration * p->period, drifted = now.velocity * p->period;
     const real moved = wanted->position - now.position;
     real low = larger(-p->speed, now.velocity - step), high = smaller(p->speed, now.velocity + step);
-    /* a stiff admittance can leave the limits and be back within a period: then the position tells */
+    /* a stiff admittance can leave the limits and return within a period, so the position is checked, too */
     const int steady = FABS(moved) <= p->speed * p->period && FABS(moved - drifted) <= step * p->period / 2;
     if (steady && low <= wanted->velocity && wanted->velocity <= high) {
         const real way = stopping_distance(p, FABS(wanted->velocity));

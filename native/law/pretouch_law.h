@@ -1,7 +1,7 @@
-/* The sampled controller of the letter's Fig. 1: from the readings of a proximity sensor to a reference for the robot's
- * own controller, once per period T. What is simulated and tested is this source, and a robot can run it as it is: C99,
- * no allocation, no globals, no libm beyond log, sqrt, fabs and floor. docs/control.md says what each block does and
- * why; its table names them in the same order.
+/* The sampled controller of the letter's Fig. 1. Once per period T it turns the readings of a proximity sensor into a
+ * reference of the robot's own controller. Simulations and tests run this source, and a robot can run it unchanged:
+ * C99, no allocation, no globals, no libm functions except log, sqrt, fabs and floor. docs/control.md explains each
+ * block; its table lists the blocks in the same order.
  *
  *            reading                             contact force, reference
  *               |                                          |
@@ -9,12 +9,12 @@
  *     valid? offset, floor,         L(2): impulse                  delivery, L(1), limits
  *     median, low-pass, logarithm
  *
- * pretouch_drag stands in the place of pretouch_damp where the law is the virtual drag.
+ * With the virtual drag, pretouch_drag replaces pretouch_damp.
  *
- * Quantities are SI, xi in the unit of the readings, signs as in the letter: x points away from the sensor, a gain that
- * mitigates is negative. Numbers are double, or float where PRETOUCH_FLOAT is defined. Parameters are made by
- * pretouch.control.Controller, which designs the filter, discretizes the admittance and checks them: nothing is checked
- * here. Samples may be anything, also NaN. */
+ * Quantities are in SI units, xi in the unit of the readings. Signs are as in the letter: x points away from the
+ * sensor, and mitigating gains are negative. Numbers are double, or float if PRETOUCH_FLOAT is defined. The parameters
+ * come from pretouch.control.Controller, which designs the filter, discretizes the admittance and checks all values;
+ * this source does not check them. Samples may have any value, also NaN. */
 
 #ifndef PRETOUCH_LAW_H
 #define PRETOUCH_LAW_H
@@ -43,7 +43,7 @@ typedef double pretouch_real;
 
 enum { PRETOUCH_MEDIAN = 16, PRETOUCH_SECTIONS = 4 };
 
-/* What a step met: flags, added; see pretouch.control.Status. */
+/* Status of a step, a sum of flags; see pretouch.control.Status. */
 enum {
     PRETOUCH_DETECTING = 1,
     PRETOUCH_STALE = 2,
@@ -57,18 +57,18 @@ enum {
     PRETOUCH_INPUT_FAULT = 512
 };
 
-/* What is known at the start t_k of a period. */
+/* Inputs at the start t_k of a period. */
 typedef struct {
     pretouch_real reading;                /* raw output of the sensor */
-    pretouch_real age;                    /* how long ago it was measured [s] */
+    pretouch_real age;                    /* time since it was measured [s] */
     pretouch_real contact_force;          /* of the object on the plant along x [N] */
     pretouch_real reference_position;     /* x_d [m] */
     pretouch_real reference_velocity;     /* x_d' [m/s] */
     pretouch_real reference_acceleration; /* x_d'' [m/s^2], constant over the period */
-    int32_t fresh;                        /* whether the reading came since the step before */
+    int32_t fresh;                        /* whether the reading arrived since the last step */
 } pretouch_sample;
 
-/* What the robot is to do over the period from t_k to t_k + T. */
+/* Reference of the robot's own controller for the period from t_k to t_k + T. */
 typedef struct {
     pretouch_real position;      /* x_v at t_k + T [m] */
     pretouch_real velocity;      /* x_v' at t_k + T [m/s] */
@@ -89,43 +89,43 @@ typedef struct {
     pretouch_real period;        /* T of the loop [s] */
     pretouch_real sensor_period; /* nominal time between two readings [s] */
     pretouch_real offset;        /* output without an object */
-    pretouch_real floor;         /* what is below, after the offset, is nothing, > 0 */
-    pretouch_real saturation;    /* from this raw reading on the sensor is saturated */
-    pretouch_real timeout;       /* without a usable reading for so long, the sensor is lost [s] */
-    pretouch_real largest_rate;  /* largest |d ln xi/dt| that can be [1/s] */
+    pretouch_real floor;         /* detection threshold after the offset is subtracted, > 0 */
+    pretouch_real saturation;    /* raw reading from which the sensor is saturated */
+    pretouch_real timeout;       /* time without a usable reading after which the sensor is lost [s] */
+    pretouch_real largest_rate;  /* largest plausible |d ln xi/dt| [1/s] */
     int32_t median_length;       /* readings of the running median, 1 to PRETOUCH_MEDIAN */
     int32_t sections;            /* of the low-pass, 0 to PRETOUCH_SECTIONS */
     pretouch_section low_pass[PRETOUCH_SECTIONS];
 } pretouch_sensing_numbers;
 
-/* The last readings: by arrival, `oldest` the place of the next one, and in order, followed by infinities. */
+/* The last readings in order of arrival (`oldest` is the index of the next one), and sorted, padded with infinity. */
 typedef struct {
     pretouch_real arrived[PRETOUCH_MEDIAN], ordered[PRETOUCH_MEDIAN + 1];
     int32_t oldest;
 } pretouch_median_state;
 
 typedef struct {
-    pretouch_real quiet;                         /* time since the last usable reading came [s] */
+    pretouch_real quiet;                         /* time since the last usable reading arrived [s] */
     pretouch_real measured;                      /* time since it was measured [s] */
-    pretouch_real level;                         /* xi of it, before the filters */
-    pretouch_real filtered;                      /* and after them, at least the floor */
+    pretouch_real level;                         /* its xi before the filters */
+    pretouch_real filtered;                      /* its xi after the filters, at least the floor */
     pretouch_real log_level;                     /* ln(filtered / floor) */
     pretouch_real low_pass[PRETOUCH_SECTIONS][2]; /* states of the sections */
     pretouch_median_state median;
-    int32_t running; /* whether there was a usable reading, and the sensor was not lost since */
+    int32_t running; /* whether there was a usable reading, and the sensor has not been lost since */
 } pretouch_sensing_state;
 
-/* What a law is told about the sensor. */
+/* Conditioned sensor signal on which a law acts. */
 typedef struct {
-    pretouch_real change;    /* of ln xi since the usable reading before; 0 where there is none */
+    pretouch_real change;    /* of ln xi since the previous usable reading; 0 if there is none */
     pretouch_real log_level; /* ln(xi / floor) >= 0, after the filters */
-    pretouch_real level;     /* xi itself, after the filters, at least the floor */
-    pretouch_real elapsed;   /* time in which ln xi changed by `change` [s]: between the two readings; 0 where none */
-    int32_t usable;          /* a reading came that can be used */
+    pretouch_real level;     /* xi after the filters, at least the floor */
+    pretouch_real elapsed;   /* time between the two readings of `change` [s]; 0 if there is no change */
+    int32_t usable;          /* a usable reading arrived */
     int32_t restarted;       /* it is the first one, or the first one after the sensor was lost */
     int32_t detecting;       /* xi is above the floor, and the sensor is not lost */
-    int32_t stale;           /* a reading is due and has not come */
-    int32_t lost;            /* none has come for longer than the timeout */
+    int32_t stale;           /* a reading is due and has not arrived */
+    int32_t lost;            /* no reading arrived for longer than the timeout */
     int32_t status;          /* flags */
 } pretouch_observation;
 
@@ -133,48 +133,48 @@ typedef struct {
 
 typedef struct {
     pretouch_real gain;      /* D_p [N s] */
-    pretouch_real release;   /* by how much ln xi must fall before a rise counts anew, for approaches alone */
-    pretouch_real ramp_step; /* by how much the share of the gain in force rises per period */
-    int32_t approach_only;   /* whether approaches alone are damped */
+    pretouch_real release;   /* fall of ln xi after which a rise counts as a new approach, for approach_only */
+    pretouch_real ramp_step; /* rise of the active share of the gain per period */
+    int32_t approach_only;   /* whether the law acts on approaches only */
 } pretouch_damper_numbers;
 
 typedef struct {
-    pretouch_real ramp; /* share of the gain in force, 0 to 1 */
-    pretouch_real mark; /* what ln xi has to exceed, for approaches alone */
+    pretouch_real ramp; /* active share of the gain, 0 to 1 */
+    pretouch_real mark; /* level that ln xi has to exceed, for approach_only */
 } pretouch_damper_state;
 
-/* ---- the virtual drag: F = -phi |s'| s' for s = ln xi, against approaches alone ---- */
+/* ---- the virtual drag: F = -phi |s'| s' for s = ln xi, during approaches only ---- */
 
 typedef struct {
     pretouch_real drag;                 /* phi [N s^2] */
-    pretouch_real variance;             /* of the part of a reading's noise that does not grow with xi [its unit^2] */
-    pretouch_real relative_variance;    /* of the part that does */
-    pretouch_real level_share;          /* of what a reading misses the expected ln xi by, that goes to its level */
-    pretouch_real rate_share;           /* and to its rate */
-    pretouch_real width;                /* of the dead zone of ln xi, of the deviation of a reading's ln xi */
-    pretouch_real still;                /* rate that counts as none, of the same [1/s] */
+    pretouch_real variance;             /* of the noise of a reading that is independent of xi [its unit^2] */
+    pretouch_real relative_variance;    /* of the noise in proportion to xi */
+    pretouch_real level_share;          /* share of the prediction error of ln xi that corrects the level */
+    pretouch_real rate_share;           /* share that corrects the rate */
+    pretouch_real width;                /* of the dead zone, in standard deviations of ln xi of a reading */
+    pretouch_real still;                /* rate that counts as zero, per standard deviation of ln xi [1/s] */
     pretouch_real sensor_period;        /* nominal time between two readings [s] */
-    pretouch_real hold;                 /* how long an approach lasts after ln xi rose last [s] */
-    pretouch_real own_advance;          /* D_b <= 0: gain against the robot's own advance [N s] */
+    pretouch_real hold;                 /* how long an approach lasts after the last rise of ln xi [s] */
+    pretouch_real own_advance;          /* D_b <= 0: gain against the robot's own motion toward the object [N s] */
     pretouch_real known_acceleration;   /* of the object [m/s^2] */
     pretouch_real period;               /* T of the loop [s] */
     pretouch_real mass, damping, stiffness; /* of the admittance */
 } pretouch_drag_numbers;
 
 typedef struct {
-    pretouch_real level, rate; /* of ln(xi / floor), smoothed: without lag behind a steady approach [1, 1/s] */
-    pretouch_real mark;        /* what the level has to exceed */
-    pretouch_real hold;        /* how long the approach lasts yet [s] */
+    pretouch_real level, rate; /* smoothed ln(xi / floor) and its rate, without lag in a steady approach [1, 1/s] */
+    pretouch_real mark;        /* value that the level has to exceed */
+    pretouch_real hold;        /* rest of the hold time [s] */
 } pretouch_drag_state;
 
-/* What a law gives: an impulse for a new reading [N s], delivered over one sensor period, and a force now [N]. */
+/* Push of a law: impulse of a new reading [N s], delivered over one sensor period, and force of this period [N]. */
 typedef struct {
     pretouch_real impulse, force;
 } pretouch_push;
 
 /* ---- from the impulse to the motion ---- */
 
-/* L(1) over one period under a constant force, exactly: rows of the transition matrix, and the input vector. */
+/* Exact discretization of L(1) with a constant force per period: rows of the transition matrix, and input vector. */
 typedef struct {
     pretouch_real position_from_position, position_from_velocity;
     pretouch_real velocity_from_position, velocity_from_velocity;
@@ -187,8 +187,8 @@ typedef struct {
 } pretouch_motion_limits;
 
 typedef struct {
-    pretouch_real hold;              /* one sensor period [s]: in which an impulse is delivered */
-    pretouch_real fade_step;         /* by how much the force of a late reading fades per period */
+    pretouch_real hold;              /* one sensor period [s], in which an impulse is delivered */
+    pretouch_real fade_step;         /* share of the force that fades per period when a reading is late */
     pretouch_real largest_force;     /* |F_p| [N] */
     pretouch_real contact_gain;      /* share of the contact force that acts in the admittance */
     pretouch_real contact_threshold; /* contact force [N] from which a contact is reported */
@@ -196,7 +196,7 @@ typedef struct {
     pretouch_motion_limits limits;
 } pretouch_drive_numbers;
 
-/* An impulse on its way: constant force [N], rest of the impulse [N s], what was given ahead [N s], fading. */
+/* Impulse in delivery: constant force [N], remaining impulse [N s], impulse delivered ahead [N s], fading. */
 typedef struct {
     pretouch_real steady, rest, ahead, fading;
 } pretouch_delivery;
@@ -249,7 +249,7 @@ PRETOUCH_API void pretouch_start_drag(const pretouch_parameters_drag *p, pretouc
 PRETOUCH_API void pretouch_step(const pretouch_parameters *p, pretouch_state *s, const pretouch_sample *sample,
                                 pretouch_output *out);
 
-/* The blocks it is made of. A law of your own puts its own between pretouch_observe and pretouch_drive. */
+/* The blocks of a step. A custom law calls its own block between pretouch_observe and pretouch_drive. */
 PRETOUCH_API void pretouch_start_sensing(const pretouch_sensing_numbers *p, pretouch_sensing_state *s);
 PRETOUCH_API void pretouch_start_drive(pretouch_real position, pretouch_real velocity, pretouch_drive_state *s);
 PRETOUCH_API void pretouch_observe(const pretouch_sensing_numbers *p, pretouch_sensing_state *s,
@@ -263,7 +263,7 @@ PRETOUCH_API void pretouch_drive(const pretouch_drive_numbers *p, pretouch_drive
                                  const pretouch_observation *seen, const pretouch_push *push,
                                  const pretouch_sample *sample, pretouch_output *out);
 
-/* How any law is called that knows its parameters and its state; pretouch_step, and the drag's step, in that form. */
+/* Generic signature of the step of any law, and the steps of damper and drag with this signature. */
 typedef void pretouch_law_step(const void *parameters, void *state, const pretouch_sample *sample,
                                pretouch_output *out);
 PRETOUCH_API void pretouch_step_damper(const void *parameters, void *state, const pretouch_sample *sample,

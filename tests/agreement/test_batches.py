@@ -1,4 +1,4 @@
-"""A batch is solved by fast paths that prove what they find: it is what the guaranteed path gives, run by run."""
+"""The fast paths agree with the guaranteed path, run by run, for batches of encounters."""
 
 from __future__ import annotations
 

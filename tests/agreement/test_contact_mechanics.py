@@ -1,4 +1,4 @@
-"""Contact forces of the loop against restitution in closed form, conservation, and SciPy's integrator."""
+"""Contact forces of the loop compared with restitution in closed form, conservation laws, and SciPy."""
 
 from __future__ import annotations
 

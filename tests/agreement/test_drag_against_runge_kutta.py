@@ -1,8 +1,8 @@
-"""The quadrature of the virtual drag against SciPy's DOP853 with events, over every curve and accelerated obstacles.
+"""The quadrature of the virtual drag compared with SciPy's DOP853, for every curve and accelerated obstacles.
 
-SciPy at rtol 1e-12 keeps a few 1e-12 per step of what it carries; over the hundreds of steps of an encounter, and
-through l' at contact, which is as small as a hundredth of that at the start, that is at most a few 1e-9. The claim of
-the quadrature is 1e-11; what is tested here is the reference.
+SciPy with rtol 1e-12 has relative errors of a few 1e-12 per step. After hundreds of steps, and since l' at contact may
+be a hundredth of its initial value, the error is at most a few 1e-9. The quadrature claims 1e-11, so this test is
+limited by the reference.
 """
 
 from __future__ import annotations
@@ -289,7 +289,7 @@ def test_what_is_not_known_is_refused() -> None:
         solve(plant=Plant(position=0.01))
     with pytest.raises(InvalidInputError, match="moving toward the object"):
         solve(plant=Plant(velocity=0.01))
-    with pytest.raises(InvalidInputError, match="no approach"):
+    with pytest.raises(InvalidInputError, match="expected an approach"):
         solve(plant=Plant(position=-0.01), obstacle=Obstacle(position=0.04, velocity=0.1, acceleration=-1.0))
     with pytest.raises(InvalidInputError, match="must not be negative"):
         solve_drag(Scenario(admittance=ADMITTANCE, obstacle=approach), POWER, -0.01)

@@ -1,4 +1,4 @@
-"""The virtual drag on a noisy loop beside the letter's optimum: figures of benchmarks/drag.py, with 100 encounters."""
+"""The virtual drag on a noisy loop compared with the letter's optimum: benchmarks/drag.py with 100 encounters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The virtual drag at an operating point: the damper 2 phi g^2 |l'| behind one low-pass, in theory and on the loop."""
+"""Linearized virtual drag: a damper 2 phi g^2 |l'| with one low-pass, in theory and on the loop."""
 
 from __future__ import annotations
 

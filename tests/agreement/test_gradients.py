@@ -1,8 +1,9 @@
-"""Gradients of contacts against differences of the guaranteed path, against many digits, and against each other.
+"""Gradients of contacts compared with differences of the guaranteed path and with high-precision arithmetic.
 
-A central difference of order 8 with a step h of an input's natural scale leaves out some (h / R)^8, R of order 1, and
-brings in the rounding of the guaranteed path over h: 1e-13 / 2e-3. Two steps that agree to a quarter of what is
-allowed are trusted; elsewhere (an end of the sensor's range, a contact that is hardly one) nothing is compared.
+A central difference of order 8 with a step h relative to the scale of an input has a truncation error of about
+(h / R)^8, with R of order 1, and a rounding error of 1e-13 / 2e-3 from the guaranteed path. It is used if two steps
+agree within a quarter of the tolerance. Otherwise (near the end of the sensor's range or near a touch) nothing is
+compared.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The kernels on vectors against the guaranteed path, and against arithmetic of 150 digits."""
+"""The vectorized kernels compared with the guaranteed path and with arithmetic of 150 digits."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def solve(inputs, n=None, horizon=HORIZON):
 
 def at_contacts(inputs, time, status, **wanted):
     """Fill what is wanted of contacts that are found."""
-    find_contacts(inputs, SLOPE, HORIZON, time, status, given=True, **wanted)
+    find_contacts(inputs, SLOPE, HORIZON, time, status, solved=True, **wanted)
 
 
 def guaranteed(inputs):

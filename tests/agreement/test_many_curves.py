@@ -1,4 +1,4 @@
-"""Encounters with a sensor curve each, solved in one call, are what each gives alone; their curves meet the sensors."""
+"""Encounters with one sensor curve each, solved in one call, agree with separate solutions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pretouch.motion.curve import LOW, MIDDLE, TERMS, TOP, curve_windows
 from pretouch.motion.many_curves import ManyCurves
 from pretouch.motion.many_windows import find_images
 from pretouch.sensors import CustomSensor, InversePower, MittagLeffler, Recessed, SensorModel, Table, parameter
-from pretouch.sensors.change import CurveChange
+from pretouch.sensors.sensitivity import CurveSensitivity
 from pretouch.uncertainty import Ensemble, make_ensemble
 
 COUNT = 24
@@ -49,8 +49,8 @@ class Bell(Gaussian):
 
     name = "bell"
 
-    def _change_by(self, name: str) -> CurveChange | None:
-        return CurveChange(stretch=-1 / self.width) if name == "width" and self.offset == 0 else None
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
+        return CurveSensitivity(stretch=-1 / self.width) if name == "width" and self.offset == 0 else None
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return -(((distance + self.offset) / self.width) ** 2) - np.abs(distance + self.offset) / self.width

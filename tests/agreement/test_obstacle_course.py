@@ -1,4 +1,4 @@
-"""An obstacle that stops, recedes, comes again or is thrown: the loop follows its course as other ways do."""
+"""An obstacle that stops, recedes, returns or is thrown: the loop agrees with independent solutions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from loop_samples import BareLaw
 from pretouch._core.errors import InvalidInputError
 from pretouch.design.objectives import excursion_objective
 from pretouch.motion import Stretch
-from pretouch.motion.describing import scenario_rows
+from pretouch.motion.page_sections import scenario_rows
 
 SENSOR = pt.InversePower(scale=1.30e-5, distance_offset=0.0419, exponent=3.32)
 ADMITTANCE = pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0)
@@ -158,8 +158,8 @@ def test_values_travel() -> None:
 @pytest.mark.parametrize(
     ("course", "told"),
     [
-        ((Stretch(until=0.2), Stretch(until=0.1)), "until 0.1 s behind one until 0.2 s"),
-        ((Stretch(until=0.2), Stretch(until=0.2)), "later than the one before"),
+        ((Stretch(until=0.2), Stretch(until=0.1)), "until 0.1 s after one until 0.2 s"),
+        ((Stretch(until=0.2), Stretch(until=0.2)), "expected increasing end times"),
         ((3.0,), "expected a sequence of Stretch"),
         (Stretch(until=1.0), "expected a sequence of Stretch"),
     ],
@@ -182,7 +182,7 @@ def test_shapes_that_do_not_broadcast_are_refused_by_the_scenario() -> None:
 
 @pytest.mark.parametrize("verb", [pt.find_contact, pt.solve_motion])
 def test_the_motion_of_constant_acceleration_refuses_a_course(verb: object) -> None:
-    with pytest.raises(InvalidInputError, match=r"found one of 2 stretches.* by simulate or ClosedLoop\.run"):
+    with pytest.raises(InvalidInputError, match=r"found 2 stretches.* by simulate or ClosedLoop\.run"):
         verb(scene(STOPS), SENSOR, -0.7)  # type: ignore[operator]
 
 
@@ -208,5 +208,5 @@ def test_a_design_on_the_loop_takes_a_course() -> None:
 
 def test_a_design_by_the_motion_refuses_a_course() -> None:
     objective = excursion_objective(position_scale=0.5, velocity_scale=0.3)
-    with pytest.raises(InvalidInputError, match="obstacle course: found one of 2 stretches"):
+    with pytest.raises(InvalidInputError, match="obstacle course: found 2 stretches"):
         pt.design_gain(pt.Task(scene(STOPS), SENSOR, objective, bounds=(-10.0, -0.01)))

@@ -1,7 +1,8 @@
-"""A law of a user's own beside the two laws that are solved in other ways, and where it must say no.
+"""Custom laws in continuous time compared with the built-in laws, and the cases that they must refuse.
 
-LSODA at 1e-13 keeps some 1e-11 of an encounter; what it is compared with promises 1e-9. An acceleration is the
-difference of the force and the admittance's pull: it is compared beside these, l' over the time of the damping.
+LSODA with a tolerance of 1e-13 has an error of about 1e-11 per encounter; the other methods claim 1e-9. The
+acceleration is the difference of the force and the admittance's pull, so its error is taken relative to these terms,
+l' over the damping time constant.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from pretouch.motion import (
     Plant,
     Reference,
     Scenario,
+    custom_law_run,
     find_contact,
-    own_run,
     solve_motion,
 )
-from pretouch.motion.own_run import Given, OwnRun
+from pretouch.motion.custom_law_run import CustomLawRun, RelativeEncounter
 from pretouch.sensors import InversePower, SensorModel
 
 TIGHT = 1e-8
@@ -258,7 +259,7 @@ def test_a_plant_that_is_held_off_goes_along_until_the_admittance_lets_go() -> N
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1j, np.array([1.0, 2.0]), np.array([1.0]), "1", None, True])
 def test_a_force_that_is_no_number_is_refused_in_one_sentence(wrong: Any) -> None:
     with pytest.raises(
-        InvalidInputError, match=r"force: the law own gave .* at a distance of .* m and a rate of"
+        InvalidInputError, match=r"force: the law own returned .* at a distance of .* m and a rate of"
     ) as told:
         find_contact(APPROACH, POWER, 1.0, law=own(lambda *_: wrong))
     assert "\n" not in str(told.value)
@@ -279,15 +280,15 @@ def test_what_the_function_raises_passes_through() -> None:
 
 def test_the_residual_sees_what_the_integration_did_not() -> None:
     """A hundredth more force than the motion was made with leaves a hundredth of its impulse, the largest term."""
-    given = Given(1.7, 11.0, 30.0, 0.0, 0.0, 0.0422, -0.3, 0.0, 0.0, 0.0, 0.0, -0.7)
-    run = OwnRun(given, POWER, damper, "own", holds_off=False, horizon=600.0)
+    given = RelativeEncounter(1.7, 11.0, 30.0, 0.0, 0.0, 0.0422, -0.3, 0.0, 0.0, 0.0, 0.0, -0.7)
+    run = CustomLawRun(given, POWER, damper, "own", holds_off=False, horizon=600.0)
     assert run.columns()["impulse_residual"] < 1e-10
     run.force = lambda *asked: 1.01 * damper(*asked)
     assert run.columns()["impulse_residual"] == pytest.approx(0.01, rel=0.02)
 
 
 def test_a_motion_that_takes_too_many_steps_is_unresolved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(own_run, "_LOOKS", 100)
+    monkeypatch.setattr(custom_law_run, "_MAX_EVALUATIONS", 100)
     result = find_contact(APPROACH, POWER, -0.7, law=DAMPER_AGAIN)
     assert result.status is ContactStatus.UNRESOLVED
     assert result.end.time == 0.0

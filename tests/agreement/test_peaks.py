@@ -1,4 +1,4 @@
-"""The largest demands of the fast paths against the guaranteed path, which finds each peak between two samples."""
+"""The largest demands of the fast paths compared with the guaranteed path, including peaks between two samples."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from test_linear_block import KINDS as LINEAR_KINDS
 
 from encounters import CURVES, random_encounters
 from pretouch.motion import find_contact, solve_motion
-from pretouch.motion.curve import alone, curve_windows
+from pretouch.motion.curve import curve_windows, shared_curve
 from pretouch.motion.kernels import contact_times, find_contacts, solve_linear
 from pretouch.motion.layout import PEAKS
 from pretouch.sensors import SensorModel
@@ -106,7 +106,7 @@ def test_demands_do_not_depend_on_what_the_other_lanes_hold() -> None:
         c, n = [x[which] for x in columns], len(which)
         out, peaks, status = np.empty((6, n)), np.empty((5, n)), np.empty(n, dtype=np.int8)
         inputs = (*c[:8], batch.gain[which], *c[8:])
-        contact_times(inputs, alone(windows), 20.0, out, status, peaks=peaks)
+        contact_times(inputs, shared_curve(windows), 20.0, out, status, peaks=peaks)
         return peaks, status
 
     whole, status = solve(np.arange(37))

@@ -1,7 +1,7 @@
-"""As the period goes to 0 the sampled law becomes the continuous motion, at the order of the method: the first.
+"""As the period goes to 0, the sampled law converges to the continuous motion with order one.
 
-A change of ln xi is known at the end of the period in which it happens and acts during the next: a delay of one period.
-All else is exact, so that the error is that of the delay, proportional to T.
+A change of ln xi is measured at the end of its period and acts during the next one, a delay of one period. Everything
+else is exact, so the error is that of the delay, proportional to T.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The sampled loop against the continuous solution, the letter's table, its own linear limit and SciPy."""
+"""The sampled loop compared with the continuous solution, the letter's table, its linear limit and SciPy."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""The block kernel against the guaranteed path, on random encounters of every kind: what it calls proved is right.
+"""The block kernel compared with the guaranteed path, on random encounters: all proved contacts are right.
 
-The claim is 1e-9 relative in the time of contact. The kernel's own estimate leaves an encounter open above 1e-10, and
-the guaranteed path works at rounding, so a proved time that is off by 1e-9 means that the estimate is wrong by ten.
+The claim is a relative error of 1e-9 in the time of contact. The kernel leaves an encounter open if its own error
+estimate exceeds 1e-10, and the guaranteed path is accurate to rounding. A proved time with an error of 1e-9 would
+therefore mean that the estimate is wrong by a factor of ten.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from pretouch.motion.curve import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, alone, curve_pieces, curve_windows
+from pretouch.motion.curve import EDGE, LOW, MIDDLE, SWITCH, TERMS, TOP, curve_pieces, curve_windows, shared_curve
 from pretouch.motion.kernels import CONTACT, OPEN, contact_times, solve_series
 from pretouch.sensors import ExponentialSecondOrder, InversePower, MittagLeffler, SensorModel, Table
 
@@ -58,7 +59,7 @@ def letter(count: int, seed: int) -> list[np.ndarray]:
 def solve(inputs: list[np.ndarray], windows: np.ndarray, horizon: float = HORIZON) -> tuple[np.ndarray, np.ndarray]:
     count = max(len(values) for values in inputs)
     out, status = np.empty((6, count)), np.empty(count, dtype=np.int8)
-    contact_times(tuple(inputs), alone(windows), horizon, out, status)
+    contact_times(tuple(inputs), shared_curve(windows), horizon, out, status)
     return out, status
 
 
@@ -213,7 +214,7 @@ def test_a_curve_that_ends_before_the_surface_has_no_contact() -> None:
 
 
 def test_what_the_kernel_would_misread_is_refused() -> None:
-    inputs, (windows, starts, curve_of) = letter(20, seed=14), alone(table("table"))
+    inputs, (windows, starts, curve_of) = letter(20, seed=14), shared_curve(table("table"))
     out, status = np.empty((6, 20)), np.empty(20, dtype=np.int8)
     good = (tuple(inputs), (windows, starts, curve_of), HORIZON, out, status)
     contact_times(*good)
@@ -262,7 +263,7 @@ def test_gradients_agree_with_differences_of_the_guaranteed_path(name: str) -> N
     out, status = solve(inputs, table(name))
     again, gradients = np.empty((6, 3 * count)), np.empty((3, 9, 3 * count))
     again_status = np.empty(3 * count, dtype=np.int8)
-    contact_times(tuple(inputs), alone(table(name)), HORIZON, again, again_status, gradients=gradients)
+    contact_times(tuple(inputs), shared_curve(table(name)), HORIZON, again, again_status, gradients=gradients)
     settled = again_status == CONTACT
     assert (status[settled] == CONTACT).all()
     assert settled.sum() > 0.95 * (status == CONTACT).sum(), "what is very stiff has a contact but no gradient here"

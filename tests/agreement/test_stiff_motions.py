@@ -1,4 +1,4 @@
-"""Stiff motions, which take long implicit steps: against the closed form, and against SciPy's Radau IIA of order 5."""
+"""Stiff motions, solved by long implicit steps, compared with the closed form and SciPy's Radau IIA of order 5."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pretouch as pt
-from pretouch.motion import request
+from pretouch.motion import parallel
 from sweep_samples import CONSTANT, CURVED, OBJECTIVE, RESULTS, SCENARIO, cut_small
 
 xr = pytest.importorskip("xarray", reason="needs the extra 'sweep'")
@@ -161,7 +161,7 @@ def test_numbers_do_not_depend_on_blocks_threads_or_store(
     found = []
     for i, (chunks, cores) in enumerate([(1, 1), (1, 3), (3, 2), (10, 1)]):
         cut_small(monkeypatch.setattr, encounters=4000, chunks=chunks)
-        monkeypatch.setattr(request, "_cores", lambda cores=cores: cores)
+        monkeypatch.setattr(parallel, "_cores", lambda cores=cores: cores)
         found.append(pt.sweep(pt.Task(SCENARIO, sensor), axes, results=RESULTS[:2]))
         found.append(
             pt.sweep(pt.Task(SCENARIO, sensor), axes, results=RESULTS[:2], output=tmp_path / f"{i}.zarr").load()

@@ -1,4 +1,4 @@
-"""The kernels of every kind of processor that this machine has find the same, to what fused products leave open."""
+"""The kernel variants of all supported processors agree within the rounding of fused operations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All arithmetic of mpmath in these tests has more digits than a float, also where a test asks for none."""
+"""Set the precision of mpmath above that of floats for all tests of this folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The letter's equations typed out as printed, in mpmath: parameters are read from the program, and nothing else is.
+"""The letter's equations as printed, in mpmath. Only parameters are taken from the program.
 
 Motions are integrated by mpmath's Taylor method with numerical derivatives in 25 digits, so what differs from them is
 the program's own error.
@@ -27,12 +27,12 @@ Motion = Callable[[float], tuple[mpf, mpf]]
 
 
 def exact(value: float) -> mpf:
-    """A double as mpmath sees it, digit by digit."""
+    """Convert a double to mpmath exactly."""
     return mpf(float(value))
 
 
 def xi(sensor: Curve, ell: mpf) -> mpf:
-    """L(3), L(5), L(6)."""
+    """The output curves: inverse power L(3), exponentials L(5) and L(6)."""
     if isinstance(sensor, InversePower):
         return exact(sensor.scale) / (ell + exact(sensor.distance_offset)) ** exact(sensor.exponent)
     if isinstance(sensor, ExponentialFirstOrder):
@@ -41,7 +41,7 @@ def xi(sensor: Curve, ell: mpf) -> mpf:
 
 
 def right_side(sensor: Curve, gain: float) -> Force:
-    """The right-hand sides of L(4), L(7) and L(14), as functions of l and l'."""
+    """The right-hand sides of the equations of motion L(4), L(7) and L(14), as functions of l and l'."""
     dp = exact(gain)
     if isinstance(sensor, InversePower):
         n, l0 = exact(sensor.exponent), exact(sensor.distance_offset)
@@ -54,7 +54,7 @@ def right_side(sensor: Curve, gain: float) -> Force:
 
 
 def uniformly_accelerated(body: Obstacle | Reference, t: mpf) -> tuple[mpf, mpf, mpf]:
-    """Position, velocity and acceleration of L(9)."""
+    """Position, velocity and acceleration of the obstacle, L(9)."""
     p, v, a = exact(body.position), exact(body.velocity), exact(body.acceleration)
     return a * t**2 / 2 + v * t + p, a * t + v, a
 
@@ -91,6 +91,6 @@ def _integrate(slope: Callable, position: mpf, velocity: mpf, digits: int) -> Mo
 
 
 def differences(values: np.ndarray, printed: list[mpf]) -> np.ndarray:
-    """Subtract in extended precision: what the program gives less what the letter says."""
+    """Return the difference of program and letter, computed in extended precision."""
     with mpmath.workdps(DIGITS):
         return np.array([float(exact(value) - other) for value, other in zip(values, printed, strict=True)])

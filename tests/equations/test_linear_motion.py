@@ -1,4 +1,5 @@
-"""L(1)-(2) with L(5): the printed solution L(10)-(13), and ours, which is exact to rounding where that one is not."""
+"""The motion of the first-order exponential L(5): the printed closed form L(10)-(13) compared with ours, which is
+accurate to rounding also where the printed form loses digits."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from properties import examples
 
 
 def printed_solution(scenario: Scenario, rate: float, gain: float, t: mpmath.mpf) -> mpmath.mpf:
-    """L(10)-(13) as printed, in extended precision."""
+    """The closed form L(10)-(13) as printed, in extended precision."""
     m, d, k, x0, u0, p, v, a, _, _ = (mpmath.mpf(float(x)) for x in scenario.relative())
     cd = mpmath.mpf(rate) * mpmath.mpf(gain)
     epsilon, mu = p - x0, v - u0
@@ -30,7 +31,7 @@ def printed_solution(scenario: Scenario, rate: float, gain: float, t: mpmath.mpf
 
 
 def test_the_printed_solution_solves_the_differential_equation() -> None:
-    """L(10)-(13) in L(8), symbolically, for any acceleration."""
+    """The closed form L(10)-(13) satisfies the equation of motion L(8), symbolically, for any acceleration."""
     t, m, d, k, cd, a, v, p, epsilon, mu = sympy.symbols("t M D K cD a v p epsilon mu")
     x1 = epsilon - p + cd / k * (v - a / k * (d + cd))
     x2 = mu - v + cd / k * a
@@ -71,7 +72,7 @@ def test_the_motion_is_the_printed_solution(gain: float, acceleration: float, da
 
 
 def exact_response(m: float, d: float, k: float, start: tuple, force: tuple, t: float) -> list:
-    """The exponential of the extended companion matrix, in 60 digits: another way than any formula."""
+    """An independent solution: the exponential of the extended companion matrix, in 60 digits."""
     with mpmath.workdps(60):
         matrix = mpmath.zeros(5)
         mm, dd, kk = mpmath.mpf(m), mpmath.mpf(d), mpmath.mpf(k)
@@ -100,7 +101,7 @@ def exact_response(m: float, d: float, k: float, start: tuple, force: tuple, t: 
 def test_the_response_is_exact_to_rounding_for_every_damping(
     mass: float, stiffness: float, ratio: float, time: float, values: tuple
 ) -> None:
-    """Through critical damping, where L(10) divides by zero, and for K -> 0, where its particular part does."""
+    """At critical damping, where L(10) divides by zero, and for K -> 0, where its particular solution does."""
     damping = 2 * ratio * np.sqrt(mass * max(stiffness, 1e-2))
     start, force = values[:2], values[2:]
     got = np.empty((1, 1, 5))
@@ -124,7 +125,7 @@ def test_the_response_is_exact_to_rounding_for_every_damping(
 @pytest.mark.parametrize("damping", [2.0, 40.0])
 @pytest.mark.parametrize("acceleration", [0.0, -2.0])
 def test_a_sampled_motion_is_made_of_the_printed_exponentials(damping: float, acceleration: float) -> None:
-    """Its free part has the rates lambda_1, lambda_2, starts from X_1 and with the velocity X_2."""
+    """Its free response has the rates lambda_1, lambda_2, the start X_1 and the initial velocity X_2."""
     m, k, c1, gain, p, v, a = 1.3, 400.0, -61.0, -0.1, 0.05, -0.3, acceleration
     scenario = Scenario(
         admittance=Admittance(mass=m, damping=damping, stiffness=k),
@@ -148,7 +149,7 @@ def test_a_sampled_motion_is_made_of_the_printed_exponentials(damping: float, ac
 
 
 def test_without_a_sensor_force_the_free_motion_remains(letter_encounter: Scenario) -> None:
-    """D_p = 0: the plant at rest stays, the obstacle arrives at l(0) / v."""
+    """D_p = 0: the plant stays at rest, and the obstacle arrives after l(0) / |v|."""
     sensor = ExponentialFirstOrder(scale=1.0, rate=-61.0)
     contact = find_contact(letter_encounter, sensor, 0.0).contact
     assert contact.time == pytest.approx(0.0422 / 0.3, rel=1e-15)

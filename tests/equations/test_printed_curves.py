@@ -1,4 +1,4 @@
-"""L(3), L(5), L(6): the output curves against the printed formulas, their slopes against a computer algebra system."""
+"""Output curves L(3), L(5), L(6) compared with the printed formulas, and their slopes with computer algebra."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ L, BETA, L0, N, A, B, C = sympy.symbols("l beta l_0 n a b c", real=True)
 def test_the_slope_is_the_derivative_of_the_output_over_the_output(
     printed: sympy.Expr, numbers: dict, sensor: InversePower
 ) -> None:
-    """g = (d xi / dl) / xi: what F_p = D_p xi'/xi needs beside l'."""
+    """g = (d xi / dl) / xi, the factor of l' in F_p = D_p xi'/xi."""
     slope = (printed.diff(L) / printed).subs({symbol: sympy.Float(value, 50) for symbol, value in numbers.items()})
     for ell, g in zip(DISTANCES, sensor.log_slope(DISTANCES), strict=True):
         expected = slope.subs(L, sympy.Float(float(ell), 50)).evalf(40)

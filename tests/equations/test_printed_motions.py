@@ -1,4 +1,4 @@
-"""L(4), L(7), L(8), L(9), L(14), L(15): motions against the printed differential equations, integrated by mpmath."""
+"""Motions compared with the printed differential equations L(4), L(7)-(9), L(14), L(15), integrated by mpmath."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SCENARIOS = {
 
 
 def worth(motion: Motion, scenario: Scenario, sensor: Curve, gain: float) -> tuple[float, float]:
-    """How far l and l' of a computed motion may be from the exact ones.
+    """Allowed errors of l and l' of a computed motion.
 
     The slope that the integrator uses is met to 1e-13, which moves M l' by 1e-13 |D_p| times the rise of ln xi at
     most; some fifty steps leave four roundings of the largest speed each. Both act on l for as long as the motion
@@ -61,7 +61,7 @@ def worth(motion: Motion, scenario: Scenario, sensor: Curve, gain: float) -> tup
 @pytest.mark.parametrize("curve", LETTER_CURVES)
 @pytest.mark.parametrize("case", SCENARIOS)
 def test_the_plant_moves_as_the_printed_equation_says(case: str, curve: str, gain: float) -> None:
-    """L(4) for the inverse power, L(7) and L(14) for the exponential curves; l from the obstacle of L(9)."""
+    """L(4) for the inverse power, L(7) and L(14) for the exponential curves, with the obstacle of L(9)."""
     scenario, sensor = SCENARIOS[case], LETTER_CURVES[curve]
     printed = plant_motion(scenario, right_side(sensor, gain))
     for method in ("auto", "integration"):
@@ -102,7 +102,7 @@ def test_the_distance_of_a_constant_slope_obeys_its_printed_equation(case: str, 
 @pytest.mark.parametrize("curvature", [474.0, -300.0, 0.0])
 @pytest.mark.parametrize("case", ["of section IV-B", "of section V-B"])
 def test_the_distance_of_a_linear_slope_obeys_its_printed_equation(case: str, curvature: float) -> None:
-    """Over all of the motion, from any start: the uniform motion is only one of its solutions."""
+    """During the whole motion from any start; the uniform motion is only one solution."""
     scenario, gain = SCENARIOS[case], -0.7
     sensor = ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=curvature)
     m, d, k = (exact(getattr(scenario.admittance, name)) for name in ("mass", "damping", "stiffness"))
@@ -187,7 +187,7 @@ def test_where_a_printed_solution_divides_by_zero_the_motion_still_obeys_its_equ
     ],
 )
 def test_plant_and_distance_add_up_to_the_obstacle(method: str, case: str, curve: str) -> None:
-    """x~ + l is L(9) relative to the reference, x + l the obstacle in absolute coordinates."""
+    """x~ + l is the obstacle relative to the reference, L(9), and x + l the obstacle in absolute coordinates."""
     scenario = SCENARIOS[case]
     motion = solve_motion(scenario, LETTER_CURVES[curve], -0.8, method=method, samples=50)
     absolute, reference = (

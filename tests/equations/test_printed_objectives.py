@@ -1,4 +1,4 @@
-"""L(20)-(23): the objectives at the first contact, and the gain that minimizes them, by SciPy on its own motions."""
+"""Objectives L(20)-(23) at the first contact and their optimal gains, compared with a solution by SciPy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TRACKING = Scenario(
 
 
 def distances_over_time(scenario: Scenario, force: Force, gain: float, end: float) -> Callable:
-    """Integrate the printed equation in x about x_d = 0 by DOP853; return l and l' over time, contact or not."""
+    """Integrate the printed equation in x with x_d = 0 by DOP853; return l and l' over time."""
     a, o, p = scenario.admittance, scenario.obstacle, scenario.plant
 
     def slope(t: float, y: np.ndarray) -> list[float]:
@@ -44,7 +44,7 @@ def distances_over_time(scenario: Scenario, force: Force, gain: float, end: floa
 
 
 def zeros_of(distance: Callable, end: float) -> list[float]:
-    """Every zero of l: its sign on a grid that no swing slips through, then Brent's method."""
+    """Find every zero of l by its sign on a grid that resolves all oscillations, then by Brent's method."""
     grid = np.linspace(0.0, end, 4001)
     sign = np.sign([distance(t) for t in grid])
     return [brentq(distance, grid[i], grid[i + 1], xtol=1e-15) for i in np.flatnonzero(sign[1:] != sign[:-1])]
@@ -104,13 +104,13 @@ def test_an_objective_is_the_printed_sum(letter_encounter: Scenario, letter_powe
 
 
 def letter_f1(distance: Callable, contact: float) -> float:
-    """L(20) with x_typ = 0.5 m and l'_typ = 0.3 m/s, for the obstacle of section IV-B."""
+    """The objective L(20) with x_typ = 0.5 m and l'_typ = 0.3 m/s, for the obstacle of section IV-B."""
     position = 0.0422 - 0.3 * contact
     return (position / 0.5) ** 2 + (distance(contact, 1) / 0.3) ** 2
 
 
 def letter_f2(distance: Callable, contact: float) -> float:
-    """L(22) with t_typ = 1 s and l'_typ = 0.01 m/s."""
+    """The objective L(22) with t_typ = 1 s and l'_typ = 0.01 m/s."""
     return contact**2 + (distance(contact, 1) / 0.01) ** 2
 
 

@@ -1,4 +1,4 @@
-"""The points of Radau's quadrature and their matrices, which are numbers in the compiled core, made anew."""
+"""Recompute the Radau points and their matrices, which are constants of the compiled core."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ POINTS = 10
 
 
 def printed() -> list[np.ndarray]:
-    """Points, their integrals, the matrix to Legendre coefficients, integrals twice, and from Legendre to powers."""
+    """Points, integrals, matrix to Legendre coefficients, double integrals, and matrix from Legendre to powers."""
     tables = np.zeros(POINTS + 4 * POINTS**2)
     kernel("radau_points", POINTER)(address(tables))
     return [tables[:POINTS], *tables[POINTS:].reshape(4, POINTS, POINTS)]
@@ -31,7 +31,7 @@ def points() -> np.ndarray:
 
 
 def test_points_and_matrices_are_those_of_legendre_polynomials() -> None:
-    """To a rounding of each sum of ten: values at the points are at most 1, and the inverse of them at most 1."""
+    """Equal within the rounding of sums of ten terms; values at the points and their inverses are at most 1."""
     nodes, integrals, to_legendre, twice, _ = printed()
     at = 2 * points() - 1
     values = legendre.legvander(at, POINTS - 1)

@@ -1,4 +1,4 @@
-"""L(14)-(19): the uniform motion of the second-order exponential curve."""
+"""The uniform motion of the second-order exponential curve, L(14)-(19)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CASES = [(-0.05, 474.0, -74.0), (-1.0, 474.0, -74.0), (-8.0, 474.0, -74.0), (-0.
 
 
 def printed_constants(scenario: Scenario, gain: float, b2: float, c2: float) -> tuple[mpf, mpf]:
-    """L(17), L(18) as printed, with the sign that keeps 0 <= |A| <= |v_o|."""
+    """A and B of L(17) and L(18) as printed, with the sign for which 0 <= |A| <= |v_o|."""
     _, d, k, _, _, p, v, *_ = (exact(number) for number in scenario.relative())
     dp, b2, c2 = exact(gain), exact(b2), exact(c2)
     roots = [(-k + sign * mpmath.sqrt(8 * b2 * dp * v * k + k**2)) / (4 * b2 * dp) for sign in (1, -1)]
@@ -38,14 +38,14 @@ def printed_constants(scenario: Scenario, gain: float, b2: float, c2: float) -> 
 
 
 def rounding_of_b(scenario: Scenario, gain: float, b2: float, c2: float, a: float) -> float:
-    """What ten roundings of the terms of L(18) make of B [m]."""
+    """The error of B [m] due to ten roundings of the terms of L(18)."""
     _, d, k, _, _, p, v, *_ = scenario.relative()
     terms = abs(d * v) + abs(k * p) + abs(c2 * gain * a) + abs(d * a)
     return 10 * EPS * terms / (2 * b2 * gain * a + k)
 
 
 def test_the_uniform_motion_solves_its_differential_equation() -> None:
-    """L(16) with (17), (18) in L(15), symbolically; and L(19) at l = 0 is the position at contact."""
+    """The uniform motion L(16)-(18) satisfies L(15), symbolically; L(19) at l = 0 is the position at contact."""
     t, m, d, k, gain, b2, c2, v, p = sympy.symbols("t M D K D_p b_2 c_2 v p")
     a = (-k + sympy.sqrt(8 * b2 * gain * v * k + k**2)) / (4 * b2 * gain)
     b = (d * v + k * p - c2 * gain * a - d * a) / (2 * b2 * gain * a + k)
@@ -91,7 +91,7 @@ def test_its_constants_make_an_identity_of_the_equation(gain: float, b2: float, 
 @pytest.mark.equation("L(15)", "L(16)", by="the printed equation integrated by mpmath's Taylor method in 25 digits")
 @pytest.mark.parametrize(("gain", "b2", "c2"), CASES)
 def test_who_starts_on_it_stays_on_it(letter_encounter: Scenario, gain: float, b2: float, c2: float) -> None:
-    """L(15) from l = B and l' = A, and both of our ways from the same start."""
+    """Integrate L(15) from l = B and l' = A, and compare both of our solvers from the same start."""
     (a,), (b,) = uniform_motion(letter_encounter.relative()[None], b2, c2, np.array([gain]))
     obstacle = letter_encounter.obstacle
     scenario = replace(letter_encounter, plant=Plant(position=obstacle.position - b, velocity=obstacle.velocity - a))
@@ -122,7 +122,7 @@ def test_who_starts_on_it_stays_on_it(letter_encounter: Scenario, gain: float, b
 def test_the_plant_is_where_the_printed_relation_puts_it(
     letter_encounter: Scenario, gain: float, b2: float, c2: float
 ) -> None:
-    """x~ over l, along the motion and at its contact."""
+    """x~ as a function of l, during the motion and at its contact."""
     sensor = ExponentialSecondOrder(scale=0.480, rate=c2, curvature=b2)
     for scenario in (letter_encounter, CARRIED):
         motion = solve_motion(scenario, sensor, gain, method="uniform-motion", samples=7)
@@ -155,7 +155,7 @@ def test_without_a_gain_the_obstacle_comes_at_its_own_speed(letter_encounter: Sc
 
 @pytest.mark.equation("L(17)", by="the roots of the quadratic by NumPy's companion matrix")
 def test_its_root_is_the_one_the_letter_chooses(letter_encounter: Scenario) -> None:
-    """Both roots of L(17) from NumPy; 0 <= |A| <= |v_o| and an approach single ours out."""
+    """Both roots of L(17) by NumPy; only ours has 0 <= |A| <= |v_o| and approaches."""
     gains = -np.geomspace(0.01, 10, 50)
     values = np.broadcast_to(letter_encounter.relative(), (50, 10))
     a, _ = uniform_motion(values, 474.0, -74.0, gains)
@@ -204,7 +204,7 @@ def test_it_is_refused_where_it_does_not_hold(letter_encounter: Scenario, letter
 def test_the_general_motion_is_drawn_to_it(
     letter_encounter: Scenario, letter_second_order: ExponentialSecondOrder
 ) -> None:
-    """Integration of L(14) does not start on the uniform motion, and ends 3 to 6 % from it: not the same answer."""
+    """Integration of L(14) does not start on the uniform motion, so its result differs from it by 3 to 6 %."""
     motion = find_contact(letter_encounter, letter_second_order, -1.0).contact
     uniform = find_contact(letter_encounter, letter_second_order, -1.0, method="uniform-motion").contact
     assert 0.03 < abs(motion.relative_velocity / uniform.relative_velocity - 1) < 0.07

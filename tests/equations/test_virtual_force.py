@@ -1,4 +1,4 @@
-"""L(1), L(2): the virtual force from the output alone, by xi'/xi, and the motion that follows from it."""
+"""The virtual force L(2), computed only from the output by xi'/xi, and the resulting motion of L(1)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_the_force_is_the_gain_times_the_rate_of_the_output_over_the_output(acce
 @pytest.mark.parametrize("curve", [*LETTER_CURVES, "mittag-leffler"])
 @pytest.mark.parametrize("method", ["auto", "integration"])
 def test_the_force_of_a_motion_is_seen_in_the_output_along_it(accelerated: Scenario, curve: str, method: str) -> None:
-    """What a robot does with the samples of xi: no slope of the curve is asked for."""
+    """As on a robot, the force comes from samples of xi, without the slope of the curve."""
     sensor: SensorModel = LETTER_CURVES.get(curve) or MittagLeffler(scale=1.0, rate=-80.0, order=0.8)
     motion = solve_motion(accelerated, sensor, GAIN, method=method, samples=401)
     output = sensor.output(np.clip(motion.distance, 0.0, None))
@@ -86,7 +86,7 @@ def test_the_admittance_turns_the_force_into_the_motion(accelerated: Scenario, c
 
 
 def _check_derivatives(motion: Motion) -> None:
-    """x' and x'' are the derivatives of x: by the trapezoidal rule with its end correction, from sample to sample.
+    """x' and x'' are the derivatives of x, by the trapezoidal rule with end correction between samples.
 
     Its next term is h^5 / 720 times the fourth derivative of x', which is at most 100^4 / s^4 of the largest x' here.
     """
@@ -98,7 +98,7 @@ def _check_derivatives(motion: Motion) -> None:
 
 
 def _log_slope(output: Callable, distance: np.ndarray) -> np.ndarray:
-    """(d xi / dl) / xi by the complex step, which subtracts nothing and so is exact to rounding."""
+    """(d xi / dl) / xi by the complex step, which has no cancellation and is accurate to rounding."""
     return np.asarray(np.imag(output(distance + 1e-30j)) / 1e-30 / np.real(output(distance)))
 
 

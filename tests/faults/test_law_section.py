@@ -62,7 +62,7 @@ MISTAKES = [
     (replaced('rate = "1 kHz"', "rate = 1e3\napproach_only = true", LOOP), "approach_only", "controller.approach_only",
      "expected only rate, period, floor"),
     (LOOP + 'noise = "1 mV"\n', "noise = \"1", "law.noise", 'found "1 mV", expected counts'),
-    (LOOP + 'own_advance = "2 N*s"\n', "own_advance", "law.own_advance", "expected 0 or less: it brakes"),
+    (LOOP + 'own_advance = "2 N*s"\n', "own_advance", "law.own_advance", "expected 0 or less, so that it brakes"),
     (LOOP + 'smoothing_time = "7 m"\n', "smoothing", "law.smoothing_time", "expected a quantity in s"),
     (replaced(CHAIN, '[chain]\npart = "VL53L5CX-4x4"\n', LOOP), "[law]", "law.noise",
      "the chain knows the noise of distances, not that of readings"),

@@ -139,7 +139,7 @@ MISTAKES = [
      "uncertainty.admittance.damping.interval", 'beside measure = "tail-mean"; expected uniform'),
     ('["9 N*s/m", "11 N*s/m"]', '["-11 N*s/m", "-9 N*s/m"]', "[uncertainty]", "uncertainty", "found -10 N*s/m"),
     ("admittance.damping = {", "admittance.natural_frequency = { uniform = [4, 6] }\nadmittance.damping = {",
-     "[uncertainty]", "uncertainty", "either damping and stiffness, or natural frequency"),
+     "[uncertainty]", "uncertainty", "expected damping and stiffness, or natural frequency"),
     ('"tail-mean"', '"mean"', "measure", "robust.measure", 'found "mean", expected one of "expected"'),
     ("probability = 0.9", "", "[robust]", "robust", "missing probability, which tail-mean needs"),
     ("probability = 0.9", "probability = 1.0", "probability", "robust.probability", "between 0 and 1, such as 0.95"),

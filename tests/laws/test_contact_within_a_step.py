@@ -1,4 +1,4 @@
-"""Contact is the first zero of the motion that the loop claims within a step, however short the dip below it."""
+"""The contact is the first zero of the motion within a step of the loop, even for a very short dip below zero."""
 
 from __future__ import annotations
 

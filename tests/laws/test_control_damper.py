@@ -1,4 +1,4 @@
-"""What holds for the sampled virtual damper, at any rate of the loop and of the sensor."""
+"""Laws of the sampled virtual damper, for any rate of the loop and of the sensor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What holds for the sampled virtual drag: one share of every speed, nothing in noise, nothing after what recedes."""
+"""Laws of the sampled virtual drag: one fraction of every speed, no response to noise or to receding objects."""
 
 from __future__ import annotations
 
@@ -219,7 +219,7 @@ def test_a_loop_tries_values_of_its_coefficient() -> None:
     assert found[1] == one
     # half of the coefficient takes half of ln(1/rho)
     assert -found / 0.3 == pytest.approx(np.array([1.0, SHARE**0.5, SHARE]), rel=0.05)
-    with pytest.raises(InvalidInputError, match=r"a law \(VirtualDrag\) that has none; use with_value"):
+    with pytest.raises(InvalidInputError, match=r"the law VirtualDrag, which has no gain; use with_value"):
         loop.law.with_gain(-0.7)
 
 

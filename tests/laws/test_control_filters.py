@@ -1,6 +1,6 @@
-"""Running median, low-pass and admittance do what their textbooks and SciPy say, whatever goes in.
+"""Running median, low-pass and admittance agree with textbooks and SciPy for any input.
 
-They are those of the plain law, which the law in C equals bit for bit (tests/faults/test_control_samples.py).
+The tests use the plain Python law; the C law equals it bit for bit (tests/faults/test_control_samples.py).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Speed, acceleration and excursion are held together, whatever is wanted, and nothing winds up behind them.
+"""Limits of speed, acceleration and excursion hold together for any requested motion, without windup.
 
-The limits are those of the plain law, which the law in C equals bit for bit (tests/faults/test_control_samples.py).
+The tests use the plain Python law; the C law equals it bit for bit (tests/faults/test_control_samples.py).
 """
 
 from __future__ import annotations
@@ -100,5 +100,5 @@ def test_a_start_from_which_limits_cannot_be_held_is_refused() -> None:
     made = controller(limits=Limits(excursion=0.1, speed=1.0, acceleration=5.0))
     made.start(position=0.09, velocity=0.3)  # 9 mm to rest
     for position, velocity in ((0.2, 0.0), (0.0, 1.5), (0.09, 0.4)):
-        with pytest.raises(InvalidInputError, match="can not be held"):
+        with pytest.raises(InvalidInputError, match="cannot be kept"):
             made.start(position=position, velocity=velocity)

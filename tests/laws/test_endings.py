@@ -1,6 +1,6 @@
-"""How a motion ends where it is hard to tell: at a touch, on the way to rest, and where a curve ceases to hold.
+"""How a motion ends in difficult cases: at a touch, while it decays to rest, and at the end of the curve.
 
-Every way must say the same: the closed form, the integration, one by one and many at once.
+All methods must agree: the closed form and the integration, for one encounter and for many.
 """
 
 from __future__ import annotations

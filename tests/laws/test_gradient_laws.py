@@ -1,4 +1,4 @@
-"""Laws of gradients: units, mass and scale leave them consistent, parameters that mean the same have the same ones."""
+"""Laws of gradients: consistency under changes of units, mass and scale, and between equivalent parameters."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from pretouch.sensors import (
     Recessed,
     SensorModel,
 )
-from pretouch.sensors.change import curve_change
 from pretouch.sensors.model import parameter
+from pretouch.sensors.sensitivity import curve_sensitivity
 from properties import examples
 from sensor_samples import SAMPLES
 
@@ -155,7 +155,7 @@ def test_parameters_of_a_users_curve_are_followed_along_the_motion(letter: Scena
 
 def test_a_curve_that_inherits_is_asked_itself(letter: Scenario) -> None:
     sensor = Bent(scale=1.0, distance_offset=0.0419, exponent=3.32)
-    found = curve_change(sensor, "exponent").slope(np.array([0.01]))
+    found = curve_sensitivity(sensor, "exponent").slope(np.array([0.01]))
     assert found == pytest.approx(-1 / (0.01 + 0.0419) - 20, rel=1e-10)
 
 
@@ -169,7 +169,7 @@ def test_every_sensor_says_how_its_parameters_change_its_slope(cls: type[SensorM
     distance = np.linspace(low, min(high, low + 0.05), 7)[1:-1]
     slope = sensor.log_slope(distance)
     for name in sensor.parameter_units:
-        change = curve_change(sensor, name)
+        change = curve_sensitivity(sensor, name)
         inner = sensor.sensor if isinstance(sensor, Recessed) else sensor
         value = sensor.recess if name == "recess" else getattr(inner, name)
         step = 1e-4 * (abs(value) if name != "recess" else 0.01)

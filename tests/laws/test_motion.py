@@ -1,4 +1,4 @@
-"""What holds along every motion, whatever the curve, the method and the encounter."""
+"""Laws of every motion, for any curve, method and encounter."""
 
 from __future__ import annotations
 
@@ -379,7 +379,7 @@ def test_an_encounter_that_makes_no_sense_is_refused(make: object, message: str)
         ({"gain": np.inf}, "gain: found inf"),
         ({"gain": [[1.0], [2.0]], "velocity": [-0.1, -0.2, -0.3], "shape": True}, None),
         ({"method": "euler"}, "method: found 'euler'"),
-        ({"method": "closed-form"}, "holds for a constant slope only"),
+        ({"method": "closed-form"}, "requires a constant slope"),
         ({"horizon": 0.0}, "horizon: found 0 s"),
         ({"position": 0.2}, "outside the 0 m to 0.1 m"),
     ],

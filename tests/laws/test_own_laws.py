@@ -1,4 +1,4 @@
-"""A law of a user's own runs in the loop as the controller does: in Python, or compiled, however it is handed over."""
+"""A custom law, in Python or compiled, runs in the loop as the controller does, for every way of passing it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the sensor chain does to a reading, one thing at a time: seen where the distance stands still."""
+"""Each effect of the sensor chain on a reading, tested separately at a constant distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The public conformance check passes what obeys the laws, and names the law that a curve breaks."""
+"""The public conformance check passes lawful curves and names the law that another curve breaks."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ FINITE = "ln xi and g are finite on the valid range"
 FALLS = "the output does not grow with distance (g <= 0)"
 DERIVATIVE = "g is the derivative of ln xi"
 CONSTANT = "a slope that is declared constant is constant"
-ELEMENTS = "an array gives what its elements give one by one"
-VALUE = "the curve is a value: a frozen dataclass with fields that can be hashed"
+ELEMENTS = "an array gives the same values as its elements one by one"
+VALUE = "the curve is a value: a frozen dataclass with hashable fields"
 LAWS = (SHAPE, FINITE, FALLS, DERIVATIVE, CONSTANT, ELEMENTS, VALUE)
 
 
@@ -257,12 +257,12 @@ UNLAWFUL = {
         _custom(straight, lambda d: np.where(d > 0.02, np.nan, -40.0)),
         r"found a slope of nan 1/m at 0\.0201\d* m, which must be finite",
     ),
-    "noise": (_custom(noisy(straight, 0.01), forty), "when asked again; the same distance must give the same number"),
-    "noisy slope": (_custom(straight, noisy(forty, 1.0)), "1/m when asked again"),
+    "noise": (_custom(noisy(straight, 0.01), forty), "in a second call; the same distance must give the same number"),
+    "noisy slope": (_custom(straight, noisy(forty, 1.0)), "1/m in a second call"),
     "rising": (_custom(lambda d: 40 * d, lambda d: -forty(d)), "found a slope of 40 1/m at 0 m, which must not be pos"),
     "rising beside the surface": (
         _custom(lambda d: -100 * (d - 0.02) ** 2, lambda d: -200 * (d - 0.02)),
-        "found a slope of 4 1/m at 0 m, which must not be positive.*minimum_distance or maximum_distance, or sink",
+        "found a slope of 4 1/m at 0 m, which must not be positive.*minimum_distance or maximum_distance, or recess",
     ),
     "slope 10 % off": (
         _custom(straight, lambda d: 1.1 * forty(d)),
@@ -348,7 +348,7 @@ def test_a_curve_is_looked_at_again_only_where_an_encounter_starts_farther_away(
 def test_the_curves_of_pretouch_are_not_verified_reach(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = CURVES[name]
     ours = name != "custom"
-    monkeypatch.setattr("pretouch.motion.curve.refuse_unlawful", lambda *_: asked.append(name))
+    monkeypatch.setattr("pretouch.motion.curve.refuse_invalid_curve", lambda *_: asked.append(name))
     asked: list[str] = []
     low = max(sensor.valid_range[0], 0.0)
     find_contact(encounter(low + 0.01), sensor, -0.1)

@@ -1,6 +1,6 @@
-"""The laws of every sensor curve: two functions that belong together, and a range that is kept.
+"""Laws of every sensor curve: g is the derivative of ln xi, and the valid range is respected.
 
-Rounding is counted in units of EPS = 2^-53. The Mittag-Leffler function is promised to 1e-13 of its value.
+Rounding is counted in units of EPS = 2^-53. The documented relative error of the Mittag-Leffler function is 1e-13.
 """
 
 from __future__ import annotations
@@ -290,7 +290,7 @@ class TestSecondOrder:
         assert TABLE_I.turning_point == pytest.approx(0.07806, abs=5e-6)  # as printed: four digits
         assert TABLE_I.valid_range == (0.0, TABLE_I.turning_point)
         assert TABLE_I.log_slope(TABLE_I.turning_point) == pytest.approx(0.0, abs=74 * 2 * EPS)
-        with pytest.raises(OutOfRangeError, match=r"0\.0781 m, where .* valid from 0 m to 0\.0780591 m"):
+        with pytest.raises(OutOfRangeError, match=r"0\.0781 m, outside .* valid from 0 m to 0\.0780591 m"):
             TABLE_I.log_slope(0.0781)
 
     def test_a_range_behind_the_turning_point_is_refused(self) -> None:
@@ -574,7 +574,9 @@ def test_a_class_that_is_no_dataclass_is_never_taken_for_another_one_of_its_kind
 
 def test_a_function_of_the_users_that_loses_the_shape_is_refused_where_it_is_used() -> None:
     flat = CustomSensor(log_output_function=lambda d: -40 * d, log_slope_function=lambda _: np.array(-40.0))
-    with pytest.raises(InvalidInputError, match=r"custom curve gave the shape \(\) for distances of the shape \(3,\)"):
+    with pytest.raises(
+        InvalidInputError, match=r"custom curve returned the shape \(\) for distances of the shape \(3,\)"
+    ):
         flat.log_slope([0.0, 0.01, 0.02])
 
 

@@ -1,4 +1,4 @@
-"""The laws of the virtual drag: the same share of every speed, one excursion, and what no encounter exceeds."""
+"""Laws of the virtual drag: one fraction of every speed, one excursion, and upper bounds of every encounter."""
 
 from __future__ import annotations
 

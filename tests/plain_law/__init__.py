@@ -1,4 +1,4 @@
-"""The law of native/law/pretouch_law.c in plain Python, written as mathematics and apart from it: its reference.
+"""Reference implementation of native/law/pretouch_law.c in plain Python, written independently from the mathematics.
 
 A step is pure: parameters, state and sample in, next state and output out. Parameters are those of `Controller`, as
 nested tuples; states are tuples of plain numbers. The same sums in the same order: both forms are equal bit for bit.
@@ -27,7 +27,7 @@ class State(NamedTuple):
 
 
 def plain(numbers: Any) -> Any:
-    """Numbers of a structure of C by name, as Python has them."""
+    """The numbers of a C structure by name, as Python numbers."""
     if isinstance(numbers, ctypes.Array):
         return tuple(plain(n) for n in numbers)
     if not isinstance(numbers, ctypes.Structure):
@@ -41,7 +41,7 @@ def start(parameters: Any, position: float = 0.0, velocity: float = 0.0) -> Stat
 
 
 def step(parameters: Any, state: State, sample: Sample) -> tuple[State, Output]:
-    """Run one period of the controller of the letter's Fig. 1: L(2), or the drag in its place, then L(1)."""
+    """Run one period of the controller of the letter's Fig. 1: damper L(2) or drag, then the admittance L(1)."""
     sensing, seen = observe(parameters.sensing, state.sensing, sample)
     if isinstance(state.law, DragState):
         law, push = drag(parameters.law, state.law, seen, state.drive)

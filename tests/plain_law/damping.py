@@ -1,4 +1,4 @@
-"""L(2): the impulse is D_p times the change of ln xi."""
+"""The virtual damper L(2): the impulse is D_p times the change of ln xi."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from .sensing import Observation
 
 
 class DamperState(NamedTuple):
-    """Share of the gain in force, 0 to 1, and the mark that ln xi has to exceed where only approaches are damped."""
+    """Active share of the gain, 0 to 1, and the level that ln xi has to exceed if the law acts on approaches only."""
 
     ramp: float
     mark: float
 
 
 class Push(NamedTuple):
-    """An impulse for a new reading [N s], delivered over one sensor period, and a force now [N]."""
+    """Impulse of a new reading [N s], delivered over one sensor period, and force of this period [N]."""
 
     impulse: float
     force: float

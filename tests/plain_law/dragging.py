@@ -1,4 +1,4 @@
-"""The virtual drag, F = -phi |s'| s' for s = ln xi, against approaches alone."""
+"""The virtual drag, F = -phi |s'| s' with s = ln xi, during approaches only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ANY_CHANGE = 1500.0
 
 
 class DragState(NamedTuple):
-    """Level and rate of ln xi, smoothed, the mark that the level has to exceed, and how long an approach lasts yet."""
+    """Smoothed level and rate of ln xi, the mark that the level has to exceed, and the rest of the hold time [s]."""
 
     level: float
     rate: float
@@ -22,7 +22,7 @@ class DragState(NamedTuple):
 
 
 def drag(n: Any, state: DragState, seen: Observation, driven: DriveState) -> tuple[DragState, Push]:
-    """Return phi times the rate of ln xi times its rise, and what holds the admittance off meanwhile."""
+    """Return phi times rate and rise of ln xi, and the force that cancels the pull of the admittance."""
     x, v = driven.motion
     rise = fast = 0.0
     level, rate, mark, hold = state

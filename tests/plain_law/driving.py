@@ -26,7 +26,7 @@ class Motion(NamedTuple):
 
 
 class Delivery(NamedTuple):
-    """An impulse on its way: constant force [N], rest of the impulse [N s], what was given ahead [N s], fading."""
+    """Impulse in delivery: constant force [N], remaining impulse [N s], impulse delivered ahead [N s], fading."""
 
     force: float
     rest: float
@@ -35,7 +35,7 @@ class Delivery(NamedTuple):
 
 
 class DriveState(NamedTuple):
-    """What `drive` remembers: the impulse on its way, the motion, the last reference position."""
+    """State of `drive`: the impulse in delivery, the motion, the last reference position."""
 
     delivery: Delivery
     motion: Motion
@@ -43,7 +43,7 @@ class DriveState(NamedTuple):
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state at the start: no force, the plant where it is relative to its reference."""
+    """Return the state at the start, without force, for a plant relative to its reference."""
     return DriveState(Delivery(0.0, 0.0, 0.0, 0.0), Motion(position, velocity), 0.0)
 
 
@@ -133,7 +133,7 @@ def deliver(numbers: Any, delivery: Delivery, seen: Observation, impulse: float)
 
 
 def _checked(value: float, largest: float) -> tuple[float, bool]:
-    """Return a number and False, or 0 and True for what is no number or beyond all that can be."""
+    """Return a number and False, or 0 and True if it is NaN or too large."""
     if math.isfinite(value) and abs(value) <= largest:
         return value, False
     return 0.0, True

@@ -14,7 +14,7 @@ def fill_median(length: int, value: float) -> Readings:
 
 
 def advance_median(state: Readings, value: float) -> tuple[Readings, float]:
-    """Take in a reading and return the median of the last: of an even number the mean of the middle two."""
+    """Add a reading and return the median of the window; for an even number the mean of the middle two."""
     arrived = (value, *state[:-1])
     ordered, length = sorted(arrived), len(arrived)
     return arrived, value if length == 1 else (ordered[(length - 1) // 2] + ordered[length // 2]) / 2
@@ -31,7 +31,7 @@ def fill_low_pass(sections: Any, value: float) -> tuple[Pair, ...]:
 
 
 def advance_low_pass(sections: Any, states: tuple[Pair, ...], value: float) -> tuple[tuple[Pair, ...], float]:
-    """Take in a value; return the next state and the filtered value: transposed direct form II."""
+    """Filter a value by the transposed direct form II; return the next state and the filtered value."""
     after = []
     for n, (first, second) in zip(sections, states, strict=True):
         out = n.b0 * value + first

@@ -1,4 +1,4 @@
-"""L(1) over one period, and limits of the motion that can be held together."""
+"""L(1) over one period, and limits of the motion that hold together."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def advance_admittance(numbers: Any, position: float, velocity: float, force: fl
 
 
 def stopping_distance(limits: Any, speed: float) -> float:
-    """Return the way to rest [m] from a speed >= 0, in whole periods of constant acceleration within the limit.
+    """Return the stopping distance [m] from a speed >= 0, braking in whole periods of constant deceleration.
 
     Full periods brake with the largest deceleration, the last with what is left.
     """
@@ -30,7 +30,7 @@ def stopping_distance(limits: Any, speed: float) -> float:
 def limit_motion(
     limits: Any, position: float, velocity: float, wanted_position: float, wanted_velocity: float
 ) -> tuple[float, float, bool]:
-    """Keep what the admittance wants if it is within limits; otherwise go as far as they allow.
+    """Limit the motion that the admittance requests.
 
     Args:
         limits: period and limits.
@@ -61,7 +61,7 @@ def limit_motion(
 
 
 def _fastest(limits: Any, room: float) -> float:
-    """Return the largest speed v with T v / 2 + (way to rest from v) <= room."""
+    """Return the largest speed v with T v / 2 + (stopping distance from v) <= room."""
     n = limits
     step = n.acceleration * n.period
     left = max(room, 0.0)

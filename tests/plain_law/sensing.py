@@ -60,7 +60,7 @@ def start_sensing(n: Any) -> SensingState:
 
 
 def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
-    """Take in a sample: whether its reading can be used, and by how much ln xi has changed."""
+    """Process a sample: decide whether its reading is usable, and return the change of ln xi."""
     quiet, measured = s.quiet + n.period, s.measured + n.period
     level = sample.reading - n.offset
     if not n.floor < level < math.inf:  # also for NaN
@@ -93,7 +93,7 @@ def observe(n: Any, s: SensingState, sample: Sample) -> tuple[SensingState, Obse
 
 
 def _fault(n: Any, s: SensingState, sample: Sample, level: float, measured: float) -> int:
-    """Return why a reading that came cannot be used, 0 if it can or if none came."""
+    """Return why a new reading is rejected; 0 if it is usable or if there is none."""
     if not sample.fresh:
         return 0
     elapsed = measured - sample.age

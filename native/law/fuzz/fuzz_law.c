@@ -1,10 +1,10 @@
-/* A target for libFuzzer: whatever the samples are, what the law gives is finite and within its limits.
+/* A target for libFuzzer: for any samples, the output of the law must be finite and within its limits.
  *
  *     clang -g -O1 -fsanitize=fuzzer,address,undefined -I native/law native/law/fuzz/fuzz_law.c native/law/pretouch_law.c -lm
  *     ./a.out -max_total_time=600
  *
- * The first byte chooses the controller, the second the numbers of its drag; each 49 bytes that follow are one sample,
- * which both laws are given. */
+ * The first byte chooses the controller, the second the numbers of its drag; every 49 bytes after them are one
+ * sample for both laws. */
 
 #include <math.h>
 #include <stdlib.h>

@@ -12,7 +12,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import InvalidInputError, ResultUnavailableError
 from pretouch._core.numbers import FloatArray
 from pretouch.sensors import Family, SensorModel, Table, known_curves
-from pretouch.sensors.conformance import refuse_unlawful
+from pretouch.sensors.conformance import refuse_invalid_curve
 from pretouch.sensors.model import is_built_in
 
 from .averaging import AveragedCurve
@@ -118,7 +118,7 @@ def estimates(
         "covariance": covariance,
         "middle_slope": middle,
         "slope_shift": shift,
-        "identifiable": family.told_apart(parameters, middle, runaway=runaway),
+        "identifiable": family.identifiability_remarks(parameters, middle, runaway=runaway),
         "warnings": warnings,
     }
 
@@ -272,7 +272,7 @@ def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
         with np.errstate(all="ignore"):
             fit = fit_prepared(model, prepared)
             if not is_built_in(fit.sensor):
-                refuse_unlawful(fit.sensor, fit.window.l_max)
+                refuse_invalid_curve(fit.sensor, fit.window.l_max)
     except Exception as error:  # a curve that fails in one model must not cost the others their fits
         return f"Its fit ends in {type(error).__name__}: {error}."
     return fit if np.isfinite(fit.residuals).all() else "Its fit does not give a finite output at every distance."

@@ -1,7 +1,8 @@
-"""The controller of the letter's Fig. 1 as a sampled law: readings in, a reference for the robot's controller out.
+"""The sampled controller of the letter's Fig. 1: sensor readings in, reference of the robot's own controller out.
 
-It knows no sensor model and no motion model, and imports nothing but `_core`: what a robot runs is what is here. `Law`
-is what stands in a controller, and `observe`, `push_by_drag` and `drive` are what one of a user's own is made of.
+This package contains everything that the robot runs. It uses no sensor model and no motion model, and imports only
+`_core`. A `Law` turns changes of the reading into a force. A custom law is built from `observe`, `push_by_drag` and
+`drive`.
 """
 
 from .components import Conditioning, Limits, VirtualAdmittance

@@ -1,4 +1,4 @@
-"""What a controller is made of beside its law: conditioning of readings, virtual admittance, limits of the motion."""
+"""Parts of a controller other than its law: conditioning of readings, virtual admittance, limits of the motion."""
 
 from __future__ import annotations
 
@@ -12,40 +12,41 @@ from pretouch._core.values import ONE_ROBOT, OUTPUT, check_declared, count, quan
 from .structures import AdmittanceNumbers, FilterSection, MotionLimits, SensingNumbers
 
 LONGEST_WINDOW = 16
-"""Readings of the longest running median."""
+"""Largest window of the running median, in readings."""
 
 _ANY_READING = 1e12
-_ANY_FLOOR = 1e-24  # ln(xi / floor) has a number for every reading, also in single precision
+_ANY_FLOOR = 1e-24  # keeps ln(xi / floor) finite for every reading, also in single precision
 _ANY_RATE = 1e15
 _TIMEOUT_PERIODS = 10
 _FADE_PERIODS = 2
 
 _SERIES_RADIUS = 1.5
-_TERMS = 26  # 1.5^26 / 28! is far below rounding
+_TERMS = 26  # of the series: 1.5^26 / 28! is far below rounding
 
 NO_LIMIT = 1e9
-"""In the place of a limit that is not given, in SI units: finite, so that what is within limits is finite."""
+"""Value that means "no limit", in SI units. It is finite, so that every motion within the limits is finite."""
 
 HIGHEST_ORDER = 8
+"""Highest order of the low-pass."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditioning:
-    """Offset, floor, running median and Butterworth low-pass, at the sensor's rate, and when a reading is not used.
+    """Conditioning of readings at the sensor's rate: offset, floor, running median, low-pass, and rules for rejection.
 
     Args:
-        floor: what is below, after the offset, is taken for nothing there: above noise and drift [unit of xi], > 0.
-        offset: output without an object [unit of xi], subtracted from each reading.
-        saturation: from this raw reading on, the sensor is saturated [unit of xi]; None: never.
+        floor: detection threshold > 0 after the offset is subtracted [unit of xi]; choose it above noise and drift.
+        offset: output without an object [unit of xi]; it is subtracted from each reading.
+        saturation: raw reading from which the sensor is saturated [unit of xi]; None: never.
         sensor_period: nominal time between two readings [s], at least the loop's period; None: the loop's period.
-        median_window: readings of the running median, 1 (none) to 16; 10 in the letter.
+        median_window: number of readings in the running median, 1 (no median) to 16; 10 in the letter.
         low_pass_order: order of the Butterworth low-pass, 0 (none) to 8; 5 in the letter.
-        cutoff: its cutoff [Hz]; 500 Hz in the letter.
+        cutoff: cutoff frequency of the low-pass [Hz]; 500 Hz in the letter.
         timeout: time without a usable reading after which the sensor counts as lost [s]; None: ten sensor periods.
-        fade_time: time in which the force fades where a reading that is due does not come [s]; None: two sensor
-            periods; 0: at once.
-        largest_rate: largest |d ln xi/dt| that can be [1/s], the steepest |g| times the fastest approach; a reading
-            that would need more is not used. None: no check.
+        fade_time: time in which the force fades to zero when a reading is overdue [s]; None: two sensor periods;
+            0: at once.
+        largest_rate: largest plausible |d ln xi/dt| [1/s], the steepest |g| times the fastest approach. A reading
+            that implies a larger rate is rejected. None: no check.
 
     Examples:
         >>> letter = Conditioning(floor=1e-3, median_window=10, low_pass_order=5, cutoff=500.0)
@@ -68,14 +69,16 @@ class Conditioning:
         check_declared(self, instead=ONE_ROBOT)
         if self.saturation is not None and not self.offset + self.floor < self.saturation <= _ANY_READING:
             raise InvalidInputError(
-                f"saturation: found {self.saturation:g}, which must exceed offset and floor together, "
+                f"saturation: found {self.saturation:g}, which must exceed the sum of offset and floor, "
                 f"{self.offset + self.floor:g}, up to {_ANY_READING:g}"
             )
         if not abs(self.offset) + self.floor < _ANY_READING:
-            raise InvalidInputError(f"offset, floor: found {self.offset:g}, {self.floor:g}, expected less than 1e12")
+            raise InvalidInputError(
+                f"offset, floor: found {self.offset:g}, {self.floor:g}, expected |offset| + floor below 1e12"
+            )
         if not self.floor >= _ANY_FLOOR:
             raise InvalidInputError(
-                f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give xi in another unit"
+                f"floor: found {self.floor:g}, expected at least {_ANY_FLOOR:g}; give xi in a smaller unit"
             )
         length: object = self.median_window
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST_WINDOW:
@@ -85,17 +88,18 @@ class Conditioning:
             )
 
     def numbers(self, period: float) -> SensingNumbers:
-        """Return what `pretouch_observe` takes for the loop's period T [s], the low-pass for the sensor's rate."""
+        """Return the parameters of `pretouch_observe` for a loop with the period T [s]."""
         sensor_period = period if self.sensor_period is None else self.sensor_period
         if sensor_period < period * (1 - 1e-9):
             raise InvalidInputError(
                 f"sensor_period: found {sensor_period:g} s, shorter than the loop's period of {period:g} s; "
-                "run the loop at the sensor's rate, or give it every n-th reading"
+                "run the loop at the sensor's rate, or use every n-th reading only"
             )
         timeout = _TIMEOUT_PERIODS * sensor_period if self.timeout is None else self.timeout
         if timeout < sensor_period:
             raise InvalidInputError(
-                f"timeout: found {timeout:g} s, shorter than the time between two readings, {sensor_period:g} s"
+                f"timeout: found {timeout:g} s, shorter than the time between two readings, {sensor_period:g} s; "
+                "give a longer timeout"
             )
         low_pass = design_low_pass(self.low_pass_order, self.cutoff, 1 / sensor_period)
         return SensingNumbers(
@@ -112,15 +116,15 @@ class Conditioning:
         )
 
     def fade_step(self, period: float) -> float:
-        """Return by how much the force fades per period of the loop [s], 1 for at once."""
+        """Return the share of the force that fades in one loop period [s]; 1 means that it is removed at once."""
         sensor_period = period if self.sensor_period is None else self.sensor_period
         fade_time = _FADE_PERIODS * sensor_period if self.fade_time is None else self.fade_time
         return min(period / fade_time, 1.0) if fade_time > 0 else 1.0
 
 
 def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[FilterSection, ...]:
-    """Design the Butterworth low-pass of an order 0 (none) to 8 with a cutoff [Hz] for a sensor's rate [Hz]."""
-    # as SciPy does (a test compares them), whose package of signals takes longer to load than a verdict
+    """Design a Butterworth low-pass of order 0 (none) to 8 with a cutoff [Hz] for a sensor's rate [Hz]."""
+    # The result equals that of scipy.signal, which a test checks. Importing scipy.signal would take too long.
     if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= HIGHEST_ORDER:
         raise InvalidInputError(
             f"low_pass_order: found {order!r}, expected a whole number from 0 (no filter) to {HIGHEST_ORDER}"
@@ -128,27 +132,27 @@ def design_low_pass(order: object, cutoff: float | None, rate: float) -> tuple[F
     if order == 0:
         return ()
     if cutoff is None:
-        raise InvalidInputError(f"cutoff: missing, and a low-pass of order {order} needs one; give it in Hz")
+        raise InvalidInputError(f"cutoff: missing; a low-pass of order {order} needs a cutoff frequency in Hz")
     frequency = positive(cutoff, "cutoff", "Hz")
     if not frequency < rate / 2:
         raise InvalidInputError(
-            f"cutoff: found {frequency:g} Hz, which must be below {rate / 2:g} Hz, half of the sensor's rate"
+            f"cutoff: found {frequency:g} Hz, which must be below {rate / 2:g} Hz, half of the sensor's sampling rate"
         )
     warped = math.tan(math.pi * frequency / rate)
     sections = [] if order % 2 == 0 else [_first_order(warped)]
-    # the most damped first, each with a gain of one at rest
+    # The most damped section comes first. Each section has a DC gain of one.
     dampings = [math.sin(math.pi * (2 * k + 1) / (2 * order)) for k in range(order // 2)]
     return tuple(sections + [_second_order(warped, damping) for damping in reversed(dampings)])
 
 
 def _first_order(warped: float) -> FilterSection:
-    """Return the section of the real pole, by the bilinear transform."""
+    """Return the filter section of the real pole, by the bilinear transform."""
     b = warped / (1 + warped)
     return FilterSection(b, b, 0.0, (warped - 1) / (1 + warped), 0.0)
 
 
 def _second_order(warped: float, damping: float) -> FilterSection:
-    """Return the section of a pair of poles on the unit circle, by the bilinear transform."""
+    """Return the filter section of a complex pole pair, by the bilinear transform."""
     square = warped * warped
     size = 1 + 2 * damping * warped + square
     b = square / size
@@ -178,11 +182,11 @@ class VirtualAdmittance:
 
 
 def discretize(admittance: VirtualAdmittance, period: float) -> AdmittanceNumbers:
-    """Integrate L(1) over one period T [s] under a constant force, exactly.
+    """Discretize the admittance L(1) exactly for one period T [s] with a constant force.
 
-    With the roots z_1, z_2 of the free motion, times the period, all six numbers follow from the divided differences
-    G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]: entire functions, so that nothing special happens at critical
-    damping, without stiffness or without damping.
+    Let z_1, z_2 be the roots of the free motion times the period. All six numbers follow from the divided differences
+    G_0 = exp[z_1, z_2] and G_1 = exp[0, z_1, z_2]. Both are entire functions, so critical damping, zero stiffness and
+    zero damping need no special case.
 
     Returns:
         Transition matrix and input vector.
@@ -205,13 +209,13 @@ def _differences(p: float, q: float) -> tuple[float, float]:
     d = p * p / 4 - q
     magnitude = -p / 2 + math.sqrt(d) if d > 0 else math.sqrt(q)
     if magnitude < _SERIES_RADIUS:
-        g0 = g1 = before = 0.0
+        g0 = g1 = previous = 0.0
         symmetric = weight = 1.0
         for k in range(_TERMS):
             weight /= k + 1
             g0 += symmetric * weight
             g1 += symmetric * weight / (k + 2)
-            symmetric, before = p * symmetric - q * before, symmetric
+            symmetric, previous = p * symmetric - q * previous, symmetric
         return g0, g1
     if d > 0:
         far = -magnitude
@@ -226,17 +230,17 @@ def _differences(p: float, q: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of the virtual force and of the motion relative to the reference; None for those that are not wanted.
+    """Limits of the virtual force and of the motion relative to the reference; None means no limit.
 
-    They can be held together, whatever force acts: a speed is allowed only if the plant can come to rest from it within
-    the excursion at the largest deceleration. In periods of constant acceleration the way is piecewise linear in
-    the speed, so the largest speed that is allowed next follows in closed form, and a state that can be stopped in time
-    has a next state that can, too. The admittance goes on from the limited motion: nothing winds up behind a limit.
+    All limits hold together for any force. A speed is allowed only if the plant can stop from it within the excursion
+    limit at the largest deceleration. The stopping distance is piecewise linear in the speed, so the largest speed
+    allowed in the next period follows in closed form. A state from which the plant can stop in time always has a next
+    state with the same property. The admittance continues from the limited motion, so there is no windup.
 
     Args:
         force: largest |F_p| [N].
         speed: largest |x_v' - x_d'| [m/s].
-        acceleration: largest |x_v'' - x_d''| [m/s^2], as the mean over a period.
+        acceleration: largest |x_v'' - x_d''| [m/s^2], averaged over a period.
         excursion: largest |x_v - x_d| [m].
 
     Examples:
@@ -261,9 +265,9 @@ class Limits:
 
 
 def stopping_distance(limits: MotionLimits, speed: float) -> float:
-    """Return the way to rest [m] from a speed >= 0, in whole periods of constant acceleration within the limit.
+    """Return the stopping distance [m] from a speed >= 0 [m/s], braking in whole periods of constant deceleration.
 
-    Full periods brake with the largest deceleration, the last with what is left.
+    All periods but the last brake with the largest deceleration; the last one removes the remaining speed.
     """
     n = limits
     step = n.acceleration * n.period
@@ -272,6 +276,6 @@ def stopping_distance(limits: MotionLimits, speed: float) -> float:
     return float(n.period * (step / 2 * whole * whole + rest * (whole + 0.5)))
 
 
-def output_in_words(value: float) -> str:
-    """Say what a sensor output is, in its unknown unit."""
+def format_output(value: float) -> str:
+    """Return a sensor output with the placeholder "unit of \u03be" as its unit."""
     return f"{value:.6g} [unit of \u03be]"

@@ -1,4 +1,4 @@
-"""The controller of the letter's Fig. 1 as a value: what it is made of, its numbers, its first state, its runs."""
+"""The controller of the letter's Fig. 1: its configuration, the parameters and state of its step, and its runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .components import (
     Limits,
     VirtualAdmittance,
     discretize,
-    output_in_words,
+    format_output,
     stopping_distance,
 )
 from .laws import PROTOTYPE, CompiledStep, Law, Parts, SteppedLaw, as_step, start_drive, start_sensing
@@ -46,17 +46,18 @@ _new: Final[Any] = tuple.__new__
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Controller:
-    """The sampled controller of the letter's Fig. 1: from readings to a reference for the robot's own controller.
+    """The sampled controller of the letter's Fig. 1: it turns readings into a reference of the robot's own controller.
 
     Args:
-        period: T of the loop [s].
-        conditioning: from raw readings to ln xi.
-        law: what makes a force of it, such as `VirtualDamper`.
+        period: period T of the control loop [s].
+        conditioning: how raw readings become ln xi.
+        law: how changes of ln xi become a force, such as `VirtualDamper`.
         admittance: the virtual dynamics of L(1).
-        limits: of virtual force and motion.
-        contact_gain: share of the measured contact force that acts in the admittance: 0 where an impedance controller
-            follows, which feels it anyway; 1 where a position controller follows, which does not.
-        contact_threshold: contact force [N] from which a contact is reported. Nothing is switched at it.
+        limits: limits of virtual force and motion.
+        contact_gain: share of the measured contact force that acts in the admittance, 0 to 1. Use 0 if the robot's own
+            controller is an impedance controller, which already responds to the contact force. Use 1 if it is a
+            position controller, which does not.
+        contact_threshold: contact force [N] from which a contact is reported. It only sets a status flag.
 
     Examples:
         >>> from pretouch.control import VirtualDamper
@@ -74,7 +75,7 @@ class Controller:
 
     period: float = quantity("s", sign="positive")
     conditioning: Conditioning = field()
-    law: Law = field(metadata={"takes": SteppedLaw})  # a design needs the rest of a Law
+    law: Law = field(metadata={"takes": SteppedLaw})  # only a design needs the full Law
     admittance: VirtualAdmittance = field()
     limits: Limits = field(default_factory=Limits)
     contact_gain: float = quantity("", 0.0, sign="nonnegative")
@@ -84,29 +85,29 @@ class Controller:
         check_declared(self, instead=ONE_ROBOT)
         if self.contact_gain > 1:
             raise InvalidInputError(f"contact_gain: found {self.contact_gain:g}, expected a share from 0 to 1")
-        self.conditioning.numbers(self.period)  # its checks against the period
+        self.conditioning.numbers(self.period)  # checks the conditioning against the period
 
     @property
     def step(self) -> Callable[..., Any]:
-        """The step as a function: parameters, state, sample in, next state and output out. `begin` is for robots."""
+        """The step as a function: (parameters, state, sample) -> (next state, output). Robots use `begin` instead."""
         return as_step(self.law.step)
 
     def begin(self, position: float = 0.0, velocity: float = 0.0) -> Run:
-        """Begin a run, as a robot's loop needs it: it holds parameters and state, and steps in about a microsecond.
+        """Start a run for a robot's control loop; it holds parameters and state, and a step takes about a microsecond.
 
         Args:
             position: the plant's position relative to its reference [m].
             velocity: its velocity relative to the reference [m/s].
 
         Returns:
-            The run; its `step` is called once per period. From where the limits can not be held, none is begun.
+            The run; call its `step` once per period. A start from which the limits cannot be kept is refused.
         """
         step = self.step
         run = Run if isinstance(step, CompiledStep) else _PythonRun
         return run(step, self.parameters(), self.start(position, velocity))
 
     def parameters(self) -> Any:
-        """Return all numbers of the step: with the letter's law, `pretouch_parameters` of native/law/pretouch_law.h."""
+        """Return all parameters of the step; with the letter's law, `pretouch_parameters` of pretouch_law.h."""
         sensing = self.conditioning.numbers(self.period)
         drive = DriveNumbers(
             hold=sensing.sensor_period,
@@ -117,39 +118,39 @@ class Controller:
             admittance=discretize(self.admittance, self.period),
             limits=self._motion_limits(),
         )
-        return _joined(ControllerNumbers, sensing, drive, self.law.numbers(self))
+        return _join_parts(ControllerNumbers, sensing, drive, self.law.numbers(self))
 
     def start(self, position: float = 0.0, velocity: float = 0.0) -> Any:
-        """Return the state before the first step, nothing detected and no force; arguments as in `begin`."""
+        """Return the state before the first step: nothing detected, no force. Arguments as in `begin`."""
         x, v = finite(position, "position", "m"), finite(velocity, "velocity", "m/s")
         limits = self._motion_limits()
         ahead = x if v >= 0 else -x
         farthest = max(abs(x), ahead + stopping_distance(limits, abs(v)))
         if abs(v) > limits.speed or farthest > limits.excursion:
             raise InvalidInputError(
-                f"start: found {x:g} m and {v:g} m/s relative to the reference, from where the limits "
-                f"({self.limits}) can not be held; start nearer to the reference or slower, or widen them"
+                f"start: found {x:g} m and {v:g} m/s relative to the reference, from which the limits "
+                f"({self.limits}) cannot be kept; start nearer to the reference or slower, or widen the limits"
             )
         sensing = start_sensing(self.conditioning.numbers(self.period))
-        return _joined(ControllerState, sensing, start_drive(x, v), self.law.start())
+        return _join_parts(ControllerState, sensing, start_drive(x, v), self.law.start())
 
     def with_gain(self, gain: float) -> Controller:
-        """Return the same controller with another gain D_p [N s], of a law that is a damper."""
+        """Return the same controller with another gain D_p [N s]; its law must be a damper."""
         law: Any = self.law
         if not hasattr(law, "with_gain"):
-            raise InvalidInputError(f"gain: found a law ({type(law).__name__}) that has none; use with_value")
+            raise InvalidInputError(f"gain: found the law {type(law).__name__}, which has no gain; use with_value")
         return replace(self, law=law.with_gain(gain))
 
     def with_value(self, value: float) -> Controller:
-        """Return the same controller with another value of its law's one number: of a damper D_p [N s]."""
+        """Return the same controller with another value of the law's number, such as D_p [N s]."""
         return replace(self, law=self.law.with_value(value))
 
     def rows(self) -> Iterator[Row]:
-        """Yield what a page says of the controller: its parameters, those of its law that it tells itself."""
+        """Yield table rows with the parameters of the controller and those that its law reports by `rows`."""
         yield "law", type(self.law).__name__
         yield "period", Measured(self.period, "s")
-        own = getattr(self.law, "rows", None)
-        yield from own() if own is not None else ()
+        law_rows = getattr(self.law, "rows", None)
+        yield from law_rows() if law_rows is not None else ()
         yield from self._conditioning_rows()
         a = self.admittance
         yield "virtual mass M_a", Measured(a.mass, "kg")
@@ -168,19 +169,19 @@ class Controller:
         yield "reports a contact from", Measured(self.contact_threshold, "N")
 
     def _conditioning_rows(self) -> Iterator[Row]:
-        """Yield what is done to a reading before its logarithm is differenced."""
-        c, used = self.conditioning, self.conditioning.numbers(self.period)
-        yield "expects a reading every", Measured(used.sensor_period, "s")
-        yield "offset taken off", output_in_words(c.offset)
-        yield "floor", f"{output_in_words(c.floor)}, below which nothing is seen"
+        """Yield table rows with the conditioning of readings."""
+        c, numbers = self.conditioning, self.conditioning.numbers(self.period)
+        yield "expects a reading every", Measured(numbers.sensor_period, "s")
+        yield "offset taken off", format_output(c.offset)
+        yield "floor", f"{format_output(c.floor)}, below which nothing is seen"
         if c.saturation is not None:
-            yield "saturated from", output_in_words(c.saturation)
+            yield "saturated from", format_output(c.saturation)
         yield "running median", f"over {c.median_window} readings" if c.median_window > 1 else "none"
         if c.low_pass_order and c.cutoff is not None:
             yield "low-pass", f"Butterworth of order {c.low_pass_order} at {format_quantity(c.cutoff, 'Hz')}"
         else:
             yield "low-pass", "none"
-        yield "sensor lost after", Measured(used.timeout, "s")
+        yield "sensor lost after", Measured(numbers.timeout, "s")
         if c.largest_rate is not None:
             yield "largest |d ln \u03be/dt| that is believed", Measured(c.largest_rate, "1/s")
 
@@ -189,18 +190,19 @@ class Controller:
         return MotionLimits(self.period, _limit(limits.speed), _limit(limits.acceleration), _limit(limits.excursion))
 
 
-def _joined(known: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
-    """Put parts together: in one piece of memory where a compiled step reads them, with the law's own part behind."""
+def _join_parts(base: type[Structure], sensing: Structure, drive: Structure, law: Any) -> Any:
+    """Join the three parts; for a compiled step in one block of memory, in which the law's part comes last."""
     if not isinstance(law, ctypes.Structure):
         return Parts(sensing, drive, law)
-    kind = known if isinstance(law, dict(known._fields_)["law"]) else _with_law(known, type(law))
+    kind = base if isinstance(law, dict(base._fields_)["law"]) else _with_law(base, type(law))
     return kind(sensing, drive, law)
 
 
 @cache
-def _with_law(known: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
-    fields = [(name, law if name == "law" else kind) for name, kind in known._fields_]
-    return type(known.__name__, (Structure,), {"_fields_": fields})
+def _with_law(base: type[Structure], law: type[ctypes.Structure]) -> type[Structure]:
+    """Return the structure with the law's part replaced by another type."""
+    fields = [(name, law if name == "law" else kind) for name, kind in base._fields_]
+    return type(base.__name__, (Structure,), {"_fields_": fields})
 
 
 def _limit(value: float | None) -> float:
@@ -208,15 +210,15 @@ def _limit(value: float | None) -> float:
 
 
 class Run:
-    """A controller at work: it holds parameters and state, and goes on from step to step.
+    """A running controller: it holds parameters and state, and updates the state at each step.
 
-    `Controller.begin` makes one. One thread at a time may step it.
+    `Controller.begin` makes one. Only one thread at a time may call `step`.
 
     Args:
-        step: of the law, compiled: everything that a call needs lies ready, so that writing a sample, the step and
-            reading its output are all there is.
-        parameters: of the law.
-        state: the first one; it stays as it is.
+        step: compiled step of the law. All pointers are prepared once, so a call only writes the sample, runs the
+            step and reads its output.
+        parameters: parameters of the controller.
+        state: first state; it is copied.
     """
 
     __slots__ = ("_held", "_law", "_memory", "_out", "_places", "_sample")
@@ -234,7 +236,7 @@ class Run:
 
     @property
     def state(self) -> Any:
-        """The state after the last step; a copy, as `Controller.step` takes it."""
+        """A copy of the state after the last step, in the form that `Controller.step` takes."""
         return copy_of(self._memory)
 
     def step(
@@ -248,7 +250,7 @@ class Run:
         reference_velocity: float = 0.0,
         reference_acceleration: float = 0.0,
     ) -> Output:
-        """Run one period: a sample as `Sample` says it comes in, what the robot is to do over the period comes out."""
+        """Run one period: take the fields of a `Sample`, return the reference of the robot for this period."""
         _pack_sample(
             *(self._sample, 0, reading, age, contact_force),
             *(reference_position, reference_velocity, reference_acceleration, 1 if fresh else 0),
@@ -259,7 +261,7 @@ class Run:
 
 
 class _PythonRun(Run):
-    """The same for a step in Python."""
+    """A running controller whose step is written in Python."""
 
     __slots__ = ("_parameters", "_state", "_step")
 

@@ -1,4 +1,4 @@
-"""The virtual drag: a law of one number that leaves every approach the same share of its speed."""
+"""The virtual drag, a sampled law: the contact speed is the same fraction of every approach speed."""
 
 from __future__ import annotations
 
@@ -10,48 +10,51 @@ from pretouch._core.blocks import Cell, Measured
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.values import ONE_ROBOT, OUTPUT, check_declared, quantity
 
-from .components import output_in_words
+from .components import format_output
 from .laws import CompiledStep, Setting
 from .structures import DragNumbers, DragState
 
 _HOLD = 0.02
 _HOLD_READINGS = 2
 _LARGEST = 1e6
-_LONGEST_SMOOTHING = 60.0  # s: no encounter lasts longer
-_LARGEST_NOISE = 1e12  # as a reading
+_LONGEST_SMOOTHING = 60.0  # s; no encounter lasts longer
+_LARGEST_NOISE = 1e12  # the limit of readings
 
 _STEP = CompiledStep("step_drag")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDrag:
-    """Virtual force F = -phi |s'| s' of s = ln xi, against approaches alone, as impulses.
+    """Virtual force F = -phi |s'| s' with s = ln xi, applied as impulses, during approaches only.
 
-    While it acts the admittance's own pull is held off, so that d ln|l'|/dl = phi g^2/M: between detection and contact
-    an object at constant speed loses the same share of it, whatever that speed is. Impulses are phi times the smoothed
-    rate of s times its rise beyond a dead zone that is as wide as noise reaches, so at rest the robot stands still.
+    While it acts, the admittance's pull toward the object is switched off, so d ln|l'|/dl = phi g^2/M. The relative
+    speed to an object of constant velocity therefore falls by the same fraction at every speed, from detection to
+    contact. An impulse is phi times the smoothed rate of s times the rise of s beyond a dead zone. The dead zone is as
+    wide as the noise, so the robot does not move while nothing approaches.
 
     Args:
         drag: phi [N s^2].
-        noise: standard deviation of a reading at xi = 0 [unit of xi]. Twice too much costs some speed at contact, half
-            of it may let the robot creep.
-        relative_noise: standard deviation of a reading in proportion to xi.
-        resolution: step of the readings [unit of xi].
-        smoothing_time: time constant of the smoothed level and rate [s]. It lags behind changes of speed: at most an
-            eighth of the distance of detection over the largest speed, 7 ms for 42 mm at 0.75 m/s. Near a steady s' the
-            impulse of a small change of s is 2 phi s' times that change behind one low-pass of it, see `Law`.
-        dead_zone: width of the dead zone of s in standard deviations of the smoothed level. White noise rises by 8.8 of
-            them within a minute once in a hundred times, by 10.4 within an hour.
-        still_rate: rate of s that counts as none, in its standard deviations. Smaller ones keep the share at low speed,
-            larger ones the way that the robot gives.
-        hold_time: how long an approach lasts after s rose last [s]; None: 20 ms, or two sensor periods if longer.
-        own_advance: D_b <= 0 [N s], the gain of a virtual damper against the robot's own advance; it brakes to rest and
-            not beyond. 0: none.
-        known_acceleration: of the object toward the robot, <= 0 [m/s^2], such as gravity; M_a times it is fed forward
-            during an approach.
+        noise: standard deviation of a reading at xi = 0 [unit of xi]. A value twice too large raises the contact speed
+            somewhat; a value half as large may let the robot creep.
+        relative_noise: standard deviation of a reading divided by xi.
+        resolution: quantization step of the readings [unit of xi].
+        smoothing_time: time constant of the smoothed level and rate [s]. It delays the response to changes of speed.
+            Choose at most 1/8 of the detection distance divided by the largest speed, such as 7 ms for 42 mm at
+            0.75 m/s. Near a steady s', the impulse of a small change of s is 2 phi s' times the change, filtered by one
+            low-pass; see `Law`.
+        dead_zone: width of the dead zone of s, in standard deviations of the smoothed level. With a probability of 1 %,
+            white noise rises by 8.8 standard deviations within a minute, and by 10.4 within an hour.
+        still_rate: rate of s below which the object counts as still, in standard deviations of the rate. Smaller values
+            keep the fraction constant down to lower speeds; larger values keep the retreat distance.
+        hold_time: how long an approach lasts after the last rise of s [s]; None: 20 ms or two sensor periods, whichever
+            is longer.
+        own_advance: D_b <= 0 [N s], gain of a virtual damper against the robot's own motion toward the object. It
+            brakes the robot to rest and never pushes it back. 0: none.
+        known_acceleration: acceleration of the object toward the robot, <= 0 [m/s^2], such as gravity. M_a times this
+            value is added to the force during an approach.
 
     Valid for:
-        noise that is independent from reading to reading; median and low-pass of the conditioning only lower it.
+        noise that is independent from reading to reading; median and low-pass of the conditioning only reduce it.
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance
@@ -63,7 +66,7 @@ class VirtualDrag:
         ... ).begin()
         >>> for k in range(20):  # an approach of s' = 10/s
         ...     force = run.step(2000.0 * 1.01005**k).virtual_force
-        >>> round(force, 1)  # -0.0144 N s^2 x (10/s)^2, and 0.3 N against the pull that is held off
+        >>> round(force, 1)  # -0.0144 N s^2 x (10/s)^2, less 0.3 N that cancel the pull of the admittance
         -1.7
     """
 
@@ -81,27 +84,29 @@ class VirtualDrag:
     def __post_init__(self) -> None:
         check_declared(self, instead=ONE_ROBOT)
         if self.own_advance > 0:
-            raise InvalidInputError(f"own_advance: found {self.own_advance:g} N*s, expected 0 or less: it brakes")
+            raise InvalidInputError(
+                f"own_advance: found {self.own_advance:g} N*s, expected 0 or less, so that it brakes"
+            )
         if self.known_acceleration > 0:
             raise InvalidInputError(
-                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or less: an object that is "
-                "slowed down would be followed"
+                f"known_acceleration: found {self.known_acceleration:g} m/s^2, expected 0 or less; with a positive "
+                "value the robot would follow an object that slows down"
             )
         largest = dict.fromkeys(("drag", "dead_zone", "still_rate", "own_advance", "known_acceleration"), _LARGEST)
         largest |= dict.fromkeys(("noise", "relative_noise", "resolution"), _LARGEST_NOISE)
         largest["smoothing_time"] = _LONGEST_SMOOTHING
-        for name, most in largest.items():
-            if not abs(getattr(self, name)) <= most:
-                raise InvalidInputError(f"{name}: found {getattr(self, name):g}, which must be within {most:g}")
+        for name, limit in largest.items():
+            if not abs(getattr(self, name)) <= limit:
+                raise InvalidInputError(f"{name}: found {getattr(self, name):g}, which must be within {limit:g}")
 
     @property
     def continuous(self) -> str:
-        """The law that it samples."""
+        """The name of the law in continuous time that this one samples."""
         return "virtual-drag"
 
     @property
     def value(self) -> float:
-        """The number phi [N s^2]: that is what a design chooses."""
+        """The drag phi [N s^2], the number that a design chooses."""
         return self.drag
 
     @property
@@ -114,9 +119,10 @@ class VirtualDrag:
         c, a = controller.conditioning, controller.admittance
         sensor_period = controller.period if c.sensor_period is None else c.sensor_period
         share = 1.0 if self.smoothing_time == 0 else -math.expm1(-sensor_period / self.smoothing_time)
-        kept, cubed = 1 - share, (2 - share) ** 3
-        # deviations of level and rate for independent readings of ln xi of deviation 1, from the impulse response
-        level_noise = math.sqrt(share * (1 + 4 * kept + 5 * kept * kept) / cubed)
+        remaining, cubed = 1 - share, (2 - share) ** 3
+        # Standard deviations of level and rate for independent readings of ln xi with unit variance, from the impulse
+        # response of the filters.
+        level_noise = math.sqrt(share * (1 + 4 * remaining + 5 * remaining * remaining) / cubed)
         rate_noise = math.sqrt(2 * share**3 / cubed) / sensor_period
         return DragNumbers(
             drag=self.drag,
@@ -137,10 +143,10 @@ class VirtualDrag:
         )
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield what a page says of the law beside its coefficient."""
-        yield "noise of a reading", output_in_words(self.noise)
+        """Yield table rows with the parameters of the law other than phi."""
+        yield "noise of a reading", format_output(self.noise)
         yield "relative noise of a reading", Measured(self.relative_noise)
-        yield "step of the readings", output_in_words(self.resolution)
+        yield "step of the readings", format_output(self.resolution)
         yield "smoothing time", Measured(self.smoothing_time, "s")
         yield "dead zone", f"{self.dead_zone:.4g} standard deviations of ln \u03be, smoothed"
         yield "rate that counts as none", f"{self.still_rate:.4g} standard deviations"

@@ -1,4 +1,4 @@
-"""Laws: what one is, the letter's, and the blocks of C that one of a user's own in Python is made of."""
+"""Sampled laws: their interface, the letter's virtual damper, and the compiled blocks of custom laws."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .structures import (
 )
 
 PROTOTYPE: Final = ctypes.PYFUNCTYPE(None)
-"""Of a step; it keeps the interpreter's lock: letting go of it takes as long as a step."""
+"""C signature of a step. It keeps the interpreter's lock, since releasing it takes as long as a step."""
 
 _start_sensing: Final = kernel("start_sensing", POINTER, POINTER)
 _start_drive: Final = kernel("start_drive", DOUBLE, DOUBLE, POINTER)
@@ -42,13 +42,13 @@ _drive: Final = kernel("drive", POINTER, POINTER, POINTER, POINTER, POINTER, POI
 
 
 class Parts(NamedTuple):
-    """Parameters or state of a controller whose law is a function of Python: those of sensing, drive and law.
+    """Parameters or state of a controller whose law is a Python function: one part each for sensing, drive and law.
 
     Args:
-        sensing: what `observe` takes.
-        drive: what `drive` takes; of a state, `drive.motion.position` [m] and `.velocity` [m/s] are the virtual
-            object's, relative to its reference.
-        law: what `Law.numbers` or `Law.start` returned, or the law's own next state.
+        sensing: parameters or state of `observe`.
+        drive: parameters or state of `drive`; in a state, `drive.motion.position` [m] and `.velocity` [m/s] are the
+            motion of the virtual object relative to its reference.
+        law: the result of `Law.numbers` or `Law.start`, or the next state of the law.
     """
 
     sensing: Any
@@ -57,15 +57,15 @@ class Parts(NamedTuple):
 
 
 class Setting(Protocol):
-    """What a law's numbers may depend on: the `Controller` that it stands in, without its law."""
+    """The part of a `Controller` on which the parameters of its law may depend."""
 
     @property
     def period(self) -> float:
-        """T of the loop [s]."""
+        """Period T of the control loop [s]."""
 
     @property
     def conditioning(self) -> Conditioning:
-        """From raw readings to ln xi."""
+        """How raw readings become ln xi."""
 
     @property
     def admittance(self) -> VirtualAdmittance:
@@ -73,48 +73,49 @@ class Setting(Protocol):
 
 
 class SteppedLaw(Protocol):
-    """What a controller runs: a law without a number to be chosen; see `Law`."""
+    """A law that a controller can run. It needs no number for a design to choose; see `Law`."""
 
     @property
     def step(self) -> Any:
-        """The whole step of the controller with this law, of Python or compiled; run once per period."""
+        """The whole step of the controller with this law, in Python or compiled; it runs once per period."""
 
     def numbers(self, controller: Setting) -> Any:
-        """Return the law's parameters in a controller; a ctypes structure where the step is compiled.
+        """Return the law's parameters in a controller; a ctypes structure if the step is compiled.
 
-        Called whenever `Controller.parameters` is, before a run; a step finds them in `parameters.law`.
+        `Controller.parameters` calls this before a run. The step reads the result from `parameters.law`.
         """
 
     def start(self) -> Any:
-        """Return the law's state before the first reading; a ctypes structure where the step is compiled.
+        """Return the law's state before the first reading; a ctypes structure if the step is compiled.
 
-        Called whenever `Controller.start` is; a step finds it in `state.law`. States are never changed in place: a
-        step of Python returns the next one.
+        `Controller.start` calls this. The step reads the result from `state.law`. States are never changed in place:
+        a step in Python returns the next state.
         """
 
 
 class Law(SteppedLaw, Protocol):
-    """What makes a force of ln xi and of the robot's own motion: a value with its numbers and the step that uses them.
+    """A sampled law: it turns ln xi and the robot's own motion into a force.
 
-    A new law is a dataclass with these six, and one function: in Python `state, output = step(parameters, state,
-    sample)`, of `observe`, what the law itself does, and `drive`, between `Parts`; or compiled, see `CompiledStep`.
-    docs/own-law.md makes one, from a force to a verdict.
+    A custom law is a dataclass with these six members and one function. In Python the function is
+    `state, output = step(parameters, state, sample)`: it calls `observe`, computes the force of the law, and calls
+    `drive`; parameters and state are `Parts`. It may also be compiled, see `CompiledStep`. docs/own-law.md builds one,
+    from a force to a verdict.
 
-    A law may smooth ln xi on the way to its impulse. Where that amounts, near an operating point, to one low-pass that
-    takes in 1 - exp(-T/tau) of every reading, the sensor's period being T, the law tells tau [s] as an attribute
-    `smoothing_time`, and limits of stability count it.
+    A law may smooth ln xi before it computes an impulse. If this equals, near an operating point, one low-pass that
+    weights every new reading by 1 - exp(-T/tau), with the sensor's period T, the law reports tau [s] as the attribute
+    `smoothing_time`. The limits of stability then include it.
     """
 
     @property
     def continuous(self) -> Any:
-        """The law in continuous time that it samples, by which it is predicted: a name, or a ContinuousLaw."""
+        """The law in continuous time that this one samples, used for predictions: a name, or a ContinuousLaw."""
 
     @property
     def value(self) -> float:
-        """The one number that a design chooses, in the unit that `continuous` tells: of the damper a gain [N s]."""
+        """The number that a design chooses, such as the gain [N s] of a damper; `continuous` defines its unit."""
 
     def with_value(self, value: float) -> Law:
-        """Return the same law with another value of that number: called for each that a design tries."""
+        """Return the same law with another value of its number; a design calls this for every value that it tries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,20 +123,20 @@ class CompiledStep:
     """A law's step as machine code, with the signature of `pretouch_law_step` in native/law/pretouch_law.h.
 
     Args:
-        function: what is compiled, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
+        function: the compiled function, such as a scipy.LowLevelCallable; or the name of a step of the compiled core.
     """
 
     function: Any
 
     def located(self) -> int:
-        """Return the address of the function in this process; one of Python has none, and is refused."""
-        found = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
-        if found is None:
+        """Return the address of the function in this process; a Python function has none and is refused."""
+        address = entry(self.function) if isinstance(self.function, str) else machine_code(self.function)
+        if address is None:
             raise InvalidInputError(f"step: found {self.function!r}, expected a compiled function")
-        return found
+        return address
 
     def __call__(self, parameters: Any, state: Any, sample: Sample) -> tuple[Any, Output]:
-        """Run one period: return the next state and the output; parameters and state are structures or arrays."""
+        """Run one period and return the next state and the output; parameters and state are structures or arrays."""
         after, out = copy_of(state), RawOutput()
         places = (location(memory, name)[0] for memory, name in ((parameters, "parameters"), (after, "state")))
         PROTOTYPE(self.located())(*map(ctypes.c_void_p, places), ctypes.byref(raw_sample(sample)), ctypes.byref(out))
@@ -143,12 +144,12 @@ class CompiledStep:
 
 
 def as_step(step: Any) -> Callable[[Any, Any, Sample], Any]:
-    """Return a step, compiled or not, as a function of Python, `state, output = step(parameters, state, sample)`."""
+    """Return a step, compiled or not, as a Python function, `state, output = step(parameters, state, sample)`."""
     return step if isinstance(step, CompiledStep) or machine_code(step) is None else CompiledStep(step)
 
 
 def start_sensing(numbers: SensingNumbers) -> SensingState:
-    """Return the state of `observe` before the first reading, where nothing is detected; `Controller.start` calls it.
+    """Return the state of `observe` before the first reading, with nothing detected; `Controller.start` calls this.
 
     Args:
         numbers: `parameters.sensing` of a controller, or `Conditioning.numbers` for a law without one.
@@ -159,11 +160,11 @@ def start_sensing(numbers: SensingNumbers) -> SensingState:
 
 
 def start_drive(position: float, velocity: float) -> DriveState:
-    """Return the state of `drive` at the start: no force, the plant where it is; `Controller.start` calls it.
+    """Return the state of `drive` at the start, with no force; `Controller.start` calls this.
 
     Args:
-        position: of the plant, relative to its reference [m].
-        velocity: of the plant, relative to its reference [m/s].
+        position: position of the plant relative to its reference [m].
+        velocity: velocity of the plant relative to its reference [m/s].
     """
     state = DriveState()
     _start_drive(position, velocity, byref(state))
@@ -171,37 +172,37 @@ def start_drive(position: float, velocity: float) -> DriveState:
 
 
 def observe(numbers: SensingNumbers, state: SensingState, sample: Sample) -> tuple[SensingState, Observation]:
-    """Take in a sample, the first block of a step: check, filter and difference what was read.
+    """Check, filter and difference a reading: the first block of a step.
 
     Args:
         numbers: `parameters.sensing` of the controller.
-        state: `state.sensing`; it stays as it is.
-        sample: what the step was given, once per period, with a new reading or without.
+        state: `state.sensing`; it is not changed.
+        sample: the sample of this period, with or without a new reading.
 
     Returns:
-        The next state, and what the law is told of ln xi.
+        The next state, and the observation of ln xi on which the law acts.
     """
-    after, seen = copy_of(state), Observation()
-    _observe(byref(numbers), byref(after), byref(raw_sample(sample)), byref(seen))
-    return after, seen
+    after, observation = copy_of(state), Observation()
+    _observe(byref(numbers), byref(after), byref(raw_sample(sample)), byref(observation))
+    return after, observation
 
 
 def push_by_drag(
     numbers: DragNumbers, state: DragState, seen: Observation, driven: DriveState
 ) -> tuple[DragState, Push]:
-    """Do what a virtual drag does between `observe` and `drive`: rate, dead zone and hold-off, for laws that are one.
+    """Compute the push of a virtual drag between `observe` and `drive`, for custom laws that are based on a drag.
 
-    The impulse without `own_advance` is in proportion to phi, so a law that chooses phi at each reading takes a drag of
-    1 N s^2 and multiplies.
+    Without `own_advance` the impulse is proportional to phi. A law that chooses phi at each reading therefore calls
+    this with a drag of 1 N s^2 and multiplies the impulse.
 
     Args:
-        numbers: what `VirtualDrag.numbers` returned.
-        state: what `VirtualDrag.start` returned, or the last call; it stays as it is.
-        seen: what `observe` returned.
-        driven: `state.drive`, as it was before this step.
+        numbers: the result of `VirtualDrag.numbers`.
+        state: the result of `VirtualDrag.start` or of the last call; it is not changed.
+        seen: the result of `observe`.
+        driven: `state.drive` before this step.
 
     Returns:
-        The next state, whose `rate` is s' [1/s] as it is smoothed, and what the drag gives.
+        The next state, whose `rate` is the smoothed s' [1/s], and the push of the drag.
     """
     after, push = copy_of(state), Push()
     _drag(byref(numbers), byref(after), byref(seen), byref(driven), byref(push))
@@ -211,14 +212,16 @@ def push_by_drag(
 def drive(
     numbers: DriveNumbers, state: DriveState, seen: Observation, push: Push, sample: Sample
 ) -> tuple[DriveState, Output]:
-    """Move the virtual object over one period, the last block of a step: deliver, limit, integrate L(1).
+    """Move the virtual object over one period: deliver the impulse, limit the force, integrate L(1).
+
+    This is the last block of a step.
 
     Args:
         numbers: `parameters.drive` of the controller.
-        state: `state.drive`; it stays as it is.
-        seen: what `observe` returned in this step.
-        push: what the law gives.
-        sample: what the step was given.
+        state: `state.drive`; it is not changed.
+        seen: the result of `observe` in this step.
+        push: the push of the law.
+        sample: the sample of this step.
 
     Returns:
         The next state and the output.
@@ -229,7 +232,7 @@ def drive(
 
 
 def raw_sample(sample: Any) -> RawSample:
-    """Return a sample as C takes it."""
+    """Convert a sample to its C structure."""
     s, fresh = sample, bool(sample.fresh)
     return RawSample(
         s.reading, s.age, s.contact_force, s.reference_position, s.reference_velocity, s.reference_acceleration, fresh
@@ -237,7 +240,7 @@ def raw_sample(sample: Any) -> RawSample:
 
 
 def output_of(raw: RawOutput) -> Output:
-    """Return an output of C as a tuple."""
+    """Convert the C structure of an output to a tuple."""
     return Output(*(getattr(raw, name) for name in Output._fields))
 
 
@@ -246,14 +249,14 @@ _STEP = CompiledStep("step_damper")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDamper:
-    """Virtual force F_p = D_p xi'/xi, L(2), as impulses: D_p times the change of ln xi, exact at any sample time.
+    """The letter's virtual damper, F_p = D_p xi'/xi of L(2), as impulses D_p d(ln xi), exact at any sampling rate.
 
     Args:
-        gain: D_p [N s]; negative to mitigate.
-        approach_only: damp approaches alone, and let the object recede without being followed.
-        release: with `approach_only`, by how much ln xi must fall before a rise counts anew; wider than the noise of
-            ln xi, it keeps noise from being taken for approaches.
-        ramp_time: time [s] in which the gain rises from 0 once an object is detected, and falls when it is gone.
+        gain: D_p [N s]; negative gains mitigate the impact.
+        approach_only: act during approaches only, so that the robot does not follow a receding object.
+        release: with `approach_only`, the fall of ln xi after which a rise counts as a new approach. Choose it larger
+            than the noise of ln xi, so that noise does not count as approaches.
+        ramp_time: time [s] in which the gain rises from 0 after detection, and returns to 0 when the object is gone.
 
     Examples:
         >>> VirtualDamper(gain=-0.7).with_value(-0.5)
@@ -272,12 +275,12 @@ class VirtualDamper:
 
     @property
     def continuous(self) -> str:
-        """The law that it samples, L(2)."""
+        """The name of the law in continuous time that this one samples, L(2)."""
         return "virtual-damper"
 
     @property
     def value(self) -> float:
-        """The gain D_p [N s]: that is the number that a design chooses."""
+        """The gain D_p [N s], the number that a design chooses."""
         return self.gain
 
     @property
@@ -291,9 +294,9 @@ class VirtualDamper:
         return DamperNumbers(self.gain, self.release, ramp_step, bool(self.approach_only))
 
     def rows(self) -> Iterator[tuple[str, Cell]]:
-        """Yield what a page says of the law beside its gain."""
+        """Yield table rows with the parameters of the law other than its gain."""
         if self.approach_only:
-            yield "damps", f"approaches alone, with a release of {self.release:.4g} in ln \u03be"
+            yield "damps", f"approaches only, with a release of {self.release:.4g} in ln \u03be"
         if self.ramp_time:
             yield "ramp of the gain", Measured(self.ramp_time, "s")
 

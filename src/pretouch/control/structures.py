@@ -1,6 +1,6 @@
-"""What goes into the controller and comes out at each step, and the structures of C in which its law has them.
+"""Sample, output and status of a controller step, and the C structures of its parameters and state.
 
-The fields of the structures are explained in native/law/pretouch_law.h.
+native/law/pretouch_law.h explains the fields of the structures.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ _integers = partial(numbers, kind=ctypes.c_int32)
 
 
 class Status(IntFlag):
-    """What a step met: flags, of which any number may be set together.
+    """Status flags of a step; several may be set together.
 
-    DETECTING: the filtered output is above the floor. STALE: a reading is due and none that can be used came.
-    SATURATED, INVALID (no finite number, late, out of order), IMPLAUSIBLE (faster than any approach): why a reading was
-    not used. LOST: no usable reading for longer than the timeout. FORCE_LIMITED, MOTION_LIMITED: a limit acts.
-    IN_CONTACT: the contact force exceeds its threshold. INPUT_FAULT: contact force or reference are no finite numbers;
-    the force is taken as 0, the reference stays where it was last.
+    DETECTING: the filtered output is above the floor. STALE: a reading is due and no usable one arrived.
+    SATURATED, INVALID (not finite, late or out of order), IMPLAUSIBLE (faster than any approach): why a reading was
+    rejected. LOST: no usable reading for longer than the timeout. FORCE_LIMITED, MOTION_LIMITED: a limit acts.
+    IN_CONTACT: the contact force exceeds its threshold. INPUT_FAULT: contact force or reference is not finite; the
+    force is then taken as 0, and the reference stays at its last position.
     """
 
     NONE = 0
@@ -40,16 +40,16 @@ class Status(IntFlag):
 
 
 class Sample(NamedTuple):
-    """What the controller is told at the start t_k of a period; any number may come, also NaN.
+    """Inputs of the controller at the start t_k of a period; any number is accepted, also NaN.
 
     Args:
-        reading: the sensor's raw output [its unit].
-        fresh: whether this reading came since the step before.
-        age: how long ago it was measured [s].
-        contact_force: force of the object on the plant along x [N]; negative where it pushes the plant back.
+        reading: raw output of the sensor [its unit].
+        fresh: whether the reading arrived since the last step.
+        age: time since the reading was measured [s].
+        contact_force: force of the object on the plant along x [N]; negative if it pushes the plant back.
         reference_position: x_d at t_k [m].
         reference_velocity: x_d' at t_k [m/s].
-        reference_acceleration: x_d'' [m/s^2], taken as constant over the period.
+        reference_acceleration: x_d'' [m/s^2], assumed constant over the period.
     """
 
     reading: float
@@ -62,15 +62,15 @@ class Sample(NamedTuple):
 
 
 class Output(NamedTuple):
-    """What the robot is to do over the period from t_k to t_k + T: the reference of the controller behind it.
+    """Reference of the robot's own controller for the period from t_k to t_k + T.
 
     Args:
         position: x_v at t_k + T [m].
         velocity: x_v' at t_k + T [m/s].
         acceleration: x_v'' [m/s^2], its mean over the period.
         virtual_force: F_p [N], constant over the period, after its limit.
-        log_level: ln(xi / floor) after the filters, 0 where nothing is detected.
-        status: the flags of `Status`, added.
+        log_level: ln(xi / floor) after the filters; 0 if nothing is detected.
+        status: sum of the flags of `Status`.
     """
 
     position: float
@@ -82,7 +82,7 @@ class Output(NamedTuple):
 
 
 class RawSample(Structure):
-    """A `Sample` in C."""
+    """The C structure of a `Sample`."""
 
     _fields_ = (
         *numbers("reading", "age", "contact_force"),
@@ -92,7 +92,7 @@ class RawSample(Structure):
 
 
 class RawOutput(Structure):
-    """An `Output` in C."""
+    """The C structure of an `Output`."""
 
     _fields_ = (
         *numbers("position", "velocity", "acceleration", "virtual_force", "log_level"),
@@ -107,7 +107,7 @@ class FilterSection(Structure):
 
 
 class SensingNumbers(Structure):
-    """What `observe` needs to know: see `Conditioning`."""
+    """Parameters of `observe`; see `Conditioning`."""
 
     _fields_ = (
         *numbers("period", "sensor_period", "offset", "floor", "saturation", "timeout", "largest_rate"),
@@ -117,7 +117,7 @@ class SensingNumbers(Structure):
 
 
 class MedianState(Structure):
-    """The last readings, by arrival and in order."""
+    """The last readings, in order of arrival and sorted."""
 
     _fields_ = (
         ("arrived", ctypes.c_double * _MEDIAN),
@@ -127,7 +127,7 @@ class MedianState(Structure):
 
 
 class SensingState(Structure):
-    """What `observe` remembers: the last usable reading, and the filters."""
+    """State of `observe`: the last usable reading and the filters."""
 
     _fields_ = (
         *numbers("quiet", "measured", "level", "filtered", "log_level"),
@@ -138,19 +138,19 @@ class SensingState(Structure):
 
 
 class Observation(Structure):
-    """What a law is told about the sensor.
+    """Conditioned sensor signal on which a law acts.
 
     Args:
-        change: change of ln xi since the usable reading before; 0 where there is none.
+        change: change of ln xi since the previous usable reading; 0 if there is none.
         log_level: ln(xi / floor) >= 0, after the filters.
-        level: xi itself, after the filters, at least the floor.
-        elapsed: time in which ln xi changed so [s], between the two readings; 0 where there is no change.
-        usable: a reading came that can be used.
-        restarted: it is the first one, or the first one after the sensor was lost.
+        level: xi after the filters, at least the floor.
+        elapsed: time between the two readings of `change` [s]; 0 if there is no change.
+        usable: a usable reading arrived.
+        restarted: the reading is the first one, or the first one after the sensor was lost.
         detecting: xi is above the floor and the sensor is not lost.
-        stale: a reading is due and has not come.
-        lost: none has come for longer than the timeout.
-        status: what is to be reported.
+        stale: a reading is due and has not arrived.
+        lost: no reading arrived for longer than the timeout.
+        status: status flags.
     """
 
     _fields_ = (
@@ -160,19 +160,19 @@ class Observation(Structure):
 
 
 class DamperNumbers(Structure):
-    """Gain [N s], width of the release, rise of the ramp per period, whether only approaches are damped."""
+    """Gain [N s], width of the release, rise of the ramp per period, whether the law acts on approaches only."""
 
     _fields_ = (*numbers("gain", "release", "ramp_step"), *_integers("approach_only"))
 
 
 class DamperState(Structure):
-    """Share of the gain in force, 0 to 1, and the mark that ln xi has to exceed where only approaches are damped."""
+    """Active share of the gain, 0 to 1, and the level that ln xi has to exceed if the law acts on approaches only."""
 
     _fields_ = numbers("ramp", "mark")
 
 
 class DragNumbers(Structure):
-    """What the virtual drag needs to know: see `VirtualDrag`, and native/law/pretouch_law.h for each."""
+    """Parameters of the virtual drag; see `VirtualDrag` and native/law/pretouch_law.h."""
 
     _fields_ = (
         *numbers("drag", "variance", "relative_variance", "level_share", "rate_share", "width", "still"),
@@ -182,24 +182,24 @@ class DragNumbers(Structure):
 
 
 class DragState(Structure):
-    """Level and rate of ln xi, smoothed, the mark that the level has to exceed, and how long an approach lasts yet."""
+    """Smoothed level and rate of ln xi, the mark that the level has to exceed, and the rest of the hold time [s]."""
 
     _fields_ = numbers("level", "rate", "mark", "hold")
 
 
 class Push(Structure):
-    """What a law gives in a step, negative where it pushes back.
+    """Push of a law in one step; negative values push the robot back.
 
     Args:
-        impulse: for a new reading [N s], delivered as a constant force over one sensor period; 0 without one.
-        force: over this period of the loop [N].
+        impulse: impulse of a new reading [N s], delivered as a constant force over one sensor period; else 0.
+        force: force over this loop period [N].
     """
 
     _fields_ = numbers("impulse", "force")
 
 
 class AdmittanceNumbers(Structure):
-    """The exact step from (x~, x~') under the force F: transition matrix and input vector."""
+    """Exact discretization of L(1) for (x~, x~') and a constant force: transition matrix and input vector."""
 
     _fields_ = numbers(
         "position_from_position",
@@ -212,13 +212,13 @@ class AdmittanceNumbers(Structure):
 
 
 class MotionLimits(Structure):
-    """Period, largest speed, acceleration and excursion as numbers, `NO_LIMIT` where there is none."""
+    """Period, largest speed, acceleration and excursion; `NO_LIMIT` for a missing limit."""
 
     _fields_ = numbers("period", "speed", "acceleration", "excursion")
 
 
 class DriveNumbers(Structure):
-    """What `drive` needs to know: see `Controller`."""
+    """Parameters of `drive`; see `Controller`."""
 
     _fields_ = (
         *numbers("hold", "fade_step", "largest_force", "contact_gain", "contact_threshold"),
@@ -228,7 +228,7 @@ class DriveNumbers(Structure):
 
 
 class Delivery(Structure):
-    """An impulse on its way: constant force [N], rest of the impulse [N s], what was given ahead [N s], fading."""
+    """Impulse in delivery: constant force [N], remaining impulse [N s], impulse delivered ahead [N s], fading."""
 
     _fields_ = numbers("steady", "rest", "ahead", "fading")
 
@@ -240,18 +240,18 @@ class MotionState(Structure):
 
 
 class DriveState(Structure):
-    """What `drive` remembers: the impulse on its way, the motion, the last reference position."""
+    """State of `drive`: the impulse in delivery, the motion, the last reference position."""
 
     _fields_ = (("delivery", Delivery), ("motion", MotionState), *numbers("reference"))
 
 
 class ControllerNumbers(Structure):
-    """The parameters of a step with the letter's law."""
+    """Parameters of a step with the letter's law."""
 
     _fields_ = (("sensing", SensingNumbers), ("drive", DriveNumbers), ("law", DamperNumbers))
 
 
 class ControllerState(Structure):
-    """The state of a step with the letter's law."""
+    """State of a step with the letter's law."""
 
     _fields_ = (("sensing", SensingState), ("drive", DriveState), ("law", DamperState))

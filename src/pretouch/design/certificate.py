@@ -13,7 +13,7 @@ from pretouch._core.values import Value
 from pretouch.motion import ContactState, Scenario
 from pretouch.motion.curve import farthest
 from pretouch.sensors import SensorModel
-from pretouch.sensors.model import kept_by_curve
+from pretouch.sensors.model import cache_by_curve
 
 from .objectives import Objective
 
@@ -186,7 +186,7 @@ def least_objective(objective: Objective, state: ContactState, obstacle_speed: A
     return np.asarray(total)
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def falls(sensor: SensorModel, reach: float) -> bool:
     """Tell whether ln xi falls with the distance, from contact to a distance [m]."""
     return bool((np.asarray(sensor.log_slope(np.linspace(0.0, reach, _PROBES))) < 0).all())

@@ -11,7 +11,7 @@ import numpy as np
 from pretouch._core.blocks import Cell, Chapter, Measured, Paragraph, Picture, Rows
 from pretouch._core.units import format_range, pretty_unit
 from pretouch.motion import LawNumber
-from pretouch.motion.describing import solved_on
+from pretouch.motion.page_sections import solved_on
 
 from .certificate import IdealDesign
 from .gain import GainDesign

@@ -13,7 +13,7 @@ from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import QUANTITIES, words_for
 from pretouch.motion import ContactResult, ContactStatus, LawNumber
 from pretouch.motion.contact import ContactState
-from pretouch.motion.describing import inputs_section, method_section, solved_on
+from pretouch.motion.page_sections import inputs_section, method_section, solved_on
 
 from .certificate import ConstraintOutcome, DesignStatus
 from .constraints import ImpactModel, impact_rows, quantity_of

@@ -8,7 +8,7 @@ from typing import Final
 from pretouch._core.blocks import Cell, Chapter, Code, Download, Listing, Page, Paragraph, Picture, Rows
 from pretouch._core.files import as_json
 from pretouch._core.units import pretty_unit
-from pretouch.motion.describing import method_section
+from pretouch.motion.page_sections import method_section
 
 from .experiment import Finding, LetterReport, Reproduction
 from .printed import Agreement, Printed

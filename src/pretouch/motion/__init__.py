@@ -1,12 +1,12 @@
-"""Pre-contact motion: the encounter, its solution for any sensor curve, and the contact that it ends in."""
+"""Pre-contact motion: describe an encounter, solve its motion for any sensor curve, and find the contact."""
 
 from .bodies import Obstacle, Plant, Reference, Stretch
 from .contact import ContactResult, ContactState, Motion
+from .custom_law import OwnLaw
 from .evaluator import find_contact, solve_motion
 from .gradients import ContactGradients
 from .laws import DAMPER, DRAG, ContinuousLaw, LawNumber
 from .layout import ContactStatus
-from .own_law import OwnLaw
 from .request import METHODS
 from .scenario import Admittance, Scenario
 

@@ -1,4 +1,4 @@
-"""The bodies of an encounter and how each moves by itself: obstacle, robot, and the task's reference."""
+"""The bodies of an encounter and their motion without interaction: obstacle, robot, and the task's reference."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from pretouch._core.values import Value, check_declared, quantity
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body(Value):
+    """Base of the bodies: checks the fields."""
+
     def __post_init__(self) -> None:
         check_declared(self, arrays=True, before=f"{type(self).__name__.lower()} ")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch(_Body):
-    """A stretch of an obstacle's course, from the end of the one before, or from the start: uniformly accelerated.
+    """A stretch of an obstacle's course with constant acceleration. It begins at the end of the previous stretch.
 
-    Position and velocity go on without a jump, as those of a body do: one that stops at once has a short, strong
-    stretch, one that is thrown has gravity.
+    Position and velocity are continuous. An abrupt stop is a short stretch with a large acceleration; a thrown object
+    has the acceleration of gravity.
 
     Args:
-        until: time at which it ends [s], from the start of the encounter; positive, and later than the one before.
-        acceleration: x_o'' until then [m/s^2].
+        until: end time of the stretch [s], from the start of the encounter; positive, and later than the previous one.
+        acceleration: x_o'' during the stretch [m/s^2].
     """
 
     until: Any = quantity("s", sign="positive", example='"0.1 s"')
@@ -37,14 +39,14 @@ class Stretch(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle(_Body):
-    """The object's contact surface, uniformly accelerated, L(9), or by stretches.
+    """The object's contact surface, with the uniform acceleration of L(9) or a course of stretches.
 
     Args:
         position: x_o at t = 0 [m].
-        velocity: x_o' at t = 0 [m/s]; negative where it approaches.
-        acceleration: x_o'' [m/s^2], constant; behind a course from its end on.
-        course: stretches of constant acceleration that come first, as many in all encounters; their numbers broadcast
-            as all fields do. The sampled loop follows a course; the motion of L(9) knows none.
+        velocity: x_o' at t = 0 [m/s]; negative for an approach.
+        acceleration: x_o'' [m/s^2], constant; with a course, from the end of the course on.
+        course: initial stretches of constant acceleration, the same number in all encounters. Their values broadcast as
+            all fields do. Only the sampled loop follows a course; the motion of L(9) requires a uniform acceleration.
 
     Examples:
         >>> approaches_and_stops = Obstacle(
@@ -63,40 +65,41 @@ class Obstacle(_Body):
 
     def __post_init__(self) -> None:
         _Body.__post_init__(self)
-        given: Any = self.course
-        if not isinstance(given, (tuple, list)) or not all(isinstance(s, Stretch) for s in given):
-            raise InvalidInputError(f"obstacle course: found {given!r}, expected a sequence of Stretch")
-        object.__setattr__(self, "course", tuple(given))
+        stretches: Any = self.course
+        if not isinstance(stretches, (tuple, list)) or not all(isinstance(s, Stretch) for s in stretches):
+            raise InvalidInputError(f"obstacle course: found {stretches!r}, expected a sequence of Stretch")
+        object.__setattr__(self, "course", tuple(stretches))
         for before, after in pairwise(self.course):
             try:
                 later = np.greater(after.until, before.until)
             except ValueError:
-                return  # shapes that do not broadcast, which the scenario refuses
+                return  # the shapes do not broadcast, which the scenario refuses
             if not later.all():
                 raise InvalidInputError(
-                    f"obstacle course: found a stretch until {_first(after.until, ~later):g} s behind one until "
-                    f"{_first(before.until, ~later):g} s, expected each to end later than the one before"
+                    f"obstacle course: found a stretch until {_first(after.until, ~later):g} s after one until "
+                    f"{_first(before.until, ~later):g} s, expected increasing end times"
                 )
 
     def velocity_at(self, time: Any) -> Any:
-        """Return x_o' [m/s] at times [s] that broadcast with the fields, while nothing has touched it."""
+        """Return x_o' [m/s] at times [s] that broadcast with the fields, before any contact."""
         t, since, velocity = np.asarray(time, dtype=np.float64), 0.0, self.velocity
         for stretch in self.course:
             velocity = velocity + stretch.acceleration * np.clip(t - since, 0.0, stretch.until - since)
             since = stretch.until
-        left = t - since if not self.course else np.maximum(t - since, 0.0)
-        return float_or_array(velocity + self.acceleration * left)
+        remaining = t - since if not self.course else np.maximum(t - since, 0.0)
+        return float_or_array(velocity + self.acceleration * remaining)
 
     def one_acceleration(self) -> Any:
-        """Return x_o'' [m/s^2] where it is constant.
+        """Return the constant x_o'' [m/s^2].
 
         Raises:
-            InvalidInputError: there is a course.
+            InvalidInputError: the obstacle has a course.
         """
         if self.course:
+            words = "stretch" if len(self.course) == 1 else "stretches"
             raise InvalidInputError(
-                f"obstacle course: found one of {len(self.course)} stretches, of which the motion with the uniform "
-                "acceleration of L(9) knows nothing: run it on the sampled loop, by simulate or ClosedLoop.run"
+                f"obstacle course: found {len(self.course)} {words}, expected none, since the motion of L(9) has a "
+                "uniform acceleration; run the course on the sampled loop, by simulate or ClosedLoop.run"
             )
         return self.acceleration
 
@@ -107,7 +110,7 @@ def _first(value: Any, which: Any) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant(_Body):
-    """The robot's contact surface at the start.
+    """Start of the robot's contact surface.
 
     Args:
         position: x at t = 0 [m].
@@ -120,7 +123,7 @@ class Plant(_Body):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference(_Body):
-    """The task's reference x_d, uniformly accelerated.
+    """The task's reference x_d, with a uniform acceleration.
 
     Args:
         position: x_d at t = 0 [m].

@@ -1,4 +1,4 @@
-"""What an encounter comes to, and its motion."""
+"""Results of solved encounters: the contact or other end of a run, and its sampled motion."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from .request import Request
 
 
 class Columns(Protocol):
-    """Where the numbers of a result come from: each column is computed when it is first asked for."""
+    """Source of the quantities of a result; each quantity is computed when it is first read."""
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run, a float for a single one."""
+        """Return a quantity of every run; a float for a single run."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownColumns(Value):
-    """Columns that are all known at once.
+    """Quantities that have all been computed in advance.
 
     Args:
         columns: the quantities of every run by name, of the broadcast shape; made read-only.
@@ -40,13 +40,13 @@ class KnownColumns(Value):
             values.setflags(write=False)
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run, a float for a single one."""
-        found = self.columns[name]
-        return found if found.ndim else found.item()
+        """Return a quantity of every run; a float for a single run."""
+        values = self.columns[name]
+        return values if values.ndim else values.item()
 
 
 class _Quantity:
-    """A quantity that is read from the columns of its owner."""
+    """Attribute that reads a quantity from the columns of its owner."""
 
     __slots__ = ("name",)
 
@@ -59,12 +59,12 @@ class _Quantity:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactState(Value):
-    """The state at the end of a run, and the largest demands on the robot until then; floats or arrays of one shape.
+    """State at the end of a run, and the largest demands on the robot during it; floats, or arrays of one shape.
 
-    Quantities are computed when they are first read, those that need the whole motion last of all.
+    Each quantity is computed when it is first read.
 
     Args:
-        columns: where the quantities come from.
+        columns: source of the quantities.
 
     Attributes:
         time: t [s], from the entry into the detection range.
@@ -111,7 +111,7 @@ class ContactState(Value):
         return tuple(self.as_dict().values())
 
     def __hash__(self) -> int:
-        return hash(np.shape(self.time))  # what says more would have to be computed first
+        return hash(np.shape(self.time))  # cheap: other quantities would have to be computed first
 
     def __repr__(self) -> str:
         return f"ContactState({', '.join(f'{name}={value!r}' for name, value in self.as_dict().items())})"
@@ -119,25 +119,26 @@ class ContactState(Value):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactResult(Value):
-    """What `find_contact` returns, for one encounter or an array of them.
+    """Result of `find_contact` for one encounter or an array of encounters.
 
-    Status and time of every run are known at once; the other numbers are computed when they are first read.
+    Status and time of every run are available at once; other quantities are computed when they are first read.
 
     Args:
-        columns: where the numbers come from.
-        method: "closed-form", "integration", "uniform-motion", "quadrature" of a drag, or "loop" by a ClosedLoop.
+        columns: source of the quantities.
+        method: how the encounters were solved: "closed-form", "integration", "uniform-motion", "quadrature" (virtual
+            drag), or "loop" (ClosedLoop).
 
     Attributes:
-        status: how each run ended: a ContactStatus, or an array of their numbers.
-        end: the state in which each run ended, whatever its status; always finite.
-        gain: the number of the law in each run: D_p [N s] of the virtual damper.
-        closest_distance: the smallest distance of each run [m]; 0 at contact, and where it only decays to 0.
-        settling_distance: the distance at which a run without contact comes to rest [m], 0 where it decays to 0;
-            infinite where it does not, NaN where that is not known.
-        impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest of these terms and the
-            momentum of the approach: an identity of L(1) and L(2) for every curve, so this certifies the computed
-            motion; of another law the same with its own impulse. NaN for the uniform motion, which does not start from
-            the given state, and for a sampled loop, which does not know its law.
+        status: how each run ended; a ContactStatus, or an array of its integer values.
+        end: state at the end of each run, for any status; always finite.
+        gain: the law's number in each run, such as D_p [N s].
+        closest_distance: smallest distance of each run [m]; 0 at contact, and if the distance decays to 0.
+        settling_distance: distance at which a run without contact comes to rest [m]; 0 if the distance decays to 0,
+            infinite if the run does not come to rest, NaN if that is unknown.
+        impulse_residual: |M dx~' + D dx~ + K int x~ dt - D_p d ln xi|, relative to the largest of these terms and the
+            momentum of the approach. It is zero for the exact motion of L(1) and L(2) with any curve, so it certifies
+            the computed motion. Other laws use their own impulse. NaN for the uniform motion, which does not start
+            from the given state, and for a sampled loop, whose law is unknown here.
     """
 
     columns: Columns
@@ -153,15 +154,15 @@ class ContactResult(Value):
         object.__setattr__(self, "end", ContactState(self.columns))
 
     def _compared(self) -> tuple[Any, ...]:
-        own = (self.method, self.status, self.gain, self.closest_distance, self.settling_distance)
-        return (*own, self.impulse_residual, self.end)
+        distances = self.closest_distance, self.settling_distance
+        return (self.method, self.status, self.gain, *distances, self.impulse_residual, self.end)
 
     def __hash__(self) -> int:
         return hash((self.method, self.end))
 
     @property
     def status(self) -> Any:
-        """How each run ended: a ContactStatus, or an array of their numbers."""
+        """How each run ended; a ContactStatus, or an array of its integer values."""
         status = self.columns.column("status")
         return status if np.ndim(status) else ContactStatus(int(status))
 
@@ -175,7 +176,7 @@ class ContactResult(Value):
         """The state at contact.
 
         Raises:
-            ResultUnavailableError: a run did not end in contact; `status` says how it ended.
+            ResultUnavailableError: a run did not end in contact; `status` reports how it ended.
         """
         if not self.reached.all():
             status = ContactStatus(int(np.atleast_1d(self.status)[~np.atleast_1d(self.reached)][0]))
@@ -190,25 +191,25 @@ class ContactResult(Value):
 
     @property
     def gradients(self) -> ContactGradients:
-        """The exact derivatives of the quantities at contact by every input, computed when they are first read.
+        """Exact derivatives of the quantities at contact by every input, computed when they are first read.
 
         Raises:
-            ResultUnavailableError: the result does not come from a motion of L(1), or not from `find_contact`.
+            ResultUnavailableError: derivatives are not available for this method or law.
         """
-        found: ContactGradients | None = gradients_of(self.columns)
-        if found is None:
+        gradients: ContactGradients | None = gradients_of(self.columns)
+        if gradients is None:
             raise ResultUnavailableError(
-                f"gradients: there are none of a result by {self.method}; solve the encounter by find_contact with "
-                "another method or law"
+                f"gradients: not available for a result of the method {self.method}; solve the encounter by "
+                "find_contact with another method or law"
             )
-        return found
+        return gradients
 
     def to_dict(self) -> dict[str, Any]:
-        """Return an encounter as one JSON object; its quantities are those at the end of the run, see `status`."""
+        """Return the result as one JSON object, with the quantities at the end of the run; see `status`."""
         status = self.status.label if isinstance(self.status, ContactStatus) else self.status
-        known = {name: getattr(self, name) for name in ("closest_distance", "settling_distance", "impulse_residual")}
-        found: dict[str, Any] = plain({"status": status, "gain": self.gain, **self.end.as_dict(), **known})
-        return found
+        others = {name: getattr(self, name) for name in ("closest_distance", "settling_distance", "impulse_residual")}
+        content: dict[str, Any] = plain({"status": status, "gain": self.gain, **self.end.as_dict(), **others})
+        return content
 
     def __repr__(self) -> str:
         if np.ndim(self.status):
@@ -218,7 +219,7 @@ class ContactResult(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Motion(Value):
-    """A motion sampled from the entry into the detection range to its end: arrays with time as their last axis.
+    """Sampled motion from the entry into the detection range to the end; time is the last axis of all arrays.
 
     Args:
         time: t [s], equally spaced.
@@ -243,8 +244,8 @@ class Motion(Value):
     result: ContactResult
 
     def __repr__(self) -> str:
-        many = "" if self.time.ndim == 1 else f"{int(np.prod(self.time.shape[:-1]))} motions, "
-        return f"<Motion: {many}{self.time.shape[-1]} samples to {float(self.time.max()):.4g} s>"
+        count = "" if self.time.ndim == 1 else f"{int(np.prod(self.time.shape[:-1]))} motions, "
+        return f"<Motion: {count}{self.time.shape[-1]} samples to {float(self.time.max()):.4g} s>"
 
 
 def motion_of(
@@ -253,20 +254,22 @@ def motion_of(
     bodies: Mapping[str, FloatArray],
     course: Mapping[str, FloatArray],
 ) -> Motion:
-    """Put a motion together, of encounters whose obstacle and reference are uniformly accelerated.
+    """Assemble the motion of encounters whose obstacle and reference are uniformly accelerated.
 
     Args:
-        result: how they ended.
-        shape: of the encounters.
-        bodies: p, v, a of the obstacle relative to the reference, r, r_v, r_a of that, as L(9) has them, shape (n, 1).
-        course: time, distance, relative_velocity, displacement_velocity and _acceleration, virtual_force, shape (n, m).
+        result: the result of the encounters.
+        shape: shape of the encounters.
+        bodies: position, velocity and acceleration of L(9), shape (n, 1): p, v, a of the obstacle relative to the
+            reference, and r, r_v, r_a of the reference.
+        course: time, distance, relative_velocity, displacement_velocity, displacement_acceleration and virtual_force,
+            shape (n, m).
 
     Returns:
         The motion.
     """
     time, b = course["time"], bodies
     displacement = b["p"] + (b["v"] + b["a"] * time / 2) * time - course["distance"]
-    found = {
+    arrays = {
         "time": time,
         "distance": course["distance"],
         "position": displacement + b["r"] + (b["r_v"] + b["r_a"] * time / 2) * time,
@@ -276,19 +279,19 @@ def motion_of(
         "relative_velocity": course["relative_velocity"],
         "virtual_force": course["virtual_force"],
     }
-    whole = (*shape, time.shape[-1])
-    return Motion(**{name: values.reshape(whole) for name, values in found.items()}, result=result)
+    full_shape = (*shape, time.shape[-1])
+    return Motion(**{name: values.reshape(full_shape) for name, values in arrays.items()}, result=result)
 
 
-def traced(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
-    """Return the trace as a motion, with the virtual force by L(2)."""
+def motion_from_trace(request: Request, times: FloatArray, trace: FloatArray, result: ContactResult) -> Motion:
+    """Return a trace as a motion, with the virtual force by L(2)."""
     each, reference = request.relative, request.scenario.reference
     distance, _, speed, acceleration = (trace[..., i] for i in range(len(TRACE_COLUMNS)))
     columns = {"p": each.p, "v": each.v, "a": each.a, "r": reference.position}
     columns |= {"r_v": each.reference_velocity, "r_a": each.reference_acceleration}
     bodies = {name: _column(values, request.shape) for name, values in columns.items()}
     relative_velocity = bodies["v"] + bodies["a"] * times - speed
-    with np.errstate(all="ignore"):  # a function of the user's may overflow where the object has gone far away
+    with np.errstate(all="ignore"):  # a custom curve may overflow at large distances
         slope = np.asarray(request.sensor.log_slope(np.clip(distance, *request.sensor.valid_range)))
     course = {
         "time": times,
@@ -302,6 +305,6 @@ def traced(request: Request, times: FloatArray, trace: FloatArray, result: Conta
 
 
 def _column(values: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return a quantity of encounters as a column, of length 1 where they share it."""
-    found = np.asarray(values, dtype=np.float64)
-    return (found if found.size == 1 or found.ndim == 1 else np.broadcast_to(found, shape)).reshape(-1, 1)
+    """Return a quantity of encounters as a column, of length 1 if all encounters share it."""
+    array = np.asarray(values, dtype=np.float64)
+    return (array if array.size == 1 or array.ndim == 1 else np.broadcast_to(array, shape)).reshape(-1, 1)

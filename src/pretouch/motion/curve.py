@@ -1,10 +1,12 @@
-"""A sensor curve as the kernels read it: ln xi as polynomials on windows that overlap, or g on pieces side by side.
+"""Piecewise polynomial approximations of sensor curves for the compiled kernels.
 
-An approach passes the curve downward. A step that starts anywhere in a window should find most of the window below it,
-so each window starts inside the one above it, and a motion changes to the next as soon as that one holds it. At a
-corner of the curve (a point of a table) windows end instead. Where 1 / g is linear in l, as in L(3), there is one
-window and no polynomial: the kernel then knows that g l' = n q with q (l + l_0) = l'. The guaranteed path takes pieces,
-in any direction.
+The fast path uses windows: polynomials of ln xi on overlapping intervals. In an approach the distance decreases, and a
+step that starts in a window should have most of that window below it. Each window therefore overlaps the next nearer
+one, and a motion switches to the nearer window as soon as it is inside. At a corner of the curve (a point of a table)
+windows end. If 1 / g is linear in l, as for the inverse power L(3), one window without a polynomial suffices: the
+kernel then uses g l' = n q with q (l + l_0) = l'.
+
+The guaranteed path uses pieces: polynomials of g on adjacent intervals, for motions in both directions.
 """
 
 from __future__ import annotations
@@ -19,42 +21,42 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray, IntArray, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import SensorModel
-from pretouch.sensors.conformance import refuse_unlawful
-from pretouch.sensors.model import is_built_in, kept_by_curve
+from pretouch.sensors.conformance import refuse_invalid_curve
+from pretouch.sensors.model import cache_by_curve, is_built_in
 
 from .scenario import Scenario
 
 Curves: TypeAlias = tuple[FloatArray, IntArray, IntArray]
-"""Curves as the block kernel reads them: the windows of all, where those of each start, the curve of each encounter."""
+"""Curves for the block kernel: windows of all curves, first row of each curve, and the curve of each encounter."""
 
-EDGE, LOW, TOP, SWITCH, MIDDLE, TERMS = range(6)  # the columns of a window
+EDGE, LOW, TOP, SWITCH, MIDDLE, TERMS = range(6)  # columns of a window
 HIGH_DEGREE: Final = 12
-"""Of ln xi on a window where LOW_DEGREE would take many."""
+"""Degree of ln xi on a window if LOW_DEGREE would need many windows."""
 
 LOW_DEGREE: Final = 4
-"""Of ln xi on a window where a handful of such do."""
+"""Degree of ln xi on a window if a few windows suffice."""
 
 TOLERANCE: Final = 1e-13
-"""Of the largest slope on a window or a piece."""
+"""Approximation error of g, relative to the largest slope on a window or piece."""
 
-_OVERLAP: Final = 0.4
+_OVERLAP: Final = 0.4  # share of a window that the next one overlaps
 SLACK: Final = 2e-7
-"""Of a window: how far it is used beyond its border; the error is of second order in it."""
+"""Share of its length by which a window is used beyond its border; the error is of second order in it."""
 
-_MOST: Final = 2_000
-_SMALLEST: Final = 1e-9
+_MAX_WINDOWS: Final = 2_000
+_SMALLEST: Final = 1e-9  # smallest window, relative to the whole range
 
 _DEGREE: Final = 9
-_ROUNDING: Final = 1e-9  # of the largest slope from there outward: a larger error is one of the polynomial
-_IN_VAIN: Final = 3  # halvings
+_ROUNDING: Final = 1e-9  # relative to the largest slope from there outward; larger errors are not rounding
+_IN_VAIN: Final = 3  # halvings without progress after which the error counts as rounding
 _MAX_PIECES: Final = 20_000
-_GROWTH: Final = 64.0
-_FARTHEST: Final = 1e12
+_GROWTH: Final = 64.0  # ratio of successive ranges of a curve
+_FARTHEST: Final = 1e12  # m
 
-FOLLOWED: Final = 2.0**43
-"""Largest distance [m] at the start from which an encounter is integrated; the pieces of a curve reach 4 times as far.
+LARGEST_START: Final = 2.0**43
+"""Largest initial distance [m] from which an encounter is integrated; the pieces of a curve reach 4 times as far.
 
-Beyond it a distance has fewer digits than a millimeter needs. Such an encounter is unresolved.
+At larger distances floating-point numbers do not resolve a millimeter, so the encounter is reported as unresolved.
 """
 
 _NODES: Final = chebyshev_nodes(_DEGREE + 1)
@@ -64,78 +66,79 @@ _AT_PROBES: Final = np.vander(_PROBES, _DEGREE + 1, increasing=True)
 
 
 def reach_of(scenario: Scenario) -> float:
-    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two.
+    """Return an upper bound of the initial distances [m], rounded up to a power of two so that few values occur.
 
-    Encounters that start beyond FOLLOWED do not count among others: they must not change how those are solved.
+    Encounters that start beyond LARGEST_START are ignored, since they must not change how the others are solved.
     """
     distance = scenario.distance
     largest = distance if type(distance) is float else float(np.max(distance, initial=0.0))
-    if largest > FOLLOWED:
-        largest = _largest_followed(distance) or largest
+    if largest > LARGEST_START:
+        largest = _largest_start(distance) or largest
     return 2.0 ** math.frexp(largest)[1]
 
 
-def _largest_followed(distance: Any) -> float:
-    """Return the largest of some distances [m] up to FOLLOWED; 0 where there is none."""
-    return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= FOLLOWED))
+def _largest_start(distance: Any) -> float:
+    """Return the largest of the distances [m] that do not exceed LARGEST_START; 0 if there is none."""
+    return float(np.max(distance, initial=0.0, where=np.asarray(distance) <= LARGEST_START))
 
 
 def check_curve(sensor: SensorModel, distance: Any) -> None:
-    """Refuse a user's curve that breaks a law of sensors nearer than where encounters start [m], of any shape."""
+    """Refuse a custom curve that breaks a law of sensor curves up to the initial distances [m], of any shape."""
     if not is_built_in(sensor):
-        near = type(distance) is float and distance <= FOLLOWED
-        refuse_unlawful(sensor, distance if near else _largest_followed(distance))
+        near = type(distance) is float and distance <= LARGEST_START
+        refuse_invalid_curve(sensor, distance if near else _largest_start(distance))
 
 
 def farthest(scenario: Scenario, sensor: SensorModel) -> float:
-    """Return a distance [m] that no encounter exceeds at the start, one of few: a power of two or the curve's end."""
+    """Return an upper bound of the initial distances [m]: a power of two, or the end of the curve."""
     return min(reach_of(scenario), sensor.valid_range[1])
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def curve_windows(sensor: SensorModel, low: float, high: float) -> FloatArray:
     """Approximate ln xi on overlapping windows.
 
     Args:
         sensor: the curve.
-        low: where the windows start [m], inside the valid range; contacts are found only where this is 0.
-        high: where they end [m], inside the valid range.
+        low: lower end of the windows [m], inside the valid range; contacts are found only if it is 0.
+        high: upper end of the windows [m], inside the valid range.
 
     Returns:
-        One row per window, ascending, with the columns EDGE (how far down it is used [m]), LOW and TOP [m], SWITCH (at
-        and below this l the next window holds it [m]) and MIDDLE [m]; from TERMS on the coefficients of ln xi in
-        l - middle [m^-k], 5 or 13 of them, whose slope meets g to 1e-13 of its largest magnitude in the window. A
-        single coefficient is n with g = n / (l - middle). No row where the curve cannot be met.
+        One row per window, ascending. Columns: EDGE (down to which the window is used [m]), LOW and TOP [m], SWITCH
+        (at and below this l the next window is used [m]) and MIDDLE [m]. From TERMS on: 5 or 13 coefficients of ln xi
+        in l - middle [m^-k]. Their slope equals g within 1e-13 of its largest magnitude in the window. A single
+        coefficient is n with g = n / (l - middle). There are no rows if the curve cannot be approximated.
     """
     power = power_window(sensor, low, high)
     if power is not None:
         return power
     knots = [k for k in sensor.knots if low < k < high]
-    few = polynomial_windows(sensor.log_slope, [low, *knots, high], LOW_DEGREE, most=4)
-    found = few if few is not None else polynomial_windows(sensor.log_slope, [low, *knots, high], HIGH_DEGREE)
-    table = np.zeros((0, TERMS + HIGH_DEGREE + 1)) if found is None else found
+    windows = polynomial_windows(sensor.log_slope, [low, *knots, high], LOW_DEGREE, most=4)
+    if windows is None:
+        windows = polynomial_windows(sensor.log_slope, [low, *knots, high], HIGH_DEGREE)
+    table = np.zeros((0, TERMS + HIGH_DEGREE + 1)) if windows is None else windows
     table.setflags(write=False)
     return table
 
 
-def alone(table: FloatArray) -> Curves:
-    """Return the one curve of all encounters as the block kernel reads it, of windows as from `curve_windows`."""
+def shared_curve(table: FloatArray) -> Curves:
+    """Return the windows of one curve that all encounters share, in the form of the block kernel."""
     return table, np.array([0, len(table)]), np.zeros(1, dtype=np.int64)
 
 
 def line_windows(slope: float, top: float) -> FloatArray:
-    """Return the one window, as in `curve_windows`, of a constant slope [1/m] up to a distance [m] or infinity."""
+    """Return the window, as in `curve_windows`, of a constant slope [1/m] up to a distance [m], maybe infinite."""
     row = np.array([[0.0, 0.0, top, 0.0, 0.0, 0.0, slope]])
     row.setflags(write=False)
     return row
 
 
 def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | None:
-    """Return the one window of a curve whose 1 / g is linear in l between two distances [m]; None for others."""
+    """Return the single window of a curve whose 1 / g is linear in l between two distances [m]; None for others."""
     if any(low < k < high for k in sensor.knots):
         return None
     distance = low + (high - low) * np.concatenate([[0.0], np.sin(np.pi / 4 * np.linspace(0, 1, 65)) ** 4, [1.0]])
-    with np.errstate(all="ignore"):  # a curve that is not finite there is left to the guaranteed path
+    with np.errstate(all="ignore"):  # curves with values that are not finite take the guaranteed path
         slope = np.asarray(sensor.log_slope(distance))
     if not (np.isfinite(slope).all() and (slope < 0).all()):
         return None
@@ -157,19 +160,19 @@ def power_window(sensor: SensorModel, low: float, high: float) -> FloatArray | N
 def polynomial_windows(
     slope: Callable[[FloatArray], FloatArray], edges: Sequence[float], degree: int, *, most: int | None = None
 ) -> FloatArray | None:
-    """Return windows on each of which a polynomial of a degree meets a curve, or every one of some curves.
+    """Return windows on which polynomials of a given degree approximate one curve, or several curves at once.
 
     Args:
-        slope: g [1/m] of distances [m], shape (m,), or of each curve, shape (k, m).
-        edges: where the windows start, the corners of the curve, and where they end [m], ascending.
-        degree: of ln xi.
-        most: how many windows are worth it, besides two for each corner; 2,000 where None.
+        slope: function from distances [m], shape (m,), to g [1/m], shape (m,), or (k, m) for k curves.
+        edges: lower end, corners of the curve, and upper end [m], ascending.
+        degree: degree of ln xi.
+        most: largest number of windows, plus two per corner; None: 2,000.
 
     Returns:
-        The windows as in `curve_windows`, with the polynomials of the first curve; None where more are needed.
+        The windows as in `curve_windows`, with the polynomials of the first curve; None if more are needed.
     """
     low, high = edges[0], edges[-1]
-    limit = _MOST if most is None else most + 2 * (len(edges) - 2)
+    limit = _MAX_WINDOWS if most is None else most + 2 * (len(edges) - 2)
     rows: list[FloatArray] = []
     smallest = _SMALLEST * (high - low)
     for left, right in zip(edges[-2::-1], edges[:0:-1], strict=True):
@@ -194,7 +197,7 @@ def polynomial_windows(
 
 
 def _fit(slope: Callable[[FloatArray], FloatArray], low: float, high: float, degree: int) -> FloatArray | None:
-    """Return the coefficients of ln xi in l - (low + high) / 2, or None where a degree does not meet every slope."""
+    """Return the coefficients of ln xi in l - (low + high) / 2, or None if they do not approximate every slope."""
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     middle, half = (low + high) / 2, (high - low) / 2
     with np.errstate(all="ignore"):
@@ -213,8 +216,8 @@ class CurveError(InvalidInputError):
     """A curve cannot be approximated.
 
     Args:
-        message: what was found, what must hold, what to try.
-        culprit: the smallest distance looked at where the slope is not finite [m]; None where it is too rough.
+        message: what was found, what is expected, what to do.
+        culprit: smallest probed distance at which the slope is not finite [m]; None if the slope is too rough.
     """
 
     def __init__(self, message: str, culprit: float | None = None) -> None:
@@ -222,32 +225,34 @@ class CurveError(InvalidInputError):
         self.culprit = culprit
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
-    """Approximate the slope g of a curve between two of its distances [m] by polynomials on pieces, halved to fit.
+    """Approximate the slope g of a curve between two valid distances [m] by polynomials on adaptively halved pieces.
 
     Returns:
         One row per piece, ascending: its middle [m], its half width [m] and the coefficients of g [1/m] in
-        z = (l - middle) / half, ten of them. The slope is met to 1e-13 of its largest magnitude on the piece, or as
-        well as the curve itself rounds.
+        z = (l - middle) / half, ten of them. The error is below 1e-13 of the largest slope on the piece, or at the
+        rounding level of the curve.
 
     Raises:
-        CurveError: the slope is not finite, or too rough to be a curve.
+        CurveError: the slope is not finite, or too rough.
     """
-    decades = high / _GROWTH ** np.arange(1, 8)  # a far end must not cost the near field its resolution
+    decades = high / _GROWTH ** np.arange(1, 8)  # keep the resolution of the near field if the end is far away
     edges = np.unique([low, *(e for e in (*sensor.knots, *decades) if low < e < high), high])
-    look = partial(_slope, sensor)
-    whole, _, _ = interpolate(look, (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2)
-    beyond = np.maximum.accumulate(np.abs(whole).max(axis=1)[::-1])[::-1]  # what an approach has felt on its way
+    evaluate = partial(_slope, sensor)
+    whole, _, _ = interpolate(evaluate, (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2)
+    beyond = np.maximum.accumulate(np.abs(whole).max(axis=1)[::-1])[
+        ::-1
+    ]  # the largest slope at this and all larger distances
     none = np.zeros(len(beyond))
     pending = np.stack([edges[:-1], edges[1:], 1e-9 * np.diff(edges), none + np.inf, beyond, none])
     done: list[FloatArray] = []
     while pending.size:
         left, right, smallest, before, beyond, in_vain = pending
         middle, half = (left + right) / 2, (right - left) / 2
-        slope, coefficients, error = interpolate(look, middle, half)
-        # where the curve rounds its distances, as a recessed one near a flat end, halving a piece gains nothing; once
-        # is no proof of that, since a wide piece may not see what is narrow
+        slope, coefficients, error = interpolate(evaluate, middle, half)
+        # If the curve itself is at its rounding level, as a recessed one near a flat end, halving gains nothing. One
+        # failed halving does not prove this, since a wide piece may miss a narrow feature.
         in_vain = np.where(error > 0.25 * before, in_vain + 1, 0)
         rounded = (in_vain >= _IN_VAIN) & (error <= _ROUNDING * beyond)
         fits = (error <= TOLERANCE * np.abs(slope).max(axis=1)) | rounded | (half < smallest)
@@ -258,8 +263,8 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
         if pending.shape[1] + sum(map(len, done)) > _MAX_PIECES:
             raise CurveError(
                 f"sensor: the slope of the {sensor.name} curve needs more than {_MAX_PIECES} polynomials between "
-                f"{low:g} m and {high:g} m; smooth it, name its corners, or end it by maximum_distance where it ceases "
-                "to be smooth"
+                f"{low:g} m and {high:g} m; smooth it, declare its corners, or end it by maximum_distance before it "
+                "becomes rough"
             )
     pieces = np.concatenate(done)
     pieces = pieces[np.argsort(pieces[:, 0])]
@@ -268,58 +273,58 @@ def curve_pieces(sensor: SensorModel, low: float, high: float) -> FloatArray:
 
 
 def interpolate(
-    look: Callable[[FloatArray], FloatArray], middle: FloatArray, half: FloatArray
+    function: Callable[[FloatArray], FloatArray], middle: FloatArray, half: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return values at the nodes of pieces, coefficients of powers of (l - middle) / half, and their largest error."""
-    values, probed = (look(middle[:, None] + half[:, None] * z) for z in (_NODES, _PROBES))
+    """Return values at the nodes of pieces, coefficients of powers of (l - middle) / half, and the largest error."""
+    values, probed = (function(middle[:, None] + half[:, None] * z) for z in (_NODES, _PROBES))
     coefficients = values @ _TO_COEFFICIENTS.T
     return values, coefficients, np.abs(coefficients @ _AT_PROBES.T - probed).max(axis=-1)
 
 
 def _slope(sensor: SensorModel, distance: FloatArray) -> FloatArray:
-    """Return g [1/m] at distances [m], brought into the valid range."""
+    """Return g [1/m] at distances [m], clipped to the valid range."""
     distance = np.clip(distance, *sensor.valid_range)
-    with np.errstate(all="ignore"):  # what is not finite is looked for
+    with np.errstate(all="ignore"):  # checked below
         slope = np.asarray(sensor.log_slope(distance))
     if not np.isfinite(slope).all():
         culprit = float(distance[~np.isfinite(slope)].min())
         raise CurveError(
-            f"sensor: the slope of the {sensor.name} curve is not finite at {culprit:g} m; end it by maximum_distance, "
-            "or start it by minimum_distance, where it ceases to hold",
+            f"sensor: the slope of the {sensor.name} curve is not finite at {culprit:g} m; exclude this distance "
+            "by minimum_distance or maximum_distance",
             culprit,
         )
     return slope
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def curve_reach(sensor: SensorModel, low: float, start: float, high: float) -> float:
-    """Find how far out a curve can be followed: one of a user's, without a largest distance, may end somewhere.
+    """Find up to which distance a curve can be approximated; a custom curve may fail below its `maximum_distance`.
 
-    It is followed from `low`, at least to `start` and at most to `high`, all in m, inside the valid range.
+    The search covers `low` to `high`, and the curve must be usable at least up to `start`, all in m.
 
     Returns:
-        The largest distance [m]: high where it holds all along, else where the slope ceases to be finite, or a power of
-        two below high from which on it is rough.
+        The largest usable distance [m]: `high` if the whole curve is usable, else the last distance with a finite
+        slope, or `high` halved until the curve is smooth.
 
     Raises:
-        CurveError: the slope is not finite, or too rough, even before the start.
+        CurveError: the slope is not finite, or too rough, below `start`.
     """
     while True:
         try:
             curve_pieces(sensor, low, high)
-        except CurveError as found:
+        except CurveError as error:
             if high <= start:
                 raise
-            high = max(start, high / 2 if found.culprit is None else _last_finite(sensor, start, found.culprit))
+            high = max(start, high / 2 if error.culprit is None else _last_finite(sensor, start, error.culprit))
         else:
             return high
 
 
 def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> Iterator[tuple[float, bool]]:
-    """Yield how far out [m] a curve is to be followed from `low`, each time farther, and whether it may go on beyond.
+    """Yield increasing upper ends [m] of a curve from `low`, and whether the curve continues beyond them.
 
-    A motion may outgrow what is known of its curve, and come back. The first distance is `reach` [m]; `start` [m] is
-    how far the curve is needed at least.
+    A motion may leave the approximated range and come back. The first end is `reach` [m]; the curve is needed at least
+    up to `start` [m].
     """
     end, goes_on = sensor.valid_range[1], True
     while goes_on and reach <= _GROWTH * _FARTHEST:
@@ -331,7 +336,7 @@ def curve_tops(sensor: SensorModel, low: float, start: float, reach: float) -> I
 
 
 def _last_finite(sensor: SensorModel, good: float, bad: float) -> float:
-    """Return the last distance before a bad one, not below a good one, at which the slope is finite."""
+    """Return the last distance between a good one and a bad one at which the slope is finite."""
     while good < bad:
         middle = 0.5 * (good + bad)
         if not good < middle < bad:

@@ -1,4 +1,4 @@
-"""The virtual drag, F = -phi s'^2 while s = ln xi grows: the motion, and the contact that it leads to."""
+"""Motion and contact under the virtual drag, F = -phi s'^2 while s = ln xi grows."""
 
 from __future__ import annotations
 
@@ -24,33 +24,30 @@ from .drag_demands import (
     largest_speed,
     largest_travel,
 )
-from .drag_path import DragApproach, at, follow, where_reached
+from .drag_path import DragApproach, evaluate_at, follow, where_reached
 from .drag_request import DragRequest, make_drag_request
-from .layout import ContactStatus
+from .layout import RESOLUTION, ContactStatus
 from .scenario import Scenario
-
-_RESOLUTION: Final = 1e-12
-"""How close to zero a smallest distance is taken for zero, of the terms that l is the difference of."""
 
 
 class DragColumns(Value):
-    """The columns of a result; it equals that of the same request.
+    """Lazily computed quantities of encounters under the virtual drag; equal if their requests are.
 
     Args:
         request: the encounters.
 
     Attributes:
-        begins: when each approach begins [s]; before, the plant is left alone.
-        lanes: which encounters approach at all, in the order of the path.
+        begins: start of each approach [s]; the law does not act before.
+        lanes: indices of the encounters with an approach, in the order of the path.
         path: the approaches.
     """
 
-    __slots__ = ("_found", "_known", "begins", "lanes", "path", "request")
+    __slots__ = ("_cache", "_columns", "begins", "lanes", "path", "request")
 
     def __init__(self, request: DragRequest) -> None:
         self.request = request
         low, high = max(request.sensor.valid_range[0], 0.0), request.sensor.valid_range[1]
-        self.begins, status = _before(request, high)
+        self.begins, status = _approach_start(request, high)
         self.lanes: IntArray = np.flatnonzero(status < 0)
         on = self.lanes
         square = np.where(request.returns, 0.0, request.velocity**2)
@@ -63,39 +60,39 @@ class DragColumns(Value):
         speed[on] = -np.sqrt(self.path.square)
         force[on] = -request.bodies["phi"][on] * self.path.slope**2 * self.path.square
         time[status == ContactStatus.HORIZON] = request.horizon
-        found = {"time": time, "distance": distance, "relative_velocity": speed, "virtual_force": force}
-        self._found: dict[str, Any] = dict(found)
-        self._found["status"] = _judged(request, status, found, low)
-        self._known: dict[str, Any] = {}
+        end = {"time": time, "distance": distance, "relative_velocity": speed, "virtual_force": force}
+        self._columns: dict[str, Any] = dict(end)
+        self._columns["status"] = _final_status(request, status, end, low)
+        self._cache: dict[str, Any] = {}
 
     def _compared(self) -> tuple[Any, ...]:
         r = self.request
         return (r.scenario, r.sensor, r.drag, r.horizon)
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run, a float for a single one.
+        """Return a quantity of every run; a float for a single run.
 
         Args:
-            name: of a field of ContactState or ContactResult; or `quadrature_error`, the estimated error of the time,
-                relative; or `distance_of_largest_force` [m].
+            name: a quantity of ContactState or ContactResult; `quadrature_error`, the estimated relative error of the
+                time; or `distance_of_largest_force` [m].
 
         Returns:
             The quantity, of the broadcast shape.
         """
-        if name not in self._known:
-            found = self.raw(name)
+        if name not in self._cache:
+            values = self.raw(name)
             if self.request.shape == ():
-                self._known[name] = found[0].item()
+                self._cache[name] = values[0].item()
             else:
-                self._known[name] = found.reshape(self.request.shape)
-                self._known[name].setflags(write=False)
-        return self._known[name]
+                self._cache[name] = values.reshape(self.request.shape)
+                self._cache[name].setflags(write=False)
+        return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
         """Return a quantity of every run, shape (n,)."""
-        if name not in self._found:
-            self._found[name] = np.asarray(_DERIVED[name](self))
-        return np.asarray(self._found[name])
+        if name not in self._columns:
+            self._columns[name] = np.asarray(_DERIVED[name](self))
+        return np.asarray(self._columns[name])
 
     @property
     def gradients(self) -> DragGradients:
@@ -103,12 +100,12 @@ class DragColumns(Value):
         return DragGradients(self)
 
 
-def _before(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
-    """Return when each approach begins, or when it is known that there is none; and a status, -1 where there is one."""
+def _approach_start(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
+    """Return the start of each approach [s] and a status, -1 for an approach; else the time and status of the end."""
     a, v, count = request.acceleration, request.velocity, len(request.velocity)
     status = np.where((v < 0) | request.returns, -1, int(ContactStatus.NEVER))
     begins = np.zeros(count)
-    with np.errstate(over="ignore"):  # never, then
+    with np.errstate(over="ignore"):  # infinite: it never begins
         np.divide(-v, a, out=begins, where=request.returns)
     lost = np.flatnonzero(request.farthest > high)
     room = high - request.distance[lost]
@@ -119,16 +116,16 @@ def _before(request: DragRequest, high: float) -> tuple[FloatArray, IntArray]:
     return begins, status
 
 
-def _judged(request: DragRequest, status: IntArray, found: dict[str, FloatArray], low: float) -> IntArray:
-    """Tell contact, touch and the end of the curve apart, and put distance and l' of a touch to zero."""
-    b, time, distance, speed = request.bodies, found["time"], found["distance"], found["relative_velocity"]
+def _final_status(request: DragRequest, status: IntArray, end: dict[str, FloatArray], low: float) -> IntArray:
+    """Return the status: contact, touch or end of the curve; set distance and l' of a touch to zero."""
+    b, time, distance, speed = request.bodies, end["time"], end["distance"], end["relative_velocity"]
     terms = np.abs(b["p"]) + (np.abs(b["v"]) + np.abs(b["a"]) * time / 2) * time
     turns = (request.velocity < 0) & (request.acceleration > 0)
-    beyond = np.full(len(time), np.inf)  # how far below l = 0 it would have come to rest
-    with np.errstate(over="ignore"):  # as good as no acceleration
+    beyond = np.full(len(time), np.inf)  # by how much the run would have passed l = 0 before rest
+    with np.errstate(over="ignore"):  # the acceleration is negligible
         np.divide(speed**2, 2 * request.acceleration, out=beyond, where=turns)
-    came = (status == ContactStatus.CONTACT) & (beyond <= _RESOLUTION * terms)
-    touches = came | (turns & (status == ContactStatus.NEVER) & (distance <= _RESOLUTION * terms))
+    near_touch = (status == ContactStatus.CONTACT) & (beyond <= RESOLUTION * terms)
+    touches = near_touch | (turns & (status == ContactStatus.NEVER) & (distance <= RESOLUTION * terms))
     if low > 0:
         return np.where(status == ContactStatus.CONTACT, ContactStatus.LEFT_RANGE, status)
     distance[touches], speed[touches] = 0.0, 0.0
@@ -189,7 +186,7 @@ _ROUNDING: Final = 1e-9
 
 
 def solve_drag(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, *, horizon: float = _HORIZON) -> ContactResult:
-    """Find the contact of an encounter under the virtual drag of phi [N s^2]; see `Drag` in laws.py."""
+    """Find the contact of an encounter under a virtual drag phi [N s^2]; see `Drag` in laws.py."""
     return ContactResult(DragColumns(make_drag_request(scenario, sensor, drag, horizon)), "quadrature")
 
 
@@ -211,20 +208,20 @@ def sample_drag(
     distance = r.distance[:, None] + (r.velocity[:, None] + r.acceleration[:, None] * free / 2) * free
     speed = r.velocity[:, None] + r.acceleration[:, None] * free
     for cells, nodes in columns.path.walk():
-        own = columns.lanes[cells.lane]
-        last = cells.time + nodes.duration * (1 + _ROUNDING)  # what the next cell holds it overwrites
-        inside = (times[own] >= cells.time[:, None]) & (times[own] <= last[:, None])
-        row, which = np.nonzero(inside & (times[own] > columns.begins[own, None]))
-        passed = np.clip(times[own[row], which] - cells.time[row], 0.0, nodes.duration[row])
+        run = columns.lanes[cells.lane]
+        last = cells.time + nodes.duration * (1 + _ROUNDING)  # the next cell overwrites its own samples
+        inside = (times[run] >= cells.time[:, None]) & (times[run] <= last[:, None])
+        row, which = np.nonzero(inside & (times[run] > columns.begins[run, None]))
+        passed = np.clip(times[run[row], which] - cells.time[row], 0.0, nodes.duration[row])
         z = where_reached(nodes.pace[row], passed)
-        distance[own[row], which] = cells.start[row] - cells.width[row] * cells.some(row).share(z)
-        speed[own[row], which] = -at(np.sqrt(nodes.square[row]), z)
+        distance[run[row], which] = cells.start[row] - cells.width[row] * cells.some(row).share(z)
+        speed[run[row], which] = -evaluate_at(np.sqrt(nodes.square[row]), z)
     distance[:, -1], speed[:, -1] = columns.raw("distance"), columns.raw("relative_velocity")
     return _motion(columns, times, distance, speed)
 
 
 def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
-    """Integrate g^2 from contact to a distance, G: with it, the drag of the ratio rho is phi = M ln(1/rho) / G.
+    """Return G, the integral of g^2 from the contact to a distance; phi = M ln(1/rho) / G gives the speed ratio rho.
 
     Args:
         sensor: the sensor curve.
@@ -234,27 +231,27 @@ def slope_integral(sensor: SensorModel, distance: ArrayLike) -> Any:
         G [1/m], of the same shape: a float for a scalar.
 
     Raises:
-        InvalidInputError: a distance is not positive, or beyond MAGNITUDES.
+        InvalidInputError: a distance is not positive, or too large (MAGNITUDES).
 
     Examples:
         >>> from pretouch.sensors import ExponentialFirstOrder
         >>> round(slope_integral(ExponentialFirstOrder(scale=1.0, rate=-60.0), 0.04), 9)
         144.0
     """
-    given = np.asarray(positive(distance, "distance", "m"))
-    flat = given.reshape(-1)
+    distances = np.asarray(positive(distance, "distance", "m"))
+    flat = distances.reshape(-1)
     if flat.max(initial=0.0) > MAGNITUDES[1]:
         raise InvalidInputError(f"distance: found {flat.max():g} m, expected at most {MAGNITUDES[1]:g} m")
     check_curve(sensor, flat)
     grid = np.linspace(max(sensor.valid_range[0], 0.0), flat.max(initial=0.0), _PROBES)
     steepest = float(np.abs(sensor.log_slope(grid)).max())
-    strength = 1.0 / (steepest**2 * flat)  # so that its exponential is resolved where g^2 is
+    strength = 1.0 / (steepest**2 * flat)  # so that the exponential is resolved where g^2 is large
     none = np.zeros_like(flat)
     path = follow(sensor, DragApproach(strength, none, flat, none + 1.0, none), float(grid[0]), np.inf)
     total = np.zeros_like(flat)
     for cells, nodes in path.walk():
         total[cells.lane] += nodes.whole_growth
-    return float_or_array((total / (2 * strength)).reshape(given.shape))
+    return float_or_array((total / (2 * strength)).reshape(distances.shape))
 
 
 def _motion(columns: DragColumns, times: FloatArray, distance: FloatArray, speed: FloatArray) -> Motion:

@@ -1,8 +1,8 @@
-"""What an approach under the virtual drag asks of the robot, and the exact derivatives of its contact.
+"""Demands of an approach under the virtual drag on the robot, and the exact derivatives of its contact.
 
-With dw/dl = 2 (a_o + k g^2 w), a change of w by an input follows du/dl = 2 (k g^2 u + h), h the change of the
-right-hand side at fixed w, so u e^q = u_0 - 2 int_l^{l_0} e^q h dl; and t changes by -1/2 int u w^{-3/2} dl, and by
-1/|l'| per unit of l_0.
+With dw/dl = 2 (a_o + k g^2 w), the derivative u of w by an input obeys du/dl = 2 (k g^2 u + h), where h is the
+derivative of the right-hand side at fixed w. Hence u e^q = u_0 - 2 int_l^{l_0} e^q h dl. The time changes by
+-1/2 int u w^{-3/2} dl, and by 1/|l'| per unit of l_0.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _AT_FINE: Final[FloatArray] = legendre.legvander(_FINE, NODES - 1) @ TO_TERMS
 _RATE: Final[FloatArray] = np.asarray(legendre.legder(TO_TERMS), dtype=np.float64)
 _BEND: Final[FloatArray] = np.asarray(legendre.legder(TO_TERMS, 2), dtype=np.float64)
 _CHANGE: Final[FloatArray] = legendre.legvander(legendre.leggauss(NODES)[0], NODES - 2) @ _RATE
-"""From values at the nodes to derivatives there."""
+"""Matrix from values at the nodes to derivatives at the nodes."""
 
 
 class DragRun(Protocol):
-    """Encounters that were followed, as DragColumns has them."""
+    """Solved encounters, as in DragColumns."""
 
     request: DragRequest
     path: DragPath
@@ -44,7 +44,7 @@ class DragRun(Protocol):
 
 
 class _State(NamedTuple):
-    """What is known at nodes: of the bodies, t [s], l [m], |l'| [m/s] and k g^2 l'^2 [m/s^2]."""
+    """State at nodes: quantities of the bodies, t [s], l [m], |l'| [m/s] and k g^2 l'^2 [m/s^2]."""
 
     bodies: dict[str, FloatArray]
     time: FloatArray
@@ -59,7 +59,7 @@ def largest_acceleration(c: DragRun) -> FloatArray:
 
 
 def largest_force(c: DragRun) -> tuple[FloatArray, FloatArray]:
-    """Return max |F| [N] of each run, and the distance where it is [m]."""
+    """Return max |F| [N] of each run, and the distance at which it occurs [m]."""
     return _peaks(c, lambda s: s.bodies["mass"] * s.rate, c.raw("virtual_force")[:, None])
 
 
@@ -74,7 +74,7 @@ def largest_speed(c: DragRun) -> FloatArray:
 def largest_travel(c: DragRun) -> FloatArray:
     """Return max |x - x(0)| [m] of each run."""
     b = c.request.bodies
-    turning = np.zeros(len(c.begins))  # of the reference, while the plant waits with it
+    turning = np.zeros(len(c.begins))  # turning point of the reference, while the plant moves with it
     np.divide(-(b["u0"] + b["r_v"]), b["r_a"], out=turning, where=b["r_a"] != 0)
     times = np.stack([np.clip(turning, 0.0, c.begins), c.begins], axis=1)
     moved = (b["u0"] + b["r_v"])[:, None] * times + b["r_a"][:, None] * times**2 / 2
@@ -96,30 +96,31 @@ def _peaks(c: DragRun, quantity: Callable[[_State], Any], at_ends: FloatArray) -
     """Return the largest magnitude of a quantity over each run.
 
     Args:
-        c: the columns.
-        quantity: from what is known at nodes to the quantity there.
-        at_ends: what it is at start and end and wherever else, shape (n, any).
+        c: the solved encounters.
+        quantity: function from the state at nodes to the quantity there.
+        at_ends: values at start, end and other special times, shape (n, any).
 
     Returns:
-        The maximum of its magnitude, and the distance where it is [m], the last one where it is at an end; shape (n,).
+        The maximum of its magnitude, and the distance at which it occurs [m], or the last distance for a maximum of
+        `at_ends`; shape (n,) each.
     """
     largest, where = np.abs(at_ends).max(axis=1), c.raw("distance").copy()
     for cells, nodes in c.path.walk():
-        own = c.lanes[cells.lane]
-        b = {name: column[own, None] for name, column in c.request.bodies.items()}
+        run = c.lanes[cells.lane]
+        b = {name: column[run, None] for name, column in c.request.bodies.items()}
         time = cells.time[:, None] + so_far(nodes.pace)
-        rate = c.request.strength[own, None] * nodes.slope**2 * nodes.square
+        rate = c.request.strength[run, None] * nodes.slope**2 * nodes.square
         values = quantity(_State(b, time, nodes.distance, np.sqrt(nodes.square), rate))
         for signed in (values, -values):
-            found, z = _largest(signed)
-            more = found > largest[own]
-            largest[own] = np.where(more, found, largest[own])
-            where[own] = np.where(more, cells.start - cells.width * cells.share(z), where[own])
+            maximum, z = _largest(signed)
+            larger = maximum > largest[run]
+            largest[run] = np.where(larger, maximum, largest[run])
+            where[run] = np.where(larger, cells.start - cells.width * cells.share(z), where[run])
     return largest, where
 
 
 def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the maximum on each cell of the polynomial through values at its nodes, and its z, shape (n,)."""
+    """Return maximum and its z, shape (n,) each, of the polynomial through the values at the nodes of each cell."""
     fine = values @ _AT_FINE.T
     best = fine.argmax(axis=1)
     z = _FINE[best]
@@ -136,21 +137,21 @@ def _largest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def impulse_residual(c: DragRun) -> FloatArray:
-    """Return the residuals of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment, over the largest terms."""
+    """Return the larger relative residual of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment."""
     r = c.request
     impulse, moment = np.zeros(len(c.begins)), np.zeros(len(c.begins))
     for cells, nodes in c.path.walk():
-        own = c.lanes[cells.lane]
+        run = c.lanes[cells.lane]
         log_output = np.asarray(r.sensor.log_output(nodes.distance))
         rise = (log_output - log_output[:, :1]) @ _CHANGE.T  # ds/dz
-        force = -r.strength[own, None] * nodes.slope * np.sqrt(nodes.square) * rise
-        impulse[own] += force @ WEIGHTS
-        moment[own] += (force * (cells.time[:, None] + so_far(nodes.pace))) @ WEIGHTS
+        force = -r.strength[run, None] * nodes.slope * np.sqrt(nodes.square) * rise
+        impulse[run] += force @ WEIGHTS
+        moment[run] += (force * (cells.time[:, None] + so_far(nodes.pace))) @ WEIGHTS
     t, v, a = c.raw("time"), r.velocity, r.acceleration
     speeds = np.stack([-c.raw("relative_velocity"), v, a * t, impulse])
     lengths = np.stack([-c.raw("distance"), r.distance, v * t, a * t**2 / 2, impulse * t, -moment])
-    found = [np.abs(x.sum(axis=0)) / np.maximum(np.abs(x).max(axis=0), math.ulp(0.0)) for x in (speeds, lengths)]
-    return np.asarray(np.maximum(*found))
+    residuals = [np.abs(x.sum(axis=0)) / np.maximum(np.abs(x).max(axis=0), math.ulp(0.0)) for x in (speeds, lengths)]
+    return np.asarray(np.maximum(*residuals))
 
 
 _QUANTITIES: Final = {"time": "s", "relative_velocity": "m/s", "displacement": "m"}
@@ -165,17 +166,17 @@ _INPUTS: Final = {
 
 @dataclass(frozen=True, slots=True, repr=False)
 class DragGradients(Value):
-    """The derivatives of quantities at contact by the inputs of an encounter: what `ContactResult.gradients` has.
+    """Derivatives of quantities at contact by the inputs of an encounter; see `ContactResult.gradients`.
 
-    They are exact; NaN where a run does not end in contact, where it touches with l' = 0, and where it does not start
+    They are exact. They are NaN if a run does not end in contact, if it touches with l' = 0, and if it does not start
     with an approach.
 
     Args:
         columns: the encounters and their contacts.
 
     Attributes:
-        quantities: what can be differentiated: `time`, `relative_velocity`, `displacement` (less the excursion).
-        inputs: by what: `gain`, which is phi, `admittance.mass`, `obstacle.position` (the distance l_d),
+        quantities: names of the quantities: `time`, `relative_velocity`, `displacement` (minus the excursion).
+        inputs: names of the inputs: `gain`, which is phi, `admittance.mass`, `obstacle.position` (the distance l_d),
             `obstacle.velocity` and `obstacle.acceleration`.
     """
 
@@ -194,7 +195,7 @@ class DragGradients(Value):
             The derivative in SI, of the shape of the result: a float for a single run.
 
         Raises:
-            InvalidInputError: there is no such quantity or input.
+            InvalidInputError: the quantity or input is unknown.
         """
         if quantity not in _QUANTITIES or by not in _INPUTS:
             raise InvalidInputError(
@@ -202,8 +203,8 @@ class DragGradients(Value):
                 f"{', '.join(_INPUTS)}"
             )
         shape = self.columns.request.shape
-        found = _derivative(self.columns, quantity, by)
-        return float(found[0]) if shape == () else found.reshape(shape)
+        derivative = _derivative(self.columns, quantity, by)
+        return float(derivative[0]) if shape == () else derivative.reshape(shape)
 
     def unit(self, quantity: str, by: str) -> str:
         """Return the unit of a derivative."""
@@ -211,24 +212,25 @@ class DragGradients(Value):
 
 
 def _derivative(c: DragRun, quantity: str, by: str) -> FloatArray:
+    """Return the derivative of a quantity by an input, shape (n,)."""
     r, on = c.request, c.lanes
     time, square = (np.full(len(r.mass), np.nan) for _ in range(2))
     square[on], time[on] = _changes(c, by)
     speed = c.raw("relative_velocity")
     if quantity == "time":
-        found = time
+        derivative = time
     elif quantity == "relative_velocity":
-        found = square / (2 * np.where(speed == 0, np.nan, speed))
+        derivative = square / (2 * np.where(speed == 0, np.nan, speed))
     else:
         t = c.raw("time")
-        own = {"obstacle.position": 1.0, "obstacle.velocity": t, "obstacle.acceleration": t**2 / 2}.get(by, 0.0)
-        found = own + (r.bodies["v"] + r.bodies["a"] * t) * time
+        direct = {"obstacle.position": 1.0, "obstacle.velocity": t, "obstacle.acceleration": t**2 / 2}.get(by, 0.0)
+        derivative = direct + (r.bodies["v"] + r.bodies["a"] * t) * time
     valid = (c.raw("status") == ContactStatus.CONTACT) & (r.velocity < 0) & (speed < 0)
-    return np.where(valid, found, np.nan)
+    return np.where(valid, derivative, np.nan)
 
 
 def _changes(c: DragRun, by: str) -> tuple[FloatArray, FloatArray]:
-    """Return how w at the end of each approach, and its time, change by an input."""
+    """Return the derivatives of w = l'^2 at the end of each approach, and of its time, by an input."""
     r, on = c.request, c.lanes
     k, a, v = r.strength[on], r.acceleration[on], r.velocity[on]
     square, time = np.zeros(len(on)), np.zeros(len(on))

@@ -1,14 +1,14 @@
-"""An approach under the virtual drag as quadratures over cells of the distance, side by side for many encounters.
+"""Solve approaches under the virtual drag by quadrature over cells of the distance, for many encounters at once.
 
 With w = l'^2 and k = phi / M, the equation M l'' = M a_o + phi g^2 l'^2 is linear in w,
 
     dw/dl = 2 (a_o + k g^2 w),   so   w = e^-q W,   W = w_0 - 2 a_o int_l^{l_0} e^q dl,   q = 2 k int_l^{l_0} g^2 dl,
 
-from any l_0 on, and t = int dl / sqrt(w). A cell is a stretch of the distance without a knot of the curve; the
-integrals are those of the polynomials through 16 Gauss points on it. DragCells are halved until the last Legendre
-coefficients of both integrands vanish. Where w is zero at one end of a cell, 1 / sqrt(w) is not smooth, but sqrt(w) is
-as a function of the root of the distance from there; so the share of the cell that is passed, s(r) with r from 0 to 1,
-is r - b r (1 - r): r^2 from rest, b = 1, and 1 - (1 - r)^2 to rest, b = -1.
+for any l_0, and t = int dl / sqrt(w). A cell is an interval of the distance without a knot of the curve. Integrals are
+those of the polynomials through 16 Gauss points on the cell. Cells are halved until the last Legendre coefficients of
+both integrands are negligible. If w is zero at one end of a cell, 1 / sqrt(w) is not smooth, but sqrt(w) is a smooth
+function of the square root of the distance from that end. Therefore the passed share of a cell, s(r) with r from 0 to
+1, is r - b r (1 - r): r for b = 0, r^2 from rest with b = 1, and 1 - (1 - r)^2 to rest with b = -1.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from pretouch.sensors import SensorModel
 from .layout import ContactStatus
 
 NODES: Final = 16
-_TOLERANCE: Final = 1e-12  # of the largest Legendre drag
-_PAST_REST: Final = 0.9  # of the distance from a virtual rest behind the start of a cell
-_BEFORE_REST: Final = 0.45  # of the distance to a virtual rest beyond its end
-_GROWTH: Final = 3.0  # of q on a cell: its exponential is then a polynomial of degree 15 to rounding
-_MOST: Final = 4_000
-_PARTS: Final = 3.0 ** -np.arange(4)  # of a cell, of which the largest is tried on which q is likely to be small
-_TOO_MUCH: Final = 100.0
-_ON: Final = -1
+_TOLERANCE: Final = 1e-12  # of the last Legendre coefficients, relative to the largest value
+_PAST_REST: Final = 0.9  # cell width over the distance from a virtual rest behind the start of the cell
+_BEFORE_REST: Final = 0.45  # cell width over the distance to a virtual rest beyond the cell
+_GROWTH: Final = 3.0  # largest q on a cell; a polynomial of degree 15 then equals its exponential to rounding
+_MAX_CELLS: Final = 4_000
+_PARTS: Final = 3.0 ** -np.arange(4)  # tried cell widths; the largest one on which q is likely to be small is taken
+_MAX_GROWTH: Final = 100.0  # larger q are cut off to avoid overflow
+_ON: Final = -1  # status of an approach that has not ended
 _ENDINGS: Final = (ContactStatus.NEVER, ContactStatus.HORIZON)
 
 _X, WEIGHTS = legendre.leggauss(NODES)
 _R: Final = (1 + _X) / 2
 TO_TERMS: Final[FloatArray] = np.asarray(np.linalg.inv(legendre.legvander(_X, NODES - 1)), dtype=np.float64)
-"""From values at the nodes to Legendre coefficients."""
+"""Matrix from values at the nodes to Legendre coefficients."""
 
 _INTEGRAL: Final[FloatArray] = legendre.legint(np.eye(NODES), lbnd=-1) @ TO_TERMS
 _SO_FAR: Final[FloatArray] = (legendre.legvander(_X, NODES) @ _INTEGRAL).T
@@ -52,8 +52,8 @@ def so_far(values: FloatArray) -> FloatArray:
     return np.asarray(values @ _SO_FAR)
 
 
-def at(values: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate what is known at the nodes of each cell at one z each, shape (n,)."""
+def evaluate_at(values: FloatArray, z: FloatArray) -> FloatArray:
+    """Interpolate values at the nodes of each cell to one z per cell, shape (n,)."""
     return np.asarray(np.einsum("ij,ij->i", legendre.legvander(z, NODES - 1), values @ TO_TERMS.T))
 
 
@@ -75,7 +75,7 @@ def where_reached(rates: FloatArray, total: FloatArray) -> FloatArray:
 
 
 class DragApproach(NamedTuple):
-    """Encounters that approach from now on: each a column.
+    """Start of approaches, one column per quantity.
 
     Args:
         strength: k = phi / M [m].
@@ -96,12 +96,12 @@ class DragCells(NamedTuple):
     """One cell of each of some encounters.
 
     Args:
-        lane: which encounters.
-        start: l where the cell begins [m].
-        width: how far it goes down [m].
-        bend: b of the share that is passed: 0; 1 from rest; -1 to rest.
-        square: l'^2 at its start [m^2/s^2].
-        time: t at its start [s].
+        lane: indices of the encounters.
+        start: l at the start of the cell [m].
+        width: width of the cell, toward smaller l [m].
+        bend: b of the passed share: 1 from rest, -1 to rest, else 0.
+        square: l'^2 at the start [m^2/s^2].
+        time: t at the start [s].
     """
 
     lane: IntArray
@@ -117,13 +117,13 @@ class DragCells(NamedTuple):
         return DragCells(*columns)
 
     def share(self, z: FloatArray) -> FloatArray:
-        """Return the share of the cell that is passed at one z for each."""
+        """Return the passed share of each cell at one z per cell."""
         r = (1 + z) / 2
         return np.asarray(r - self.bend * r * (1 - r))
 
 
 class _Nodes(NamedTuple):
-    """What is known at the nodes of cells, shape (n, nodes), and at their ends, shape (n,).
+    """Quantities at the nodes of cells, shape (n, nodes), and at their ends, shape (n,).
 
     Args:
         distance: l [m].
@@ -134,8 +134,8 @@ class _Nodes(NamedTuple):
         square: l'^2 [m^2/s^2].
         pace: dt/dz [s].
         whole_growth: q at the end.
-        last_square: l'^2 there; negative where the cell goes beyond where l' is zero.
-        duration: the time that the cell takes [s].
+        last_square: l'^2 at the end; negative if l' becomes zero inside the cell.
+        duration: duration of the cell [s].
     """
 
     distance: FloatArray
@@ -149,10 +149,10 @@ class _Nodes(NamedTuple):
     last_square: FloatArray
     duration: FloatArray
 
-    def put(self, which: BoolArray, others: _Nodes) -> None:
-        """Put others where they belong."""
-        for mine, other in zip(self, others, strict=True):
-            mine[which] = other
+    def replace_rows(self, which: BoolArray, rows: _Nodes) -> None:
+        """Replace the rows of some cells."""
+        for column, new in zip(self, rows, strict=True):
+            column[which] = new
 
     def error(self) -> FloatArray:
         """Return the last two Legendre coefficients of the integrands, relative to the largest, shape (n,)."""
@@ -166,19 +166,19 @@ def _last_terms(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DragPath(Value):
-    """Approaches that were followed to their ends.
+    """Approaches that were solved to their ends.
 
     Args:
         sensor: the sensor curve.
-        borders: the end of the distances, and the knots of the curve beyond it [m].
-        approach: where they began.
+        borders: smallest distance, and the knots of the curve above it [m].
+        approach: start of the approaches.
         steps: the cells, in the order in which each encounter passes them.
-        status: how each ended; the numbers of ContactStatus.
+        status: how each approach ended, as the integer value of ContactStatus.
         distance: l at the end [m].
-        square: l'^2 there [m^2/s^2].
-        time: t there [s].
-        slope: g there [1/m].
-        error: the estimated error of the time since the start, relative.
+        square: l'^2 at the end [m^2/s^2].
+        time: t at the end [s].
+        slope: g at the end [1/m].
+        error: estimated relative error of the duration.
     """
 
     sensor: SensorModel
@@ -193,23 +193,23 @@ class DragPath(Value):
     steps: list[DragCells] = field(default_factory=list)
 
     def walk(self) -> Iterator[tuple[DragCells, _Nodes]]:
-        """Yield all cells and what is known on them, once more."""
+        """Yield all cells with the quantities at their nodes, evaluated again."""
         for cells in self.steps:
             yield cells, _evaluate(self.sensor, self.approach, cells)
 
 
-@np.errstate(all="ignore")  # what is no number is no good cell: halved, and unresolved in the end
+@np.errstate(all="ignore")  # cells with NaN are halved, and unresolved in the end
 def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: float) -> DragPath:
-    """Follow approaches until the distance is l = end, until they come to rest or until the horizon.
+    """Solve approaches until l = end, until they come to rest, or until the horizon.
 
     Args:
-        sensor: the sensor curve, which holds from `end` to the farthest start.
-        approach: the encounters.
-        end: the smallest distance [m].
-        horizon: the longest time [s].
+        sensor: the sensor curve, valid from `end` to the farthest start.
+        approach: start of the approaches.
+        end: smallest distance [m].
+        horizon: longest time [s].
 
     Returns:
-        Their paths: CONTACT at l = end, NEVER where l' comes to zero before, HORIZON or UNRESOLVED.
+        The paths. Their status is CONTACT at l = end, NEVER if l' becomes zero before, HORIZON or UNRESOLVED.
     """
     path = DragPath(
         sensor=sensor,
@@ -223,12 +223,12 @@ def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: flo
         error=np.zeros(len(approach.distance)),
     )
     scale, lanes = np.ones(len(path.time)), np.arange(len(path.time))
-    for _ in range(_MOST):
+    for _ in range(_MAX_CELLS):
         if not len(lanes):
             break
         border = path.borders[np.searchsorted(path.borders, path.distance[lanes]) - 1]
         proposed = _next_cells(path, lanes, path.distance[lanes] - border, scale[lanes])
-        cells, nodes, status, miss = _ended(path, proposed, horizon)
+        cells, nodes, status, miss = _shorten_to_end(path, proposed, horizon)
         error = np.maximum(nodes.error(), miss)
         good = (error <= _TOLERANCE) & np.isfinite(nodes.duration)
         scale[lanes] = np.where(good, np.minimum(2 * scale[lanes], 1.0), scale[lanes] / 2)
@@ -248,56 +248,56 @@ def follow(sensor: SensorModel, approach: DragApproach, end: float, horizon: flo
 
 
 def _next_cells(path: DragPath, lanes: IntArray, room: FloatArray, scale: FloatArray) -> DragCells:
-    """Propose a cell for each encounter: to the next border, or as far as both integrands are likely to be smooth."""
+    """Propose a cell for each encounter: up to the next border, or as far as both integrands are likely smooth."""
     square, start, strength = path.square[lanes], path.distance[lanes], path.approach.strength[lanes]
     push = 2 * path.approach.acceleration[lanes]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         far = np.fmin(room, _GROWTH / (2 * strength * path.slope[lanes] ** 2))
         tried = far[:, None] * _PARTS
-        places = np.maximum(start[:, None] - tried, path.borders[0])  # which rounding may pass
+        places = np.maximum(start[:, None] - tried, path.borders[0])  # rounding may pass the border
         ahead = 2 * strength[:, None] * np.asarray(path.sensor.log_slope(places)) ** 2  # dq/dl
         far = tried[np.arange(len(lanes)), np.argmax(ahead * tried <= 2 * _GROWTH, axis=1)]
         far = np.where((ahead * tried > 2 * _GROWTH).all(axis=1), np.fmin(tried[:, -1], _GROWTH / ahead[:, -1]), far)
         far = scale * far
         near = np.where(push < 0, _PAST_REST, _BEFORE_REST) * square / np.abs(push)
-        rest = 1.01 * square / push  # beyond where l' comes to zero at the latest, since e^q is at least 1
+        rest = 1.01 * square / push  # l' becomes zero before this distance, since e^q >= 1
     limited = np.fmin(far, np.where(push * far > square, rest, near))
     far = np.where(square > 0, limited, far)
     bend = np.where(square == 0, 1.0, 0.0)
     return DragCells(lanes, start, far, bend, square, path.time[lanes])
 
 
-def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
-    """Evaluate cells, shortened to where l' comes to zero or time to the horizon.
+def _shorten_to_end(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells, _Nodes, IntArray, FloatArray]:
+    """Evaluate cells; shorten those in which l' becomes zero or the time reaches the horizon.
 
     Args:
-        path: so far.
-        cells: as proposed.
-        horizon: the longest time [s].
+        path: the path so far.
+        cells: the proposed cells.
+        horizon: longest time [s].
 
     Returns:
-        The cells; what is known on them; how they end, _ON where neither; and by how much they miss that, relative: the
-        cell from which the end was found may have been too long.
+        The cells; the quantities at their nodes; their status, _ON if they do not end; and the relative error of that
+        end, since the cell from which it was computed may have been too long.
     """
     nodes = _evaluate(path.sensor, path.approach, cells)
     status = np.full(len(cells.lane), _ON)
     acceleration = path.approach.acceleration[cells.lane]
     for ending in _ENDINGS:
         if ending == ContactStatus.NEVER:
-            found = nodes.last_square <= 0
-            z = where_reached(nodes.grown[found], cells.square[found] / (2 * acceleration[found]))
+            ends = nodes.last_square <= 0
+            z = where_reached(nodes.grown[ends], cells.square[ends] / (2 * acceleration[ends]))
             bend = np.full(len(z), -1.0)
         else:
-            found = cells.time + nodes.duration > horizon
-            z = where_reached(nodes.pace[found], horizon - cells.time[found])
-            bend = np.maximum(cells.bend[found], 0.0)
-        if found.any():
+            ends = cells.time + nodes.duration > horizon
+            z = where_reached(nodes.pace[ends], horizon - cells.time[ends])
+            bend = np.maximum(cells.bend[ends], 0.0)
+        if ends.any():
             width, bends = cells.width.copy(), cells.bend.copy()
-            width[found] *= cells.some(found).share(z)
-            bends[found] = bend
+            width[ends] *= cells.some(ends).share(z)
+            bends[ends] = bend
             cells = cells._replace(width=width, bend=bends)
-            status[found] = ending
-            nodes.put(found, _evaluate(path.sensor, path.approach, cells.some(found)))
+            status[ends] = ending
+            nodes.replace_rows(ends, _evaluate(path.sensor, path.approach, cells.some(ends)))
     turn = np.abs(1 - 2 * acceleration * (nodes.grown @ WEIGHTS) / np.where(cells.square > 0, cells.square, 1.0))
     late = np.abs(1 - (cells.time + nodes.duration) / horizon)
     none = np.zeros(len(status))
@@ -305,6 +305,7 @@ def _ended(path: DragPath, cells: DragCells, horizon: float) -> tuple[DragCells,
 
 
 def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> _Nodes:
+    """Return the quantities at the nodes of cells."""
     bend, width, square = (column[:, None] for column in (cells.bend, cells.width, cells.square))
     twice = 2 * approach.acceleration[cells.lane]
     passed = width * (_R - bend * _R * (1 - _R))
@@ -312,7 +313,7 @@ def _evaluate(sensor: SensorModel, approach: DragApproach, cells: DragCells) -> 
     length = width * (0.5 - 0.5 * bend * (1 - 2 * _R))
     slope = np.asarray(sensor.log_slope(distance))
     rate = 2 * approach.strength[cells.lane][:, None] * slope**2 * length
-    growth, whole = np.minimum(so_far(rate), _TOO_MUCH), np.minimum(rate @ WEIGHTS, _TOO_MUCH)
+    growth, whole = np.minimum(so_far(rate), _MAX_GROWTH), np.minimum(rate @ WEIGHTS, _MAX_GROWTH)
     grown = np.exp(growth) * length
     to_rest = cells.bend < 0
     total = square - twice[:, None] * so_far(grown)

@@ -1,4 +1,4 @@
-"""One call for encounters under the virtual drag, and the premises under which their motion is known."""
+"""Check the arguments of a call for the virtual drag, including the assumptions of its solution."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .scenario import Scenario
 
 _PROBES: Final = 257
 _ROUNDING: Final = 1e-12
-_LEAST: Final = 1e-100
+_LEAST: Final = 1e-100  # smaller values count as zero, since their squares underflow
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DragRequest(Value):
-    """One call: encounters, curve, values of phi.
+    """Checked arguments of one call: encounters, curve, values of phi.
 
     Args:
         scenario: the encounters.
         sensor: the sensor curve.
         drag: phi [N s^2].
-        horizon: how long to wait [s].
+        horizon: longest time to contact that is searched [s].
         shape: the broadcast shape.
     """
 
@@ -43,7 +43,7 @@ class DragRequest(Value):
 
     @cached_property
     def bodies(self) -> dict[str, FloatArray]:
-        """The quantities of L(9), one of each for every encounter: what moves, relative to the reference, and that."""
+        """The quantities of L(9) of every encounter: plant, obstacle (relative to the reference) and reference."""
         names = ("mass", "damping", "stiffness", "x0", "u0", "p", "v", "a", "r_v", "r_a")
         columns = (*self.scenario.relative_columns(), self.scenario.reference.position, self.drag)
         flat = [np.broadcast_to(c, self.shape).astype(np.float64).reshape(-1) for c in columns]
@@ -51,12 +51,12 @@ class DragRequest(Value):
 
     @property
     def mass(self) -> FloatArray:
-        """M [kg]."""
+        """The virtual mass M [kg]."""
         return self.bodies["mass"]
 
     @property
     def strength(self) -> FloatArray:
-        """The drag over the mass, k [m]."""
+        """The drag divided by the mass, k [m]."""
         return self.bodies["phi"] / self.mass
 
     @property
@@ -67,33 +67,33 @@ class DragRequest(Value):
     @property
     def velocity(self) -> FloatArray:
         """The relative velocity l' at the start [m/s]."""
-        return _flushed(self.bodies["v"] - self.bodies["u0"])
+        return _flush_underflow(self.bodies["v"] - self.bodies["u0"])
 
     @property
     def acceleration(self) -> FloatArray:
         """The acceleration a_o of the obstacle relative to the reference [m/s^2]."""
-        return _flushed(self.bodies["a"])
+        return _flush_underflow(self.bodies["a"])
 
     @property
     def returns(self) -> Any:
-        """Which encounters recede first, or rest, and are then accelerated toward the robot."""
+        """Which encounters begin at rest or receding and then accelerate toward the robot."""
         return (self.velocity >= 0) & (self.acceleration < 0)
 
     @property
     def farthest(self) -> FloatArray:
-        """The largest distance of each encounter that ever approaches [m], from which on the law acts."""
+        """The largest distance [m] of each encounter, from which the law acts."""
         rise = np.zeros_like(self.distance)
-        with np.errstate(over="ignore"):  # farther than any sensor sees
+        with np.errstate(over="ignore"):  # infinite: farther than any sensor range
             np.divide(-(self.velocity**2), 2 * self.acceleration, out=rise, where=self.returns)
         return np.asarray(self.distance + rise)
 
 
-def _flushed(values: FloatArray) -> FloatArray:
-    """Return values of which those are 0 whose squares could not be told from 0."""
+def _flush_underflow(values: FloatArray) -> FloatArray:
+    """Set values to 0 whose squares would underflow."""
     return np.where(np.abs(values) < _LEAST, 0.0, values)
 
 
-_BEYOND: Final = f"expected a magnitude of at most {MAGNITUDES[1]:g} in SI, beyond which its square is no number"
+_BEYOND: Final = f"expected a magnitude of at most {MAGNITUDES[1]:g} in SI, so that its square does not overflow"
 
 
 def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, horizon: float) -> DragRequest:
@@ -103,20 +103,22 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
         scenario: the encounters.
         sensor: the sensor curve.
         drag: phi [N s^2].
-        horizon: how long to wait [s].
+        horizon: longest time to contact that is searched [s].
 
     Returns:
         The request.
 
     Raises:
-        InvalidInputError: a premise of the motion does not hold.
+        InvalidInputError: an assumption of the solution does not hold.
         OutOfRangeError: an encounter starts outside the range of the curve.
     """
     phi = nonnegative(drag, "drag", "N*s^2")
     try:
         shape = np.broadcast_shapes(scenario.shape, np.shape(phi))
     except ValueError:
-        raise InvalidInputError(f"drag: shape {np.shape(phi)} does not broadcast with {scenario.shape}") from None
+        raise InvalidInputError(
+            f"drag: found the shape {np.shape(phi)}, which does not broadcast with the scenario's {scenario.shape}"
+        ) from None
     request = DragRequest(
         scenario=scenario, sensor=sensor, drag=phi, horizon=positive(horizon, "horizon", "s"), shape=shape
     )
@@ -128,8 +130,8 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
     if outside.any():
         raise OutOfRangeError(
             f"obstacle position: found a distance of {start[outside][0]:g} m at the start, outside the {low:g} m to "
-            f"{high:g} m in which the {sensor.name} curve holds: the encounter starts when the object enters the "
-            "detection range"
+            f"{high:g} m in which the {sensor.name} curve is valid; the encounter must start when the object enters "
+            "the detection range"
         )
     check_curve(sensor, request.farthest)
     _check_plant(request)
@@ -138,39 +140,40 @@ def make_drag_request(scenario: Scenario, sensor: SensorModel, drag: ArrayLike, 
 
 
 def _check_plant(request: DragRequest) -> None:
-    """Refuse encounters in which the admittance would not be held off all along."""
+    """Refuse encounters in which the admittance would not be switched off during the whole approach."""
     b = request.bodies
     ahead, advance = b["x0"], b["u0"]
     _refuse(
         ahead > _ROUNDING * request.distance,
         ahead,
-        "plant position: found the plant {0:g} m ahead of its reference, where the admittance is not held off; the "
-        "motion under a drag is known for a plant at its reference or behind it",
+        "plant position: found the plant {0:g} m ahead of its reference, expected it at its reference or behind it, "
+        "since the solution for a drag assumes that the admittance does not act",
     )
     _refuse(
         advance > _ROUNDING * np.abs(request.velocity),
         advance,
-        "plant velocity: found the plant moving toward the object {0:g} m/s faster than its reference, which the "
-        "admittance brakes; give the reference the same velocity",
+        "plant velocity: found the plant moving toward the object {0:g} m/s faster than its reference, expected the "
+        "same velocity or less, since the admittance would brake it; give the reference the same velocity",
     )
     stays = (b["stiffness"] * ahead == 0) & (b["stiffness"] * advance == 0) & (b["damping"] * advance == 0)
     _refuse(
         (request.velocity >= 0) & ~stays,
         request.velocity,
-        "obstacle velocity: found a relative velocity of {0:g} m/s at the start, which is no approach, beside a plant "
-        "that is not at rest at its reference: the admittance moves it then; start at rest, or with an approach",
+        "obstacle velocity: found a relative velocity of {0:g} m/s at the start, expected an approach (negative), "
+        "since the admittance moves a plant that is not at rest at its reference; start at rest or with an approach",
     )
 
 
 def _check_curve(sensor: SensorModel, low: float, high: float) -> None:
-    """Refuse a curve whose ln xi rises with the distance: there the law would push when the object recedes."""
+    """Refuse a curve whose ln xi rises with the distance, since the law would then act on a receding object."""
     distance = np.linspace(low, high, _PROBES)
     slope = np.asarray(sensor.log_slope(distance))
     if not (np.isfinite(slope) & (slope <= 0)).all():
-        culprit = float(distance[~(slope <= 0)][0])
+        wrong = float(distance[~(slope <= 0)][0])
         raise InvalidInputError(
-            f"sensor: found a slope of {float(sensor.log_slope(culprit)):g} 1/m at {culprit:g} m, which must not be "
-            "positive: the drag takes a growing ln xi for an approach; end the curve by maximum_distance where it turns"
+            f"sensor: found a slope of {float(sensor.log_slope(wrong)):g} 1/m at {wrong:g} m, which must not be "
+            "positive, since a drag takes a growing ln xi for an approach; end the curve by maximum_distance where its "
+            "output is smallest"
         )
 
 

@@ -1,4 +1,4 @@
-"""The verbs that solve encounters, and what does so in their place: the sampled loop, or a function of the user's."""
+"""Solve encounters: `find_contact`, `solve_motion`, and the interface of other evaluators such as the sampled loop."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from .laws import DAMPER, ContinuousLaw, continuous_law
 from .scenario import Scenario
 
 Evaluator: TypeAlias = Callable[[Scenario, SensorModel, Any], ContactResult]
-"""From encounters, their sensor and gains, which broadcast, to what they come to."""
+"""Function from encounters, their sensor and values of the law's number, which broadcast, to their result."""
 
 
 @runtime_checkable
 class NoisyEvaluator(Protocol):
-    """An evaluator with noise by number: its i-th encounter meets the noise of run i, whatever the gain."""
+    """An evaluator with numbered noise: its i-th encounter has the noise of run i for every gain."""
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
         """Solve encounters."""
 
     def after(self, runs: int) -> NoisyEvaluator:
-        """Return the same evaluator, whose first encounter meets the noise of a later run."""
+        """Return the same evaluator with the noise of later runs: its first encounter has that of the given run."""
 
 
 @runtime_checkable
 class ManySensorEvaluator(Protocol):
-    """An evaluator that solves encounters with a sensor each at once, the i-th with the noise of run i."""
+    """An evaluator that solves encounters with one sensor each in one call, the i-th with the noise of run i."""
 
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: Any) -> ContactResult:
         """Solve encounters."""
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: Any) -> ContactResult:
-        """Solve encounters whose last axis is that of the sensors."""
+        """Solve encounters; their last axis is that of the sensors."""
 
 
 def with_noise_after(evaluator: Evaluator, runs: int) -> Evaluator:
-    """Return an evaluator that goes on after the noise of some runs; one without numbered noise as it is."""
+    """Return an evaluator that skips the noise of some runs; one without numbered noise is returned unchanged."""
     return evaluator.after(runs) if isinstance(evaluator, NoisyEvaluator) else evaluator
 
 
-def _asked(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
-    """Return a law with values of its number: what was given for these may be a sampled law, which holds its own."""
+def _law_and_value(value: Any, law: Any) -> tuple[ContinuousLaw, Any]:
+    """Return the law and the values of its number; `value` may be a sampled law, which contains both."""
     if law is DAMPER and hasattr(value, "continuous"):
         return continuous_law(value), value.value
     return continuous_law(law), value
@@ -61,23 +61,23 @@ def find_contact(
     method: str = "auto",
     horizon: float = 600.0,
 ) -> ContactResult:
-    """Find the first contact of an encounter, l = 0 of L(21) and L(23), and what it demands of the robot until then.
+    """Find the first contact of an encounter, l = 0 of L(21) and L(23), and the demands on the robot until then.
 
-    The motion is that of L(1) with L(2), or by request the uniform motion L(16)-(19), or that of another law. A
-    distance that comes to zero and turns there, within 1e-12 of its terms, is a contact with l' = 0; one that only
-    decays to zero never is one.
+    The motion is that of L(1) with the virtual force L(2), of another law, or the uniform motion L(16)-(19). A distance
+    that reaches zero and turns there, within 1e-12 of its terms, is a contact with l' = 0. A distance that only decays
+    to zero is no contact.
 
     Args:
-        scenario: the encounter, or an array of them.
-        sensor: the sensor curve; its scale is of no consequence.
-        gain: the number of the law, broadcast with the scenario: D_p [N s] of the virtual damper, where negative gains
-            mitigate; or a sampled law, such as `pretouch.control.VirtualDrag(...)`, which holds its own.
-        law: the law in continuous time, or its name: "virtual-damper" of L(2), "virtual-drag" (`Drag`), or an OwnLaw.
-        method: of the virtual damper: "closed-form" (L(10), for a constant slope only), "integration" (any curve),
-            "uniform-motion" (L(16)-(19), one particular motion of the second-order exponential curve that does not
-            start from the given state: it shifts an optimal gain by about 10 %), or "auto": closed form where the slope
-            is constant, integration elsewhere.
-        horizon: how long to wait for contact [s].
+        scenario: one encounter or an array of encounters.
+        sensor: the sensor curve; its scale has no effect.
+        gain: the law's number, such as D_p [N s] of the virtual damper, where negative gains mitigate; it broadcasts
+            with the scenario. Or a sampled law such as `pretouch.control.VirtualDrag(...)`, which contains its number.
+        law: the law in continuous time, or its name: "virtual-damper" (L(2)), "virtual-drag" (`Drag`), or an OwnLaw.
+        method: for the virtual damper: "closed-form" (L(10), constant slope only), "integration" (any curve),
+            "uniform-motion" (L(16)-(19)), or "auto": the closed form for a constant slope, else integration. The
+            uniform motion is one particular motion of the second-order exponential curve. It does not start from the
+            given state and shifts an optimal gain by about 10 %.
+        horizon: longest time to contact that is searched [s].
 
     Returns:
         Status and state at the end of each run, of the broadcast shape.
@@ -98,8 +98,8 @@ def find_contact(
         >>> round(find_contact(scenario, sensor, 0.012, law="virtual-drag").contact.position, 4)
         -0.0828
     """
-    own, value = _asked(gain, law)
-    return own.contact(scenario, sensor, value, method=method, horizon=horizon)
+    continuous, value = _law_and_value(gain, law)
+    return continuous.contact(scenario, sensor, value, method=method, horizon=horizon)
 
 
 @check_arguments
@@ -113,16 +113,16 @@ def solve_motion(
     horizon: float = 600.0,
     samples: int = 200,
 ) -> Motion:
-    """Solve an encounter and sample its whole motion, L(1) with L(2) or another law.
+    """Solve an encounter and sample its whole motion by L(1), with the virtual force L(2) or another law.
 
     Args:
-        scenario: the encounter, or an array of them.
+        scenario: one encounter or an array of encounters.
         sensor: the sensor curve.
-        gain: the number of the law, broadcast with the scenario, or a sampled law, as in `find_contact`.
+        gain: the law's number, such as D_p [N s], or a sampled law, as in `find_contact`.
         law: as in `find_contact`.
         method: as in `find_contact`.
-        horizon: how long to wait for contact [s].
-        samples: how many instants, from 0 to the end of each run, ends included; at least 2.
+        horizon: longest time to contact that is searched [s].
+        samples: number of equally spaced samples from 0 to the end of each run, both included; at least 2.
 
     Returns:
         The motion; its arrays have the broadcast shape with the samples as a last axis.
@@ -144,5 +144,5 @@ def solve_motion(
     """
     if samples < 2:
         raise InvalidInputError(f"samples: found {samples}, which must be at least 2")
-    own, value = _asked(gain, law)
-    return own.motion(scenario, sensor, value, method=method, horizon=horizon, samples=samples)
+    continuous, value = _law_and_value(gain, law)
+    return continuous.motion(scenario, sensor, value, method=method, horizon=horizon, samples=samples)

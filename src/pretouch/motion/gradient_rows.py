@@ -1,8 +1,8 @@
-"""How time and relative velocity of each contact depend on the relative inputs: by the fastest way that is exact.
+"""Exact derivatives of time and relative velocity at contact by the relative inputs.
 
-An over-damped motion of constant slope has its derivatives in closed form; any approach has them beside its Taylor
-steps in lanes; what neither can do is followed along the guaranteed path, one by one. Everything else at contact is
-algebra on these two rows (`gradients`).
+Each run uses the fastest applicable method. Over-damped motions with a constant slope have a closed form. Approaches on
+other curves get their derivatives from vectorized Taylor steps ("lanes"). The guaranteed path solves the rest, one run
+at a time. The derivatives of all other quantities at contact follow from these two by algebra (`gradients`).
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Travels
 from pretouch.sensors import SensorModel
-from pretouch.sensors.change import SlopeChange
+from pretouch.sensors.sensitivity import SlopeSensitivity
 
 from .curve import (
     MIDDLE,
     TERMS,
-    alone,
     curve_pieces,
     curve_reach,
     curve_tops,
@@ -29,28 +28,29 @@ from .curve import (
     farthest,
     interpolate,
     reach_of,
+    shared_curve,
 )
 from .kernels import OPEN, find_contacts, follow_gradients
 from .layout import RELATIVE_INPUTS, ContactStatus
-from .request import for_stretches
+from .parallel import run_in_chunks
 from .solution import STIFF, Solution, fill_by_lanes
 
-_KEPT: Final = 1 << 20  # encounters up to which all rows are kept: 150 MB
-_BLOCK: Final = 1 << 12  # encounters of which a kernel's whole output is held at a time
+_KEPT: Final = 1 << 20  # largest number of encounters for which all rows are stored: 150 MB
+_BLOCK: Final = 1 << 12  # encounters per kernel call
 _LEAST_LINEAR: Final = 8192  # encounters that are worth a thread
 _LEAST_FOLLOWED: Final = 16
 _MOST_FOLLOWED: Final = 256
-_STIFFEST: Final = 3e5  # fastest time constants in a motion: Taylor steps end before they have followed more
-_TOLERANCE: Final = 1e-10  # of the largest change of slope: one taken by differences is not smoother
+_STIFFEST: Final = 3e5  # duration over the fastest time constant; Taylor steps cannot integrate stiffer motions
+_TOLERANCE: Final = 1e-10  # relative to the largest change of slope; numerical derivatives are not smoother
 _HALVINGS: Final = 12
-_SHRINKS: Final = 0.75  # of an error, by halving: that of rounding does not, that of a corner is halved
-_IN_VAIN: Final = 3  # halvings
-_ROUNDING: Final = 1e-3  # of the largest change: a larger error is one of the polynomial
+_SHRINKS: Final = 0.75  # error ratio by halving that counts as progress; 1 for rounding, 1/2 for a corner
+_IN_VAIN: Final = 3  # halvings without progress after which the error counts as rounding
+_ROUNDING: Final = 1e-3  # relative to the largest change; larger errors are not rounding
 _COUNT: Final = 10  # coefficients of a piece
 
 
 class GradientRows(Travels):
-    """Derivatives of time and l' at contact by the relative inputs, found when they are first asked for."""
+    """Derivatives of time and l' at contact by the relative inputs, computed when they are first read."""
 
     __slots__ = ("_followed", "_rows", "_solution")
 
@@ -60,7 +60,7 @@ class GradientRows(Travels):
         self._followed: dict[str, FloatArray] = {}
 
     def take(self, which: Sequence[int]) -> FloatArray:
-        """Return the derivatives of time and l' by RELATIVE_INPUTS at places, (2, k, n); NaN where there are none."""
+        """Return the derivatives of time and l' by RELATIVE_INPUTS with these indices, (2, k, n); NaN if undefined."""
         if self._rows is None:
             everything = range(len(RELATIVE_INPUTS))
             kept = everything if self._solution.request.size <= _KEPT else which
@@ -70,8 +70,8 @@ class GradientRows(Travels):
             self._rows = rows
         return self._rows[:, list(which)]
 
-    def of_slope(self, name: str, slope: SlopeChange) -> FloatArray:
-        """Return the derivatives of time and l', (2, n), by a parameter that changes the slope by a function of l."""
+    def of_slope(self, name: str, slope: SlopeSensitivity) -> FloatArray:
+        """Return the derivatives of time and l', (2, n), by a curve parameter; `slope` is dg/d(parameter)."""
         if name not in self._followed:
             rows = np.full((2, self._solution.request.size), np.nan)
             where = np.flatnonzero(self._differentiable())
@@ -80,56 +80,56 @@ class GradientRows(Travels):
         return self._followed[name]
 
     def _differentiable(self) -> BoolArray:
-        """Tell which runs end in a contact that a small change leaves one: not in a touch, where l' = 0."""
+        """Tell which runs end in a contact with l' < 0; a touch with l' = 0 has no derivatives."""
         reached = self._solution.status == ContactStatus.CONTACT
         return np.asarray(reached & (self._solution.raw("relative_velocity") < 0))
 
     def _find(self, kept: list[int]) -> FloatArray:
         request = self._solution.request
         rows = np.full((2, len(kept), request.size), np.nan)
-        left = self._differentiable()
-        if request.method == "closed-form" and left.any():
-            left = self._linear(kept, left, rows)
+        pending = self._differentiable()
+        if request.method == "closed-form" and pending.any():
+            pending = self._linear(kept, pending, rows)
         decays = self._decays()
-        if left.any():
-            left = self._in_lanes(kept, left & (decays <= STIFF), rows) | (left & (decays > STIFF))
-        rows[:, :, left] = np.nan
-        where = np.flatnonzero(left & (decays <= _STIFFEST))
+        if pending.any():
+            pending = self._in_lanes(kept, pending & (decays <= STIFF), rows) | (pending & (decays > STIFF))
+        rows[:, :, pending] = np.nan
+        where = np.flatnonzero(pending & (decays <= _STIFFEST))
         if len(where):
             rows[:, :, where] = self._follow(where, kept)
         return rows
 
     def _decays(self) -> FloatArray:
-        """Return how many times the fastest decay of each motion passes until its end."""
+        """Return the duration of each motion over its fastest time constant."""
         request = self._solution.request
         r = request.relative
-        held = r.damping + r.gain * request.sensor.log_slope(0.0)
-        return np.asarray(held / r.mass * self._solution.raw("time"))
+        damping = r.damping + r.gain * request.sensor.log_slope(0.0)
+        return np.asarray(damping / r.mass * self._solution.raw("time"))
 
-    def _linear(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill what has a closed form; return what is left."""
+    def _linear(self, kept: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
+        """Fill the rows of runs with a closed form; return the runs that remain."""
         request, time = self._solution.request, np.ascontiguousarray(self._solution.raw("time"))
         slope = request.slope
         r = request.relative
         total = r.damping + slope * r.gain
         over_damped = (total > 0) & (total * total >= 4 * r.mass * r.stiffness)
-        status = np.where(left & over_damped & (r.a == 0), np.int8(0), np.int8(OPEN))
+        status = np.where(pending & over_damped & (r.a == 0), np.int8(0), np.int8(OPEN))
 
         def run(start: int, stop: int) -> None:
             out, part = np.empty((3, len(RELATIVE_INPUTS) + 1, stop - start)), slice(start, stop)
             find_contacts(
-                request.some(part), slope, request.horizon, time[part], status[part], given=True, gradients=out
+                request.some(part), slope, request.horizon, time[part], status[part], solved=True, gradients=out
             )
             rows[:, :, part] = out[::2, kept]
 
-        for_stretches(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
-        return np.asarray(left & (status != 0))
+        run_in_chunks(run, request.size, least=_LEAST_LINEAR, most=_BLOCK)
+        return np.asarray(pending & (status != 0))
 
-    def _in_lanes(self, kept: list[int], left: BoolArray, rows: FloatArray) -> BoolArray:
-        """Fill what Taylor steps in lanes prove; return what is left."""
+    def _in_lanes(self, kept: list[int], pending: BoolArray, rows: FloatArray) -> BoolArray:
+        """Fill the rows of runs that vectorized Taylor steps prove; return the runs that remain."""
         request = self._solution.request
-        curves = alone(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
-        where = np.flatnonzero(left)
+        curves = shared_curve(curve_windows(request.sensor, 0.0, farthest(request.scenario, request.sensor)))
+        where = np.flatnonzero(pending)
         which = None if len(where) == request.size else where
 
         def take(part: slice, _: FloatArray, out: FloatArray) -> None:
@@ -138,67 +138,67 @@ class GradientRows(Travels):
         status = np.empty(len(where), dtype=np.int8)
         by = (3, len(RELATIVE_INPUTS))
         fill_by_lanes(request, which, curves, status, take, most=_BLOCK, gradients=by)
-        left = left.copy()
-        left[where] = np.isnan(rows[0, 0, where])  # OPEN, or its derivatives not smooth enough
-        return left
+        pending = pending.copy()
+        pending[where] = np.isnan(rows[0, 0, where])  # OPEN, or the derivatives are not smooth enough
+        return pending
 
-    def _follow(self, where: IntArray, kept: list[int], slope: SlopeChange | None = None) -> FloatArray:
-        """Follow some encounters along the guaranteed path; NaN where that does not come to the contact."""
+    def _follow(self, where: IntArray, kept: list[int], slope: SlopeSensitivity | None = None) -> FloatArray:
+        """Return the derivatives of some encounters by the guaranteed path; NaN if it does not reach the contact."""
         request = self._solution.request
         values, gain = request.part(where)
         sensor = request.sensor
-        found = np.full((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)), np.nan)
+        derivatives = np.full((len(where), 2, len(RELATIVE_INPUTS) + (slope is not None)), np.nan)
         status = np.ones(len(where), dtype=np.int8)
         r = request.some(where)
         tops = curve_tops(sensor, 0.0, float(np.max(r.p - r.x0, initial=0.0)), 4 * reach_of(request.scenario))
-        for top, _ in tops:  # a motion may have gone beyond the pieces, and come back
+        for top, _ in tops:  # a motion may leave the approximated range and come back
             pieces, terms = _changed_pieces(sensor, slope, top)
             open_ones = np.flatnonzero(status == 1)
 
             def run(start: int, stop: int, which: IntArray = open_ones, p: Any = pieces, t: Any = terms) -> None:
                 part = which[start:stop]
-                out, ended = np.empty((stop - start, *found.shape[1:])), np.empty(stop - start, dtype=np.int8)
+                out, ended = np.empty((stop - start, *derivatives.shape[1:])), np.empty(stop - start, dtype=np.int8)
                 follow_gradients(values[part], gain[part], p, t, request.horizon, out, ended)
-                found[part], status[part] = out, ended
+                derivatives[part], status[part] = out, ended
 
-            for_stretches(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
+            run_in_chunks(run, len(open_ones), least=_LEAST_FOLLOWED, most=_MOST_FOLLOWED)
             if (status != 1).all():
                 break
-        return found[:, :, kept].transpose(1, 2, 0)
+        return derivatives[:, :, kept].transpose(1, 2, 0)
 
 
-def _changed_pieces(sensor: SensorModel, slope: SlopeChange | None, high: float) -> tuple[FloatArray, FloatArray]:
+def _changed_pieces(sensor: SensorModel, slope: SlopeSensitivity | None, high: float) -> tuple[FloatArray, FloatArray]:
     """Approximate the slope of a curve and a change of it on common pieces from l = 0 up to a distance [m].
 
     Returns:
-        Pieces as `curve_pieces` has them, and the coefficients of the change in the same variable, shape (pieces, 1,
-        10), or (pieces, 0, 10) where there is none; they meet the change to 1e-10 of its largest value, or as well as
-        the change itself rounds.
+        Pieces as from `curve_pieces`, and the coefficients of the change in the same variable, shape (pieces, 1, 10),
+        or (pieces, 0, 10) without a change. Their error is 1e-10 of the largest change, or at the rounding level of
+        the change.
     """
     pieces = curve_pieces(sensor, 0.0, high)
     if slope is None:
         return pieces, np.zeros((len(pieces), 0, _COUNT))
 
-    def look(distance: FloatArray) -> FloatArray:
+    def evaluate(distance: FloatArray) -> FloatArray:
         return np.asarray(slope(np.clip(distance, *sensor.valid_range)), dtype=np.float64)[:, None]
 
     before, in_vain = np.full(len(pieces), np.inf), np.zeros(len(pieces))
     for halvings in range(_HALVINGS + 1):
-        values, terms, errors = interpolate(look, pieces[:, 0], pieces[:, 1])
+        values, terms, errors = interpolate(evaluate, pieces[:, 0], pieces[:, 1])
         error, largest = errors[:, 0], np.abs(values).max()
         in_vain += error > _SHRINKS * before
         rounded = (in_vain >= _IN_VAIN) & (error <= _ROUNDING * largest)
         poor = (error > _TOLERANCE * largest) & ~rounded
-        if halvings == _HALVINGS or not poor.any():  # what still is poor is a corner, on a 4,096th of a piece
+        if halvings == _HALVINGS or not poor.any():  # the rest are corners, on 1/4096 of a piece
             break
-        pieces, (before, in_vain) = _halved(pieces, poor, (error, in_vain))
+        pieces, (before, in_vain) = _halve(pieces, poor, (error, in_vain))
     return pieces, np.ascontiguousarray(terms)
 
 
-def _halved(
+def _halve(
     pieces: FloatArray, poor: BoolArray, columns: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Cut pieces in two, with columns that both halves inherit; their polynomials stay what they are."""
+    """Halve pieces without changing their polynomials; both halves inherit the columns."""
     old, parts = pieces[poor], [pieces[~poor]]
     for side in (-0.5, 0.5):
         change = np.array([[comb(j, i) * side ** (j - i) * 0.5**i for j in range(_COUNT)] for i in range(_COUNT)])
@@ -211,8 +211,8 @@ def _halved(
 def bend_at_contact(sensor: SensorModel) -> float:
     """Return dg/dl [1/m^2] at l = 0 of a curve that is valid there.
 
-    It is that of the polynomial that meets g beside the surface; good to some 1e-11 of g over the distance in which the
-    curve changes.
+    It is the derivative of the polynomial that approximates g next to the surface. Its error is about 1e-11 of g over
+    the length on which the curve changes.
     """
     if sensor.constant_log_slope is not None:
         return 0.0

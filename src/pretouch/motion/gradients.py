@@ -1,13 +1,13 @@
-"""The exact derivatives of a contact by everything that it depends on.
+"""Exact derivatives of the quantities at contact by all inputs of an encounter.
 
-Time and relative velocity at contact change by dt/dq and dl'/dq (`gradient_rows`). What else is known there follows:
-x~ = x_o(t), for l = 0; x~' = x_o' - l'; F_p = D_p g(0) l'; and x~'' by the equation of motion. A parameter of the
-sensor curve that changes ln xi by `output` ln xi + `shift` g + `stretch` l g + constant is a change of D_p, of the
-distance to the surface, or of the unit of length, each of which the derivatives by the other inputs already contain:
+`gradient_rows` provides dt/dq and dl'/dq of time and relative velocity at contact. The other quantities follow:
+x~ = x_o(t), since l = 0; x~' = x_o' - l'; F_p = D_p g(0) l'; and x~'' from the equation of motion. A parameter of the
+sensor curve that changes ln xi by `output` ln xi + `shift` g + `stretch` l g + constant acts like a change of D_p, of
+the recess, and of the unit of length. Derivatives by the other inputs already contain these three:
 
-    d by a larger gain      D_p d/dD_p
-    d by a shift            d/dp, less what p does to l itself: 1 at a fixed time
-    d by a stretch          (p d/dp + x_0 d/dx_0 + v d/dv + u_0 d/du_0 + a d/da + D_p d/dD_p - 1) on any length
+    change of output        D_p d/dD_p
+    change of shift         d/dp, less the direct effect of p on l: 1 at a fixed time
+    change of stretch       (p d/dp + x_0 d/dx_0 + v d/dv + u_0 d/du_0 + a d/da + D_p d/dD_p - 1) on any length
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 from pretouch.sensors import SensorModel
-from pretouch.sensors.change import CurveChange, curve_change
+from pretouch.sensors.sensitivity import CurveSensitivity, curve_sensitivity
 
 from .gradient_rows import GradientRows, bend_at_contact
 from .layout import RELATIVE_INPUTS, ContactStatus
@@ -51,18 +51,25 @@ _RELATIVE: Final[dict[str, dict[str, float]]] = {
     "reference.velocity": {"u0": -1.0, "v": -1.0},
     "reference.acceleration": {"a": -1.0},
 }
-_LENGTHS: Final = ("x0", "u0", "p", "v", "a", "gain")  # what grows with the unit of length, D_p among it
+_LENGTHS: Final = (
+    "x0",
+    "u0",
+    "p",
+    "v",
+    "a",
+    "gain",
+)  # inputs that are proportional to the unit of length, including D_p
 
 
 def input_names(sensor: SensorModel) -> tuple[str, ...]:
-    """Return the names of everything that a contact depends on, the gain first, parameters of the curve among them."""
+    """Return the names of all inputs of a contact, the gain first, the parameters of the curve last."""
     return (*_RELATIVE, *sensor_inputs(sensor))
 
 
 def gradients_of(columns: Any) -> Any:
-    """Return the derivatives of what a result is made of: ContactGradients, or what has its members.
+    """Return the derivatives of a result: ContactGradients, or an object with the same members; None if unavailable.
 
-    There are none of the uniform motion, which is none of the equation of motion, nor of columns that know none.
+    The uniform motion has no derivatives, since it does not start from the given state.
     """
     if not isinstance(columns, Solution):
         return getattr(columns, "gradients", None)
@@ -71,27 +78,27 @@ def gradients_of(columns: Any) -> Any:
         columns.derivatives = (
             ContactGradients(columns)
             if request.many is None
-            else ManyGradients([ContactGradients(Solution(request.alone(i))) for i in range(len(request.many))])
+            else ManyGradients([ContactGradients(Solution(request.with_curve(i))) for i in range(len(request.many))])
         )
     return columns.derivatives
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ContactGradients(Value):
-    """The derivatives of quantities at contact by the inputs of an encounter: what `ContactResult.gradients` has.
+    """Derivatives of the quantities at contact by the inputs of an encounter; see `ContactResult.gradients`.
 
-    They are exact, not differences, and computed when they are first read; NaN where a run does not end in contact. The
-    first contact is differentiated: a touch, which an arbitrarily small change of an input turns into none, has l' = 0
-    and derivatives without bound, and these are NaN as well.
+    They are exact, not finite differences, and computed when they are first read. They are those of the first contact,
+    and NaN if a run does not end in contact. They are also NaN for a touch, l' = 0: there an arbitrarily small change
+    of an input can prevent the contact, and the derivatives are unbounded.
 
     Args:
         solution: the encounters and their contacts.
 
     Attributes:
-        quantities: what can be differentiated: `time`, `position`, `velocity`, `acceleration`, `displacement`,
+        quantities: names of the quantities: `time`, `position`, `velocity`, `acceleration`, `displacement`,
             `relative_velocity`, `virtual_force`, each as in ContactState.
-        inputs: by what: `gain`, every field of the scenario such as `obstacle.velocity`, and `sensor.` with the name of
-            each parameter of the curve.
+        inputs: names of the inputs: `gain`, every field of the scenario such as `obstacle.velocity`, and `sensor.`
+            with the name of each parameter of the curve.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle, Scenario, find_contact
@@ -122,20 +129,19 @@ class ContactGradients(Value):
 
         Args:
             quantity: one of `quantities`.
-            by: one of `inputs`; all others stay as they are, and so does the horizon.
+            by: one of `inputs`; all others are held constant, and so is the horizon.
 
         Returns:
-            The derivative in SI, as `unit` has it: a float, or an array of the broadcast shape; NaN without
-            contact, and at a touch.
-
+            The derivative in the SI unit that `unit` returns: a float, or an array of the broadcast shape. NaN without
+            contact and at a touch.
         """
         self._check(quantity, by)
-        found, shape = np.asarray(getattr(self._change(by), quantity)), self.solution.request.shape
+        derivative, shape = np.asarray(getattr(self._change(by), quantity)), self.solution.request.shape
         if shape == ():
-            return float(found.reshape(-1)[0])
-        found = found.reshape(shape)
-        found.setflags(write=False)
-        return found
+            return float(derivative.reshape(-1)[0])
+        derivative = derivative.reshape(shape)
+        derivative.setflags(write=False)
+        return derivative
 
     def unit(self, quantity: str, by: str) -> str:
         """Return the SI unit of the derivative of a quantity by an input.
@@ -150,29 +156,29 @@ class ContactGradients(Value):
         self._check(quantity, by)
         units = {"gain": "N*s", **input_units(self.solution.request.sensor)}
         above, below = _QUANTITIES[quantity], units[by]
-        return f"{_bracketed(above)}/{_bracketed(below)}" if below else above
+        return f"{_in_parentheses(above)}/{_in_parentheses(below)}" if below else above
 
     def __repr__(self) -> str:
         return f"<ContactGradients: {len(self.quantities)} quantities by {len(self.inputs)} inputs>"
 
     def _check(self, quantity: str, by: str) -> None:
-        for what, name, names in (("quantity", quantity, self.quantities), ("by", by, self.inputs)):
+        for argument, name, names in (("quantity", quantity, self.quantities), ("by", by, self.inputs)):
             if name not in names:
-                raise InvalidInputError(f"{what}: found {name!r}, expected one of {', '.join(names)}")
+                raise InvalidInputError(f"{argument}: found {name!r}, expected one of {', '.join(names)}")
 
     def _change(self, by: str) -> _Change:
         solution = self.solution
         if by in _RELATIVE:
             inputs = _RELATIVE[by]
-            time, speed = self._weighted(inputs)
+            time, speed = self._weighted_sum(inputs)
             return _Change(solution, by, time, speed, inputs)
         sensor, name = solution.request.sensor, by.removeprefix("sensor.")
-        change = curve_change(sensor, name)
+        change = curve_sensitivity(sensor, name)
         low, high = sensor.valid_range
         if not low <= 0 <= high:  # never in contact
-            nothing = np.full(solution.request.size, np.nan)
-            return _Change(solution, by, nothing, nothing)
-        factors = change if change.nearest or change.slope is None else CurveChange()
+            undefined = np.full(solution.request.size, np.nan)
+            return _Change(solution, by, undefined, undefined)
+        factors = change if change.nearest or change.slope is None else CurveSensitivity()
         time, speed = self._by_factors(factors)
         if change.slope is None:
             slope = (factors.output + factors.stretch) * float(sensor.log_slope(0.0))
@@ -185,33 +191,33 @@ class ContactGradients(Value):
                 time, speed = np.where(near, self._rows.of_slope(name, change.slope), [time, speed])
         return _Change(solution, by, time, speed, slope=slope)
 
-    def _weighted(self, weights: dict[str, Any]) -> FloatArray:
-        """Return the sum of derivatives of time and l', with weights, shape (2, n)."""
-        found = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
+    def _weighted_sum(self, weights: dict[str, Any]) -> FloatArray:
+        """Return the weighted sum of derivatives of time and l', shape (2, n)."""
+        rows = self._rows.take([RELATIVE_INPUTS.index(name) for name in weights])
         if len(weights) == 1 and all(isinstance(w, float) and w == 1 for w in weights.values()):
-            return found[:, 0]
-        return np.asarray(sum(weight * found[:, i] for i, weight in enumerate(weights.values())))
+            return rows[:, 0]
+        return np.asarray(sum(weight * rows[:, i] for i, weight in enumerate(weights.values())))
 
-    def _by_factors(self, change: CurveChange) -> FloatArray:
-        """Return the derivatives of time and l' by a change of the curve that is known by its three factors."""
+    def _by_factors(self, change: CurveSensitivity) -> FloatArray:
+        """Return the derivatives of time and l' by a change of the curve that its three factors describe."""
         solution, relative = self.solution, self.solution.request.relative
-        found = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
-        with np.errstate(divide="ignore", invalid="ignore"):  # l' is 0 where a run ends without contact
+        total = np.where(solution.status == ContactStatus.CONTACT, np.zeros((2, 1)), np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):  # l' may be 0 without contact
             if change.output:
-                found = found + change.output * self._weighted({"gain": relative.gain})
+                total = total + change.output * self._weighted_sum({"gain": relative.gain})
             if change.shift:
                 earlier = 1 / solution.raw("relative_velocity")
                 bend = relative.a - solution.settled_acceleration
-                found = found + change.shift * (self._weighted({"p": 1.0}) + np.stack([earlier, bend * earlier]))
+                total = total + change.shift * (self._weighted_sum({"p": 1.0}) + np.stack([earlier, bend * earlier]))
             if change.stretch:
-                whole = self._weighted({name: getattr(relative, name) for name in _LENGTHS})
+                whole = self._weighted_sum({name: getattr(relative, name) for name in _LENGTHS})
                 whole[1] -= solution.raw("relative_velocity")
-                found = found + change.stretch * whole
-        return found
+                total = total + change.stretch * whole
+        return total
 
 
 class ManyGradients:
-    """The derivatives of encounters with a sensor curve each, side by side along the last axis, as ContactGradients."""
+    """Derivatives of encounters with one sensor curve each along the last axis; members as in ContactGradients."""
 
     __slots__ = ("inputs", "parts", "quantities")
 
@@ -219,24 +225,24 @@ class ManyGradients:
         self.parts, self.quantities, self.inputs = parts, parts[0].quantities, parts[0].inputs
 
     def of(self, quantity: str, by: str) -> Any:
-        """Return the derivative of a quantity at contact by an input, as ContactGradients has it."""
+        """Return the derivative of a quantity at contact by an input, as in ContactGradients."""
         return np.stack([part.of(quantity, by) for part in self.parts], axis=-1)
 
     def unit(self, quantity: str, by: str) -> str:
-        """Return the SI unit of the derivative of a quantity by an input, as ContactGradients has it."""
+        """Return the SI unit of the derivative of a quantity by an input, as in ContactGradients."""
         return self.parts[0].unit(quantity, by)
 
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """How a contact changes with one input: what is known beside time and l' follows by algebra, without motion.
+    """Derivatives of a contact by one input; all but those of time and l' follow from these two by algebra.
 
     Args:
         solution: the encounters and their contacts.
-        by: the input q.
+        by: the name of the input q.
         time: dt/dq of each run.
         relative_velocity: dl'/dq.
-        inputs: by how much the relative inputs of L(9) change with it, by their names.
+        inputs: derivatives of the relative inputs of L(9) by q, by their names.
         slope: dg(0)/dq.
     """
 
@@ -249,28 +255,28 @@ class _Change:
 
     @property
     def displacement(self) -> Any:
-        """Of x~ = x_o(t)."""
+        """Derivative of x~ = x_o(t)."""
         time, r, i = self.solution.raw("time"), self.solution.request.relative, self.inputs
-        own = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
-        return (r.v + r.a * time) * self.time + own
+        direct = i.get("p", 0.0) + (i.get("v", 0.0) + i.get("a", 0.0) * time / 2) * time
+        return (r.v + r.a * time) * self.time + direct
 
     @property
     def displacement_velocity(self) -> Any:
-        """Of x~' = x_o' - l'."""
-        own = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
-        return own + self.solution.request.relative.a * self.time - self.relative_velocity
+        """Derivative of x~' = x_o' - l'."""
+        direct = self.inputs.get("v", 0.0) + self.inputs.get("a", 0.0) * self.solution.raw("time")
+        return direct + self.solution.request.relative.a * self.time - self.relative_velocity
 
     @property
     def virtual_force(self) -> Any:
-        """Of D_p g(0) l'."""
+        """Derivative of F_p = D_p g(0) l'."""
         s = self.solution
         slope, gain, speed = float(s.request.sensor.log_slope(0.0)), s.request.relative.gain, s.raw("relative_velocity")
-        own = self.inputs.get("gain", 0.0) * speed
-        return slope * (gain * self.relative_velocity + own) + self.slope * (gain * speed)
+        direct = self.inputs.get("gain", 0.0) * speed
+        return slope * (gain * self.relative_velocity + direct) + self.slope * (gain * speed)
 
     @property
     def displacement_acceleration(self) -> Any:
-        """Of x~'' = (F_p - D x~' - K x~) / M."""
+        """Derivative of x~'' = (F_p - D x~' - K x~) / M."""
         s, r = self.solution, self.solution.request.relative
         total = self.virtual_force - r.damping * self.displacement_velocity - r.stiffness * self.displacement
         if "mass" in self.inputs:
@@ -283,22 +289,22 @@ class _Change:
 
     @property
     def position(self) -> Any:
-        """Of x~ + x_d(t)."""
+        """Derivative of x = x~ + x_d(t)."""
         time = self.solution.raw("time")
-        own = {"reference.position": 1.0, "reference.velocity": time, "reference.acceleration": time**2 / 2}
-        return self.displacement + self.solution.reference(1) * self.time + own.get(self.by, 0.0)
+        direct = {"reference.position": 1.0, "reference.velocity": time, "reference.acceleration": time**2 / 2}
+        return self.displacement + self.solution.reference(1) * self.time + direct.get(self.by, 0.0)
 
     @property
     def velocity(self) -> Any:
-        """Of x~' + x_d'(t)."""
-        own = {"reference.velocity": 1.0, "reference.acceleration": self.solution.raw("time")}
-        return self.displacement_velocity + self.solution.reference(2) * self.time + own.get(self.by, 0.0)
+        """Derivative of x' = x~' + x_d'(t)."""
+        direct = {"reference.velocity": 1.0, "reference.acceleration": self.solution.raw("time")}
+        return self.displacement_velocity + self.solution.reference(2) * self.time + direct.get(self.by, 0.0)
 
     @property
     def acceleration(self) -> Any:
-        """Of x~'' + x_d''."""
+        """Derivative of x'' = x~'' + x_d''."""
         return self.displacement_acceleration + (1.0 if self.by == "reference.acceleration" else 0.0)
 
 
-def _bracketed(unit: str) -> str:
+def _in_parentheses(unit: str) -> str:
     return f"({unit})" if "/" in unit or "*" in unit else unit

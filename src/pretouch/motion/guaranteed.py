@@ -1,6 +1,7 @@
-"""The guaranteed way of each method: every encounter alone, whatever it is like, to its end and in between.
+"""Guaranteed solvers of each method: solve any encounter to its end, one at a time, and sample its motion.
 
-The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve, offered by name.
+The uniform motion L(16)-(19) is one particular motion of the second-order exponential curve. It is used only if it is
+selected as the method.
 """
 
 from __future__ import annotations
@@ -17,20 +18,21 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.progress import note_solved
 from pretouch.sensors import SensorModel
 
-from .curve import FOLLOWED, curve_pieces, curve_tops
+from .curve import LARGEST_START, curve_pieces, curve_tops
 from .kernels import respond_many, solve_linear, solve_series
-from .layout import COLUMNS, ContactStatus, named
+from .layout import COLUMNS, ContactStatus, by_name
 from .many_curves import ManyCurves
-from .request import Request, Which, for_stretches
+from .parallel import run_in_chunks
+from .request import Request, Which
 
-_BLOCK: Final = 16
+_BLOCK: Final = 16  # encounters per call of a kernel
 _DISTANCE: Final = COLUMNS.index("distance")
 _LEAST: Final = 512  # encounters that keep a thread busy for 10 ms
-_MOST: Final = 16_384
+_MOST: Final = 16_384  # largest chunk
 
 
 def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters of a request by its method: those of some indices, m of them, or all.
+    """Solve m encounters of a request, selected by indices, or all of them, by its method.
 
     Returns:
         Rows of layout.COLUMNS, shape (m, 15), and the numbers of ContactStatus, shape (m,).
@@ -39,19 +41,19 @@ def solve_guaranteed(request: Request, which: IntArray | None = None) -> tuple[F
         return _curve_by_curve(request, request.many, np.arange(request.size) if which is None else which)
     count = request.size if which is None else len(which)
     rows, status = _unresolved(count)
-    solve = _WAYS[request.method][0]
+    solve = _SOLVERS[request.method][0]
 
     def run(start: int, stop: int) -> None:
         part = slice(start, stop) if which is None else which[start:stop]
         solve(request, part, rows[start:stop], status[start:stop])
 
-    for_stretches(run, count, least=_LEAST, most=_MOST)
-    _hold_overflow(request, which, rows, status)
+    run_in_chunks(run, count, least=_LEAST, most=_MOST)
+    _mark_overflow(request, which, rows, status)
     return rows, status.astype(np.int8)
 
 
 def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
-    """Return rows of layout.COLUMNS without numbers, and their statuses: what no kernel has solved is unresolved."""
+    """Return rows of layout.COLUMNS filled with NaN, and statuses filled with UNRESOLVED."""
     rows, status = np.empty((count, len(COLUMNS))), np.empty(count, dtype=np.int64)
     rows.fill(np.nan)
     status.fill(ContactStatus.UNRESOLVED)
@@ -59,27 +61,27 @@ def _unresolved(count: int) -> tuple[FloatArray, IntArray]:
 
 
 def trace_guaranteed(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Fill trace with layout.TRACE_COLUMNS at ascending times until each run's end, shape (n, times, 4)."""
-    _WAYS[request.method][1](request, times, trace)
+    """Fill `trace` with layout.TRACE_COLUMNS at ascending times until the end of each run, shape (n, times, 4)."""
+    _SOLVERS[request.method][1](request, times, trace)
 
 
 def _curve_by_curve(request: Request, many: ManyCurves, which: IntArray) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Solve encounters of which each has a curve of its own."""
+    """Solve encounters with one curve each."""
     rows, status = _unresolved(len(which))
     place, curve = np.divmod(which, len(many))
     for index in np.unique(curve):
-        own = np.flatnonzero(curve == index)
-        rows[own], status[own] = solve_guaranteed(request.alone(int(index)), place[own])
+        selected = np.flatnonzero(curve == index)
+        rows[selected], status[selected] = solve_guaranteed(request.with_curve(int(index)), place[selected])
     return rows, status.astype(np.int8)
 
 
-def _hold_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
-    """Report a run whose numbers leave the range of floats, or of trust, as unresolved, in the state of its start."""
+def _mark_overflow(request: Request, which: IntArray | None, rows: FloatArray, status: IntArray) -> None:
+    """Mark runs with numbers that are not finite as unresolved, in the state of their start."""
     bad = np.flatnonzero(~np.isfinite(rows[:, _ALWAYS_FINITE]).all(axis=1))
     if len(bad):
         r = request.some(bad if which is None else which[bad])
         start = np.zeros((len(bad), len(COLUMNS)))
-        end = named(start)
+        end = by_name(start)
         end["distance"][:] = end["closest_distance"][:] = r.p - r.x0
         end["displacement"][:], end["displacement_velocity"][:], end["relative_velocity"][:] = r.x0, r.u0, r.v - r.u0
         end["largest_excursion"][:], end["largest_speed"][:] = np.abs(r.x0), np.abs(r.u0 + r.reference_velocity)
@@ -91,7 +93,7 @@ _ALWAYS_FINITE: Final = [i for i, name in enumerate(COLUMNS) if name != "settlin
 
 
 def _solve_closed_form(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Solve some encounters by L(10)-(13), their contact as the first zero of l."""
+    """Solve some encounters by the closed form L(10)-(13); the contact is the first zero of l."""
     values, gain = request.part(which)
     solve_linear(values, request.slope, gain, (request.horizon, *request.sensor.valid_range), rows, status=status)
 
@@ -108,20 +110,20 @@ def _trace_closed_form(request: Request, times: FloatArray, trace: FloatArray) -
 
 
 def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArray) -> None:
-    """Integrate L(1) with L(2) for some encounters, again with more pieces of the curve for those that outgrow them.
+    """Integrate L(1) with the virtual force L(2) for some encounters; repeat those that leave the pieces of the curve.
 
-    With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away are left as
-    they are, unresolved.
+    With the curves L(3), L(5) and L(6) this is L(4), L(7) and L(14). Encounters that start too far away stay
+    unresolved.
     """
-    values, gain = given = request.part(which)
-    out, ended, again = rows, status, np.flatnonzero(_is_followed(values))
+    values, gain = columns = request.part(which)
+    out, ended, again = rows, status, np.flatnonzero(_is_integrable(values))
     if len(again) < len(rows):
         if not len(again):
             return
-        values, gain = (x[again] for x in given)
+        values, gain = (x[again] for x in columns)
         out, ended = _unresolved(len(again))
     for top, pieces, limits in _stages(request):
-        for start in range(0, len(out), _BLOCK):  # an interrupt gets through between blocks, not inside compiled code
+        for start in range(0, len(out), _BLOCK):  # an interrupt takes effect only between blocks
             part = slice(start, start + _BLOCK)
             solve_series(values[part], gain[part], pieces, limits, out[part], ended[part])
             note_solved(len(out[part]))
@@ -132,13 +134,13 @@ def _integrate(request: Request, which: Which, rows: FloatArray, status: IntArra
         again = again[(ended == ContactStatus.UNRESOLVED) & (out[:, _DISTANCE] >= top)]
         if not len(again):
             return
-        values, gain = (x[again] for x in given)
+        values, gain = (x[again] for x in columns)
         out, ended = _unresolved(len(again))
 
 
-def _is_followed(values: FloatArray) -> BoolArray:
-    """Tell which encounters start near enough to be integrated, from the quantities of Scenario.relative, (n, 10)."""
-    followed: BoolArray = values[:, 5] - values[:, 3] <= FOLLOWED  # p - x~(0)
+def _is_integrable(values: FloatArray) -> BoolArray:
+    """Tell which encounters start near enough to be integrated; `values` as from Scenario.relative, (n, 10)."""
+    followed: BoolArray = values[:, 5] - values[:, 3] <= LARGEST_START  # p - x~(0)
     return followed
 
 
@@ -146,7 +148,7 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
     values, _ = request.part(slice(None))
     trace[..., 0], trace[..., 1] = (values[:, 5] - values[:, 3])[:, None], values[:, 3, None]
     trace[..., 2], trace[..., 3] = values[:, 4, None], 0.0
-    which = np.flatnonzero(_is_followed(values))
+    which = np.flatnonzero(_is_integrable(values))
     trace[which] = np.nan
     if not len(which):
         return
@@ -154,25 +156,25 @@ def _trace_integration(request: Request, times: FloatArray, trace: FloatArray) -
         part = np.full((len(which), *trace.shape[1:]), np.nan)
         solve_series(*request.part(which), pieces, limits, *_unresolved(len(which)), (times[which], part))
         trace[which] = part
-        which = which[np.isnan(part).any(axis=(1, 2))]  # the others would end a rounding earlier on other pieces
+        which = which[np.isnan(part).any(axis=(1, 2))]  # other pieces would change the end of solved runs by rounding
         if not len(which):
             return
 
 
 def _stages(request: Request) -> Iterator[tuple[float, FloatArray, tuple[float, bool, bool]]]:
-    """Yield how far the curve is known, its pieces and the limits that go with them, each time farther out."""
+    """Yield increasing ranges of the curve: the upper end [m], the pieces, and the limits for the kernel."""
     r, sensor = request.relative, request.sensor
     low, bottom = sensor.valid_range[0], max(sensor.valid_range[0], 0.0)
     distance = r.p - r.x0
     farthest = float(np.max(distance, initial=0.0))
-    if farthest > FOLLOWED:
-        farthest = float(np.max(distance, initial=0.0, where=distance <= FOLLOWED))
+    if farthest > LARGEST_START:
+        farthest = float(np.max(distance, initial=0.0, where=distance <= LARGEST_START))
     for top, goes_on in curve_tops(sensor, bottom, farthest, 2.0 ** math.ceil(math.log2(4 * farthest))):
         yield top, curve_pieces(sensor, bottom, top), (request.horizon, low <= 0, goes_on)
 
 
 def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
-    """Read b_2 [1/m^2] and c_2 [1/m] from a curve whose slope is linear in the distance; a constant one has b_2 = 0."""
+    """Return b_2 [1/m^2] and c_2 [1/m] of a curve whose slope is linear in the distance; b_2 = 0 if it is constant."""
     if sensor.constant_log_slope is not None:
         return 0.0, sensor.constant_log_slope
     low, high = sensor.valid_range
@@ -182,8 +184,8 @@ def _second_order_parameters(sensor: SensorModel) -> tuple[float, float]:
     bend, intercept = np.polyfit(probe, slope, 1)
     if np.abs(slope - bend * probe - intercept).max() > 1e-9 * np.abs(slope).max():
         raise InvalidInputError(
-            f"method: the uniform motion L(16)-(19) holds for the second-order exponential curve L(6) only, "
-            f"not for the {sensor.name} curve; use method='integration'"
+            f"method: the uniform motion L(16)-(19) requires the second-order exponential curve L(6), "
+            f"not the {sensor.name} curve; use method='integration'"
         )
     return float(bend) / 2, float(intercept)
 
@@ -193,10 +195,9 @@ def uniform_motion(
 ) -> tuple[FloatArray, FloatArray]:
     """Solve L(15) for the uniform motion l = A t + B of L(16): A by L(17), B by L(18).
 
-    The root of L(17) is the one with 0 <= |A| <= |v_o| that approaches as the obstacle does. With
-    s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots are 2 v_o / (1 + s) and 2 v_o / (1 - s): only the first is ever one,
-    and in this form it goes over into v_o as b_2 -> 0. (For s >= 3 the second meets the bound on |A| as well, but
-    recedes.)
+    L(17) requires the root with 0 <= |A| <= |v_o| and the sign of v_o. With s = sqrt(1 + 8 b_2 D_p v_o / K_a) the roots
+    are 2 v_o / (1 + s) and 2 v_o / (1 - s). Only the first can satisfy both conditions, and it becomes v_o for
+    b_2 -> 0. For s >= 3 the second satisfies the bound on |A|, too, but it recedes.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -205,7 +206,7 @@ def uniform_motion(
         gain: D_p [N s], shape (n,).
 
     Returns:
-        A [m/s] and B [m], shape (n,) each; NaN where there is no such motion.
+        A [m/s] and B [m], shape (n,) each; NaN if there is no such motion.
 
     Raises:
         InvalidInputError: the obstacle accelerates relative to the reference, or K_a is zero.
@@ -235,7 +236,7 @@ def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, stat
     time, start = -b / a, position - b
     displacement, own_speed = position + speed * time, speed - a
     steepest = np.maximum(np.abs(rate), np.abs(rate + 2 * curvature * b))
-    found = {
+    quantities = {
         "time": time,
         "displacement": displacement,
         "displacement_velocity": own_speed,
@@ -248,16 +249,16 @@ def _solve_uniform_motion(request: Request, which: Which, rows: FloatArray, stat
         "largest_virtual_force": np.abs(gain * a) * steepest,
         "settling_distance": np.full(len(values), np.inf),
     }
-    nothing, end = np.zeros(len(values)), named(rows)
+    zeros, end = np.zeros(len(values)), by_name(rows)
     for name in COLUMNS:
-        end[name][:] = np.where(exists, found.get(name, nothing), 0.0)
+        end[name][:] = np.where(exists, quantities.get(name, zeros), 0.0)
     for name in ("distance", "closest_distance"):
         end[name][~exists] = (position - x0)[~exists]
     status[:] = np.where(exists, ContactStatus.CONTACT, ContactStatus.NO_UNIFORM_MOTION)
 
 
 def _trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray) -> None:
-    """Fill trace with distance and speed of l = A t + B, or of a start at rest where there is none."""
+    """Fill `trace` with distance and speed of l = A t + B, or of a constant distance if there is no such motion."""
     r = request.relative
     values, gain = request.part(slice(None))
     a, b = (x[:, None] for x in uniform_motion(values, *_second_order_parameters(request.sensor), gain))
@@ -266,9 +267,9 @@ def _trace_uniform_motion(request: Request, times: FloatArray, trace: FloatArray
     trace[..., 2] = r.v[:, None] - np.nan_to_num(a)
 
 
-_WAYS: Final = {
+_SOLVERS: Final = {
     "closed-form": (_solve_closed_form, _trace_closed_form),
     "integration": (_integrate, _trace_integration),
     "uniform-motion": (_solve_uniform_motion, _trace_uniform_motion),
 }
-"""By the method: what solves encounters, and what samples their motions."""
+"""The function that solves encounters and the function that samples motions, by method."""

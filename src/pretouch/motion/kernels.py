@@ -1,8 +1,8 @@
-"""The kernels of the compiled core that move a robot to its contact: arrays are checked here, and solved there.
+"""Python interface of the compiled kernels that solve encounters; arguments are checked here.
 
-For a constant slope there is the closed form L(10)-(13), on vectors and, in a form that keeps its digits for every
-damping and K -> 0, one by one; for any curve, Taylor steps in lanes, and guaranteed ones on its pieces. What finds many
-contacts side by side proves each to be the first, and leaves others open.
+Curves of constant slope use the closed form L(10)-(13): vectorized, or one encounter at a time in a form that is
+accurate for every damping and for K -> 0. Other curves use vectorized Taylor steps, or guaranteed steps on pieces of
+the curve. The vectorized kernels prove that a contact is the first one and leave unproved encounters open.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CONTACT: Final = 0
 """The status of an encounter whose first contact is proved."""
 
 OPEN: Final = -1
-"""The status of all others, which are left to other ways."""
+"""The status of all other encounters, which other methods must solve."""
 
 _SHORT: Final = np.dtype(np.int8)
 _INDEX: Final = np.dtype(np.int64)
@@ -35,7 +35,7 @@ _WIDEST: Final = 12  # middle, half width and ten coefficients of a piece
 
 
 class _CurvesOfCore(Structure):
-    """What the core calls pretouch_curves."""
+    """The C structure pretouch_curves."""
 
     _fields_ = (
         ("windows", POINTER),
@@ -48,7 +48,7 @@ class _CurvesOfCore(Structure):
 
 
 class _PiecesOfCore(Structure):
-    """What the core calls pretouch_pieces."""
+    """The C structure pretouch_pieces."""
 
     _fields_ = (
         ("pieces", POINTER),
@@ -75,7 +75,7 @@ def find_contacts(
     time: FloatArray,
     status: NDArray[np.int8],
     *,
-    given: bool = False,
+    solved: bool = False,
     approach: FloatArray | None = None,
     states: FloatArray | None = None,
     gradients: FloatArray | None = None,
@@ -83,25 +83,24 @@ def find_contacts(
 ) -> None:
     """Find first contacts of M x~'' + (D + c) x~' + K x~ = c (v + a t), c = slope gain, l = p + v t + a t^2 / 2 - x~.
 
-    What is filled beside times and statuses has no numbers where the status is OPEN.
+    If the status is OPEN, the other results are NaN.
 
     Args:
-        inputs: the columns of layout.Relative: the first nine, for peaks all eleven, (n,) or (1,), contiguous.
+        inputs: the first nine columns of layout.Relative, or all eleven for peaks; shape (n,) or (1,), contiguous.
         slope: g [1/m], one number.
         horizon: latest time of contact [s].
         time: filled with the times of contact [s], shape (n,).
-        status: filled with 0 (contact, proved to be the first, to 2e-11 of its time) or OPEN, shape (n,), int8.
-        given: whether time and status are what an earlier call has found, and only the rest is filled.
-        approach: where wanted, filled with l' [m/s] at contact, shape (n,).
-        states: where wanted, filled with layout.STATES after the time, shape (5, n): any part of an array whose last
-            axis is contiguous.
-        gradients: where wanted, filled with the derivatives of time, x~ and l' at contact by the nine inputs and g in
-            SI, shape (3, 10, n).
-        peaks: where wanted, filled with layout.PEAKS, also without numbers where not settled, shape (5, n): any part,
-            as states.
+        status: filled with 0 (proved to be the first contact, with a relative error of the time of 2e-11) or OPEN;
+            shape (n,), int8.
+        solved: whether time and status are results of an earlier call; then only the other outputs are filled.
+        approach: optional output, l' [m/s] at contact, shape (n,).
+        states: optional output, layout.STATES without the time, shape (5, n); its last axis must be contiguous.
+        gradients: optional output, derivatives of time, x~ and l' at contact by the nine inputs and g in SI, shape
+            (3, 10, n).
+        peaks: optional output, layout.PEAKS, shape (5, n), as states; NaN if a peak is not determined.
 
     Raises:
-        TypeError: a kernel would misread one of them.
+        TypeError: an array has the wrong shape, type or layout.
     """
     n, expected = time.size, INPUTS if peaks is None else INPUTS + 2
     if len(inputs) < expected:
@@ -110,7 +109,7 @@ def find_contacts(
         "10q",
         shaped(time, (n,)),
         shaped(status, (n,), _SHORT),
-        given,
+        solved,
         0 if approach is None else shaped(approach, (n,)),
         *((0, 0) if states is None else rows_of(states, (len(STATES) - 1, n))),
         *((0, 0) if gradients is None else (shaped(gradients, (3, INPUTS + 1, n)), n)),
@@ -128,7 +127,7 @@ def solve_linear(
     *,
     status: IntArray,
 ) -> None:
-    """Solve L(7), in the distance L(8), where ln xi' is a slope, each encounter alone, whatever it is like.
+    """Solve the motion L(7) for a constant slope, with the distance L(8), one encounter at a time, for any parameters.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
@@ -144,13 +143,13 @@ def solve_linear(
 
 
 def respond_many(rows: FloatArray, times: FloatArray, out: FloatArray) -> None:
-    """Solve M y'' + D y' + K y = f_0 + f_1 t at given times.
+    """Solve M y'' + D y' + K y = f_0 + f_1 t and evaluate the solution at some times.
 
     Args:
         rows: M, D, K, y(0), y'(0), f_0, f_1 in SI units, shape (n, 7).
         times: t [s], shape (n, m).
-        out: filled with the first k of y, y', y'', y''' and the integral of y, shape (n, m, k): any part of an array
-            whose last axis is contiguous.
+        out: filled with the first k of y, y', y'', y''' and the integral of y, shape (n, m, k); its last axis must be
+            contiguous.
     """
     n, m = times.shape
     count = min(out.shape[-1], 5)
@@ -168,17 +167,17 @@ def contact_times(
     gradients: FloatArray | None = None,
     peaks: FloatArray | None = None,
 ) -> None:
-    """Find the first contact of encounters, where that can be proved.
+    """Find the first contact of encounters, if it can be proved to be the first.
 
     Args:
-        inputs: the columns of layout.Relative: the first nine, for peaks all eleven, (n,) or (1,), contiguous.
-        curves: from l = 0 upward.
-        horizon: the latest contact of interest [s].
-        out: filled with layout.STATES, shape (6, n); nan where open.
+        inputs: the first nine columns of layout.Relative, or all eleven for peaks; shape (n,) or (1,), contiguous.
+        curves: the curves from l = 0 upward.
+        horizon: latest time of contact [s].
+        out: filled with layout.STATES, shape (6, n); NaN if open.
         status: filled with CONTACT or OPEN, shape (n,).
-        gradients: filled with the derivatives of time, x~ and l' at contact by the nine inputs, shape (3, 9, n); nan
-            where open.
-        peaks: without gradients, filled with layout.PEAKS, shape (5, n); nan where open or not settled.
+        gradients: optional output, derivatives of time, x~ and l' at contact by the nine inputs, shape (3, 9, n); NaN
+            if open.
+        peaks: optional output without gradients, layout.PEAKS, shape (5, n); NaN if open or not determined.
 
     Raises:
         TypeError: there are too few columns.
@@ -197,26 +196,26 @@ def contact_times(
 
 
 def of_core(curves: Curves, n: int) -> _CurvesOfCore:
-    """Return the curves of n encounters as the core reads them: what `byref` takes; the arrays must outlive it."""
+    """Return the C structure of the curves of n encounters; the arrays must outlive it."""
     windows, starts, curve_of = curves
     rows, width = windows.shape
     shared = len(curve_of) == 1
     if width not in _WIDTHS or not (shared or len(curve_of) == n):
-        raise ValueError(f"windows of {width} columns, and curves of {len(curve_of)} of {n} encounters")
-    if not (_is_known(starts, curve_of, rows) if shared else _are_known(starts, curve_of, rows)):
-        raise ValueError("an encounter has a curve whose windows are not in the table")
+        raise ValueError(f"windows: found {width} columns, and curves for {len(curve_of)} of {n} encounters")
+    if not (_is_valid(starts, curve_of, rows) if shared else _are_valid(starts, curve_of, rows)):
+        raise ValueError("curves: an encounter refers to a curve whose windows are not in the table")
     at = address(windows), address(starts, _INDEX), address(curve_of, _INDEX)
     return _CurvesOfCore(at[0], rows, width, at[1], at[2], 0 if shared else 1)
 
 
-def _is_known(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Tell whether the one curve is in the table, without the overhead of NumPy's functions."""
+def _is_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
+    """Tell whether the windows of one shared curve are in the table, without the overhead of NumPy functions."""
     which = int(curve_of[0])
     return 0 <= which < len(starts) - 1 and 0 <= int(starts[which]) <= int(starts[which + 1]) <= rows
 
 
-def _are_known(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
-    """Tell whether the windows of every curve are in the table, and the curve of every encounter is one of them."""
+def _are_valid(starts: IntArray, curve_of: IntArray, rows: int) -> bool:
+    """Tell whether the table contains the windows of every curve, and every encounter refers to one of the curves."""
     if len(starts) == 0 or starts[0] < 0 or starts[-1] > rows or (np.diff(starts) < 0).any():
         return False
     return len(curve_of) == 0 or bool(curve_of.min() >= 0 and curve_of.max() < len(starts) - 1)
@@ -231,17 +230,17 @@ def solve_series(
     status: IntArray,
     course: tuple[FloatArray, FloatArray] | None = None,
 ) -> None:
-    """Integrate L(1) with L(2), which is L(4), L(7) or L(14) as the curve may be, for a curve given as pieces.
+    """Integrate L(1) with the virtual force L(2) for a curve in pieces: L(4), L(7) or L(14), depending on the curve.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
         gains: D_p [N s], shape (n,).
         pieces: middle [m], half width [m] and coefficients of g in z [1/m] of each piece, shape (p, 2 + degree).
-        limits: horizon [s], whether the lowest border is the contact, whether the curve goes on beyond the pieces.
+        limits: horizon [s], whether the lowest border is the contact, whether the curve continues beyond the pieces.
         rows: filled with layout.COLUMNS, shape (n, 15).
         status: filled with the numbers of ContactStatus, shape (n,).
-        course: ascending times [s], shape (n, m), and what is filled with layout.TRACE_COLUMNS at them, shape
-            (n, m, 4); what comes after the end of an encounter is left as it is.
+        course: ascending times [s], shape (n, m), and the output of layout.TRACE_COLUMNS at these times, shape
+            (n, m, 4). Entries after the end of an encounter are not changed.
     """
     n = len(values)
     traced: tuple[int | None, int, int | None] = (None, 0, None)
@@ -262,30 +261,30 @@ def follow_gradients(
     found: FloatArray,
     status: NDArray[np.int8],
 ) -> None:
-    """Follow encounters that end in contact, and find how time and l' there depend on the inputs.
+    """Integrate encounters that end in contact, with the derivatives of time and l' at contact by the inputs.
 
     Args:
         values: relative quantities of Scenario.relative, shape (n, 10).
         gains: D_p [N s], shape (n,).
-        pieces: the curve from l = 0 upward, as curve_pieces gives it, shape (p, 2 + degree).
-        terms: for each piece the coefficients of rho = dg/d(parameter) in z of m parameters of the curve, one at most,
-            shape (p, m, degree).
-        horizon: when to give up [s].
+        pieces: the curve from l = 0 upward, from `curve_pieces`, shape (p, 2 + degree).
+        terms: coefficients of dg/d(parameter) in z on each piece, for m = 0 or 1 parameter of the curve, shape
+            (p, m, degree).
+        horizon: latest time of contact [s].
         found: filled with the derivatives of time and l' by layout.RELATIVE_INPUTS and the parameter, shape
-            (n, 2, 9 + m); nan where no contact is reached.
-        status: filled with 0 where the contact was reached, 1 where l went beyond the pieces, else 2, shape (n,).
+            (n, 2, 9 + m); NaN without contact.
+        status: filled with 0 (contact), 1 (l went beyond the pieces) or 2 (other), shape (n,).
     """
-    n, many = len(values), min(terms.shape[1], 1)
-    known = shaped(terms, (len(pieces), many, pieces.shape[1] - 2))
-    filled = shaped(found, (n, 2, INPUTS + many)), shaped(status, (n,), _SHORT)
+    n, count = len(values), min(terms.shape[1], 1)
+    coefficients = shaped(terms, (len(pieces), count, pieces.shape[1] - 2))
+    filled = shaped(found, (n, 2, INPUTS + count)), shaped(status, (n,), _SHORT)
     encounters = _encounters(values, gains, pieces, (horizon, True, False))
-    _follow(*encounters, known if many else None, horizon, *filled)
+    _follow(*encounters, coefficients if count else None, horizon, *filled)
 
 
 def _encounters(
     values: FloatArray, gains: FloatArray, pieces: FloatArray, limits: tuple[float, bool, bool]
 ) -> tuple[int, int, int, Any]:
-    """Return what the kernels take of the encounters and of their curve."""
+    """Return the kernel arguments for the encounters and their curve."""
     n, (count, width) = len(values), pieces.shape
     if not (count > 0 and 3 <= width <= _WIDEST):
         raise TypeError(f"a curve has pieces of up to {_WIDEST} numbers, not {pieces.shape}")

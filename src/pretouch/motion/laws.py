@@ -1,4 +1,4 @@
-"""Laws in continuous time: the letter's virtual damper, and the virtual drag."""
+"""Laws in continuous time: their interface, the letter's virtual damper, and the virtual drag."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch.sensors import SensorModel
 
-from .contact import ContactResult, Motion, traced
+from .contact import ContactResult, Motion, motion_from_trace
 from .guaranteed import trace_guaranteed
 from .layout import TRACE_COLUMNS
 from .request import make_request
@@ -21,13 +21,13 @@ from .solution import Solution
 
 
 class LawNumber(NamedTuple):
-    """The one number of a law that a design chooses.
+    """Description of the number of a law that a design chooses.
 
     Args:
         name: such as "gain".
         symbol: such as "D_p".
         unit: such as "N*s".
-        sign: of values that mitigate, -1 or 1.
+        sign: sign of mitigating values, -1 or 1.
     """
 
     name: str
@@ -41,40 +41,40 @@ class LawNumber(NamedTuple):
         return f"{self.name} {self.symbol}"
 
     def equals(self, value: float) -> str:
-        """Return a value in words, such as "D_p = -0.7 N s"."""
+        """Return symbol, value and unit as text, such as "D_p = -0.7 N s"."""
         return f"{self.symbol} = {self.text(value)}"
 
     def text(self, value: float, digits: int = 4) -> str:
-        """Return a value with its unit, such as "-0.7 N s"."""
+        """Return a value with its unit as text, such as "-0.7 N s"."""
         return pretty_unit(format_quantity(value, self.unit, digits))
 
     @property
     def mitigating(self) -> str:
-        """The sign of values that mitigate, in words."""
+        """The sign of mitigating values as a word."""
         return "positive" if self.sign > 0 else "negative"
 
     @property
     def glyph(self) -> str:
-        """The symbol in a picture, such as "D\u209a"."""
+        """The symbol in a plot, such as "D\u209a"."""
         return self.symbol.replace("_p", "\u209a")
 
     def drawn(self, value: float, digits: str = ".4g") -> str:
-        """Return a value with its unit in a picture, such as "-0.7 N s"."""
+        """Return a value with its unit for a plot, such as "-0.7 N s"."""
         return f"{value:{digits}} {pretty_unit(self.unit)}"
 
 
 @runtime_checkable
 class ContinuousLaw(Protocol):
-    """A law as a function of the encounter, without sampling: what designs and predictions ask of it.
+    """A law in continuous time, without sampling, for designs and predictions.
 
-    `DAMPER` and `DRAG` are two, `OwnLaw` makes one of any force.
+    `DAMPER` and `DRAG` are the built-in laws; `OwnLaw` makes a law of any force.
 
     Attributes:
-        kind: its name, as files and pages say it.
-        number: what a design chooses of it.
-        degree: of s' = d(ln xi)/dt in the force, to which this is proportional beside the number; None where it is not.
+        kind: its name in files and on pages.
+        number: description of the number that a design chooses.
+        degree: d if the force is proportional to the number times s'^d, with s' = d(ln xi)/dt; else None.
 
-    A law during which the admittance's pull does not act, such as the drag, says so by an attribute `holds_off`.
+    A law that switches off the admittance's pull during an approach, such as the drag, has the attribute `holds_off`.
     """
 
     @property
@@ -83,16 +83,16 @@ class ContinuousLaw(Protocol):
 
     @property
     def number(self) -> LawNumber:
-        """What a design chooses of it."""
+        """Description of the number that a design chooses."""
 
     @property
     def degree(self) -> int | None:
-        """The power of s' that the force is proportional to, or None."""
+        """The power of s' to which the force is proportional, or None."""
 
     def contact(
         self, scenario: Scenario, sensor: SensorModel, value: ArrayLike, *, method: str = ..., horizon: float = ...
     ) -> ContactResult:
-        """Find the contact of encounters, with values of the number that broadcast with them."""
+        """Find the contact of encounters; values of the law's number broadcast with them."""
 
     def motion(
         self,
@@ -107,7 +107,7 @@ class ContinuousLaw(Protocol):
         """Sample the whole motion of encounters."""
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return dF/dl' [N s/m] at a slope g [1/m] and a relative velocity l' [m/s]; NaN where it is not known."""
+        """Return dF/dl' [N s/m] at a slope g [1/m] and a relative velocity l' [m/s]; NaN if it is unknown."""
 
 
 @final
@@ -154,10 +154,10 @@ class Damper:
         trace = np.full((len(end), samples, len(TRACE_COLUMNS)), np.nan)
         trace_guaranteed(request, times, trace)
         trace[:, -1, 0] = np.ravel(result.end.distance)
-        return traced(request, times, trace, result)
+        return motion_from_trace(request, times, trace, result)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return D_p g [N s/m], which no speed changes."""
+        """Return D_p g [N s/m], which does not depend on the speed."""
         return np.asarray(value) * slope + np.zeros_like(relative_velocity)
 
 
@@ -166,20 +166,20 @@ class Damper:
 class Drag:
     """The virtual drag, F = -phi s'^2 while s = ln xi grows and 0 otherwise, in continuous time (docs/drag.md).
 
-    The admittance's pull toward the object is held off during an approach: M x~'' = F - max(K x~ + D x~', 0). From rest
-    at the reference, or behind it, that is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve. With a
-    uniform obstacle the contact speed is the same share rho = exp(-(phi/M) int g^2 dl) of every approach speed, and the
-    excursion is the same at every speed.
+    The admittance's pull toward the object is switched off during an approach: M x~'' = F - max(K x~ + D x~', 0). From
+    rest at the reference, or behind it, the motion is M l'' = M a_o + phi g^2 l'^2, solved by quadrature for any curve.
+    For an object of constant velocity, the contact speed is the same fraction rho = exp(-(phi/M) int g^2 dl) of every
+    approach speed, and the excursion is the same at every speed.
 
-    `impulse_residual` is that of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment, which certifies the time
-    as well; s is the sensor's ln xi, which the quadrature never sees. A run that comes to rest relative to the object
-    ends there, NEVER in contact: a_o > 0 then takes the object away.
+    `impulse_residual` is that of M l' = M l'(0) + M a_o t + phi int s' ds and of its moment, which also certifies the
+    time; s is the sensor's ln xi, which the quadrature does not use. A run that comes to rest relative to the object
+    ends there with the status NEVER, since a_o > 0 then moves the object away.
 
     Valid for:
-        A plant that follows the virtual object exactly, at rest at its reference or giving way from behind it, and a
-        sensor without delay that sees the object from the farthest distance of the encounter on. What is beyond that
-        raises InvalidInputError: a plant ahead of its reference, or faster than it toward the object; one that is not
-        at rest while the object does not approach; a curve whose ln xi rises with the distance.
+        A plant that follows the virtual object exactly and is at rest at its reference or retreats from behind it; and
+        a sensor without delay that detects the object from the farthest distance of the encounter on. Other cases raise
+        InvalidInputError: a plant ahead of its reference, or faster than it toward the object; a plant that is not at
+        rest while the object does not approach; a curve whose ln xi rises with the distance.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle, find_contact
@@ -214,7 +214,7 @@ class Drag:
         horizon: float = 600.0,
     ) -> ContactResult:
         """Find the contact by the method "quadrature"."""
-        from .drag import solve_drag  # noqa: PLC0415 - only where a drag is used
+        from .drag import solve_drag  # noqa: PLC0415 - only drags need it
 
         _check_quadrature(method)
         return solve_drag(scenario, sensor, value, horizon=horizon)
@@ -230,13 +230,13 @@ class Drag:
         samples: int = 200,
     ) -> Motion:
         """Sample the motion, by the same quadrature."""
-        from .drag import sample_drag  # noqa: PLC0415 - only where a drag is used
+        from .drag import sample_drag  # noqa: PLC0415 - only drags need it
 
         _check_quadrature(method)
         return sample_drag(scenario, sensor, value, horizon=horizon, samples=samples)
 
     def damping(self, value: Any, slope: Any, relative_velocity: Any) -> Any:
-        """Return 2 phi g^2 |l'| [N s/m] in an approach, and 0 where the object recedes."""
+        """Return 2 phi g^2 |l'| [N s/m] in an approach, and 0 if the object recedes."""
         return 2 * np.asarray(value) * np.square(slope) * np.maximum(0.0 - np.asarray(relative_velocity), 0.0)
 
 
@@ -246,29 +246,29 @@ def _check_quadrature(method: str) -> None:
 
 
 DAMPER: Final = Damper()
-"""The letter's law."""
+"""The letter's virtual damper, L(2)."""
 
 DRAG: Final = Drag()
-"""The law that leaves every approach the same share of its speed."""
+"""The virtual drag: the contact speed is the same fraction of every approach speed."""
 
 LAWS: Final[dict[str, ContinuousLaw]] = {law.kind: law for law in (DAMPER, DRAG)}
-"""By their names in files."""
+"""The laws by their names in files."""
 
 
 def continuous_law(law: Any) -> ContinuousLaw:
-    """Return a law in continuous time: one itself, a name of one, or that of a sampled law, which tells its own.
+    """Return the law in continuous time of a law, a name in LAWS, or a sampled law.
 
     Raises:
-        InvalidInputError: it is none, or tells none.
+        InvalidInputError: the argument is no law and names none by `continuous`.
     """
-    found = LAWS.get(law) if isinstance(law, str) else law
-    if isinstance(found, ContinuousLaw):
-        return found
-    own = getattr(law, "continuous", None)
-    if own is None:
+    result = LAWS.get(law) if isinstance(law, str) else law
+    if isinstance(result, ContinuousLaw):
+        return result
+    sampled = getattr(law, "continuous", None)
+    if sampled is None:
         name = repr(law) if isinstance(law, str) else type(law).__name__
         raise InvalidInputError(
-            f"law: found {name}, which is no law in continuous time and names none by `continuous`; expected one of "
-            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law that names one"
+            f"law: found {name}, which is no law in continuous time and names none by `continuous`, expected one of "
+            f"{', '.join(LAWS)}, an OwnLaw, or a sampled law with the attribute `continuous`"
         )
-    return continuous_law(own)
+    return continuous_law(sampled)

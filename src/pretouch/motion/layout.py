@@ -1,4 +1,4 @@
-"""What the kernels read and write, by name and in their order. Shared by all that calls them."""
+"""Names and order of the columns that the kernels read and write, and the status of a run."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pretouch._core.numbers import FloatArray
 
 
 class Relative(NamedTuple):
-    """Encounters relative to their reference, as L(8) and L(9) have them, with their gains: flat columns.
+    """Encounters relative to their reference, as in L(8) and L(9), and their gains, as flat columns.
 
-    Each has one number that all encounters share, or one for each. The motion of the reference is only needed for what
-    is absolute.
+    Each column has one number that all encounters share, or one number per encounter. The motion of the reference is
+    needed only for absolute quantities.
     """
 
     mass: FloatArray  # M_a [kg]
@@ -23,13 +23,13 @@ class Relative(NamedTuple):
     p: FloatArray  # x_o - x_d at t = 0 [m]
     v: FloatArray  # its velocity [m/s]
     a: FloatArray  # its acceleration [m/s^2]
-    gain: FloatArray  # D_p [N s]
+    gain: FloatArray  # the law's number, such as D_p [N s]
     reference_velocity: FloatArray  # x_d' at t = 0 [m/s]
     reference_acceleration: FloatArray  # x_d'' [m/s^2]
 
 
 RELATIVE_INPUTS: Final = Relative._fields[:9]
-"""What moves the distance: the admittance, plant and obstacle relative to the reference, and D_p."""
+"""The inputs that determine the distance: admittance, plant and obstacle relative to the reference, and D_p."""
 
 INPUTS: Final = len(RELATIVE_INPUTS)
 
@@ -55,7 +55,7 @@ COLUMNS: Final = (
     "settling_distance",
     "displacement_integral",
 )
-"""What the guaranteed paths write, one row per encounter."""
+"""Results of the guaranteed paths, one row per encounter."""
 
 STATES: Final = (
     "time",
@@ -65,15 +65,15 @@ STATES: Final = (
     "relative_velocity",
     "displacement_integral",
 )
-"""What the fast paths find at a contact."""
+"""Results of the fast paths at a contact."""
 
 TRACE_COLUMNS: Final = ("distance", "displacement", "displacement_velocity", "displacement_acceleration")
 
 RESOLUTION: Final = 1e-12
-"""How close to zero a smallest distance is taken for zero, of the terms that l is the difference of."""
+"""Smallest distance that counts as zero, relative to the terms whose difference is l."""
 
 
-def named(rows: FloatArray) -> dict[str, FloatArray]:
+def by_name(rows: FloatArray) -> dict[str, FloatArray]:
     """Return views of rows of COLUMNS by their names."""
     return dict(zip(COLUMNS, rows.T, strict=True))
 
@@ -81,9 +81,9 @@ def named(rows: FloatArray) -> dict[str, FloatArray]:
 class ContactStatus(IntEnum):
     """How a run ended. `label` is the word for it in files and JSON.
 
-    A distance that comes down to zero and turns there has touched: within 1e-12 of the terms that it is the difference
-    of, a smallest distance is zero, and the run ends in CONTACT with l' = 0, by every method. A distance that only
-    decays to zero never arrives: NEVER, with a settling distance of 0.
+    A distance that reaches zero and turns there is a touch: the run ends in CONTACT with l' = 0, by every method. A
+    smallest distance counts as zero within 1e-12 of the terms whose difference it is. A distance that only decays to
+    zero ends as NEVER, with a settling distance of 0.
     """
 
     CONTACT = 0
@@ -100,15 +100,15 @@ class ContactStatus(IntEnum):
 
     @property
     def meaning(self) -> str:
-        """One sentence for a person."""
+        """One sentence that explains the status."""
         return _ENDINGS[self][1]
 
 
 _ENDINGS: Final = (
     ("contact", "The distance reached zero."),
-    ("never-in-contact", "The distance never reaches zero, however long one waits."),
+    ("never-in-contact", "The distance never reaches zero, even for an unlimited time."),
     ("not-within-horizon", "The distance did not reach zero within the horizon."),
-    ("left-valid-range", "The distance left the range in which the sensor curve holds."),
-    ("unresolved", "The motion cannot be followed to its end: it is too fast, or starts beyond 8.8e12 m."),
-    ("no-uniform-motion", "L(17) has no root with 0 <= |A| <= |v_o| that approaches."),
+    ("left-valid-range", "The distance left the valid range of the sensor curve."),
+    ("unresolved", "The motion cannot be computed to its end: it is too fast, or it starts beyond 8.8e12 m."),
+    ("no-uniform-motion", "The uniform motion L(17) has no approaching root with 0 <= |A| <= |v_o|."),
 )

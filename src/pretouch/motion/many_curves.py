@@ -1,4 +1,4 @@
-"""Encounters of which each has a sensor curve of its own: the curves as one value, with their windows side by side."""
+"""A set of sensor curves, one for each encounter, that are solved together in one kernel call."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ _METHODS: Final = ("auto", "integration")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ManyCurves:
-    """Curves of one kind that differ in parameters, none of them of constant slope, all valid down to l = 0.
+    """Curves of one kind with different parameters; none has a constant slope, and all are valid down to l = 0.
 
     Args:
-        sensor: the one that they are made from.
-        values: the parameters that differ, without `sensor.`, shape (n,) each, in SI.
-        sensors: the curves, n of them.
+        sensor: the curve from which they are made.
+        values: the parameters that differ, in SI, by names without `sensor.`, shape (n,) each.
+        sensors: the n curves.
     """
 
     sensor: SensorModel
     values: Mapping[str, FloatArray]
     sensors: tuple[SensorModel, ...]
-    _made: dict[float, ManyWindows] = field(default_factory=dict, init=False, repr=False)
+    _windows: dict[float, ManyWindows] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.sensors)
 
     def windows(self, reach: float) -> ManyWindows:
-        """Return the windows of all curves up to a distance [m], or as far as a curve goes; made when first asked."""
-        if reach not in self._made:
+        """Return the windows of all curves up to a distance [m] or the end of the curve; they are cached."""
+        if reach not in self._windows:
             tops = np.minimum([sensor.valid_range[1] for sensor in self.sensors], reach)
             images = find_images(self.sensor, self.values)
             if images is None:
-                self._made[reach] = windows_side_by_side(self.sensors, self.values, tops)
+                self._windows[reach] = windows_side_by_side(self.sensors, self.values, tops)
             else:
-                self._made[reach] = windows_of_images(images, tops)
-        return self._made[reach]
+                self._windows[reach] = windows_of_images(images, tops)
+        return self._windows[reach]
 
     def check(self, scenario: Scenario) -> None:
-        """Refuse encounters, of a shape that broadcasts with (n,), that start where their curve says nothing.
+        """Refuse encounters that start outside the range of their curve; their shape broadcasts with (n,).
 
         Raises:
-            OutOfRangeError: one does.
+            OutOfRangeError: an encounter does.
         """
         low, high = np.array([sensor.valid_range for sensor in self.sensors]).T
         distance = np.asarray(scenario.distance) + np.zeros(len(self))
@@ -61,12 +61,12 @@ class ManyCurves:
             i = int(outside[0][-1])
             raise OutOfRangeError(
                 f"obstacle position: found a distance of {distance[tuple(outside[0])]:g} m at the start, outside "
-                f"the {low[i]:g} m to {high[i]:g} m in which the {self.sensor.name} curve of encounter {i} holds: the "
-                "encounter starts when the object enters the detection range"
+                f"the {low[i]:g} m to {high[i]:g} m in which the {self.sensor.name} curve of encounter {i} is valid; "
+                "the encounter must start when the object enters the detection range"
             )
 
     def falls(self, scenario: Scenario) -> bool:
-        """Tell whether ln xi of every curve is known to fall with the distance, from contact to all starts."""
+        """Tell whether ln xi of every curve falls with the distance, from the contact to all starts."""
         return self.windows(reach_of(scenario)).falling
 
     def slope_at_contact(self) -> FloatArray:
@@ -74,7 +74,7 @@ class ManyCurves:
         return np.array([sensor.log_slope(0.0) for sensor in self.sensors])
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return ln xi of each curve, brought into its range, at distances [m] of the shape (..., n)."""
+        """Return ln xi of each curve at distances [m] of the shape (..., n), clipped to its range."""
         inside = [np.clip(distance[..., i], *sensor.valid_range) for i, sensor in enumerate(self.sensors)]
         return np.stack([s.log_output(d) for s, d in zip(self.sensors, inside, strict=True)], axis=-1)
 
@@ -82,12 +82,12 @@ class ManyCurves:
 def many_curves(
     sensor: SensorModel, values: Mapping[str, FloatArray], sensors: tuple[SensorModel, ...], method: str
 ) -> ManyCurves | None:
-    """Put curves together that may be solved together.
+    """Combine curves that can be solved together.
 
     Returns:
-        The curves; None where some are of constant slope or do not hold at contact, or another method is asked for.
+        The set; None if a curve has a constant slope or is not valid at contact, or if another method is requested.
     """
-    alike = all(s.constant_log_slope is None and s.valid_range[0] <= 0 for s in sensors)
-    if not alike or method not in _METHODS:
+    suitable = all(s.constant_log_slope is None and s.valid_range[0] <= 0 for s in sensors)
+    if not suitable or method not in _METHODS:
         return None
     return ManyCurves(sensor=sensor, values=values, sensors=sensors)

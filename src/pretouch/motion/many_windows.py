@@ -1,9 +1,9 @@
-"""The windows of many curves in one table, as the block kernel reads it: made together, not one curve after another.
+"""Windows of many curves in one table for the block kernel, computed together for speed.
 
-Curves may be one curve on other scales of distance: ln xi_i(l) = ln xi(s_i l + t_i) + constant. A sensor behind the
-surface is its curve shifted. A parameter whose derivative is `stretch` l g, with the product of stretch and parameter
-the same number k wherever it is looked at, scales the distance: d ln xi / d ln p = k l g has the solution ln xi(p^k l).
-The rate of a Mittag-Leffler curve is one with k = 1, the width of a Gaussian one with k = -1.
+Curves may be images of one curve under scaling and shift of the distance: ln xi_i(l) = ln xi(s_i l + t_i) + constant. A
+recessed sensor is a shifted curve. A parameter p scales the distance if its derivative is `stretch` l g and the product
+k = `stretch` p is constant, since d ln xi / d ln p = k l g has the solution ln xi(p^k l). Examples are the rate of a
+Mittag-Leffler curve with k = 1 and the width of a Gaussian curve with k = -1.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray, chebyshev_basis, chebyshev_extremes, chebyshev_nodes
 from pretouch.sensors import PiecewiseCubic, SensorModel
-from pretouch.sensors.change import curve_change
+from pretouch.sensors.sensitivity import curve_sensitivity
 
 from .curve import (
     EDGE,
@@ -34,11 +34,11 @@ from .curve import (
     power_window,
 )
 
-_BETWEEN: Final = 4.0  # times the tolerance: for a curve between those for which the windows were chosen
-_COUNTS: Final = (16, 20, 24, 32, 48, 64)  # nodes of one polynomial over all windows
-_FEW_TESTED: Final = 11
-_SAME: Final = 1e-12  # of k: what rounding leaves of it
-_LOOKED_AT: Final = 17  # distances in a window at which the sign of g is looked at
+_BETWEEN: Final = 4.0  # times the tolerance, for curves other than those for which the windows were chosen
+_COUNTS: Final = (16, 20, 24, 32, 48, 64)  # tried numbers of nodes of one polynomial over all windows
+_TEST_STEP: Final = 11  # every 11th probe is tested if one polynomial describes all windows
+_SAME: Final = 1e-12  # relative rounding error of k
+_SIGN_PROBES: Final = 17  # distances per window at which the sign of g is checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,9 +46,8 @@ class ManyWindows:
     """Windows of many curves.
 
     Args:
-        table: the windows as `curve_windows` has them, those of the first curve first; a curve that cannot be met has
-            none.
-        starts: the row at which the windows of each curve start, and the row after the last, shape (n + 1,).
+        table: windows as from `curve_windows`, curve by curve; a curve that cannot be approximated has none.
+        starts: first row of each curve, and the number of rows, shape (n + 1,).
         falling: whether every curve has windows, and its ln xi falls with the distance on all of them.
     """
 
@@ -59,7 +58,7 @@ class ManyWindows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Images:
-    """How many curves are one: that curve, and s and t [m] of each, shape (n,)."""
+    """Curves that are images of one curve: that curve, and the scale s and shift t [m] of each image, shape (n,)."""
 
     sensor: SensorModel
     scale: FloatArray
@@ -67,11 +66,11 @@ class Images:
 
 
 def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images | None:
-    """Find the one curve of which many that differ in parameters, (n,) each, are images; None where there is none."""
+    """Find a curve whose images are all curves with these parameters, (n,) each; None if there is none."""
     if not values:  # curves that differ in their points
         return None
-    curve, own = sensor.bare
-    recess = np.atleast_1d(values.get("recess", own))
+    curve, default = sensor.bare
+    recess = np.atleast_1d(values.get("recess", default))
     values = {name: value for name, value in values.items() if name != "recess"}
     scale, count = np.ones(1), len(next(iter(values.values()), recess))
     for name, value in values.items():
@@ -81,36 +80,36 @@ def find_images(sensor: SensorModel, values: Mapping[str, FloatArray]) -> Images
         if power != 0:
             scale = scale * (value / getattr(curve, name)) ** power
     if (scale != 1).any():
-        curve = replace(curve, maximum_distance=np.inf)  # where an image ends is said by its own range
+        curve = replace(curve, maximum_distance=np.inf)  # each image ends by its own range
     scale = np.broadcast_to(scale, (count,))
     return Images(sensor=curve, scale=scale, shift=np.asarray(scale * recess))
 
 
 def _power_of_stretch(sensor: SensorModel, name: str, values: FloatArray) -> float | None:
-    """Return k of a parameter that scales the distance, 0 for one without effect; None for any other."""
-    own = float(getattr(sensor, name))
+    """Return k of a parameter that scales the distance, 0 for a parameter without effect, None for others."""
+    nominal = float(getattr(sensor, name))
     powers = []
-    for value in (float(values.min()), own, float(values.max())):
-        change = curve_change(replace(sensor, **{name: value}), name)
+    for value in (float(values.min()), nominal, float(values.max())):
+        change = curve_sensitivity(replace(sensor, **{name: value}), name)
         if change.slope is not None or change.output or change.shift:
             return None
         powers.append(change.stretch * value)
     power = powers[1]
     if not any(powers):
         return 0.0
-    if not (np.all(values * own > 0) and np.ptp(powers) <= _SAME * abs(power)):
+    if not (np.all(values * nominal > 0) and np.ptp(powers) <= _SAME * abs(power)):
         return None
     return float(np.round(power)) if abs(power - np.round(power)) <= _SAME else power
 
 
 def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
-    """Scale and shift the windows of one curve, from l = 0 up to where those of each end [m], shape (n,)."""
+    """Return the windows of images, scaled and shifted, from l = 0 to the upper end of each [m], shape (n,)."""
     sensor, scale, shift = images.sensor, images.scale, images.shift
     low, high = sensor.valid_range
     ends = scale * tops + shift
     one = curve_windows(sensor, max(float(shift.min()), low), min(float(ends.max()), high))
     if not len(one):
-        return _joined([one] * len(tops))
+        return _join([one] * len(tops))
     first = np.maximum(np.searchsorted(one[:, LOW], shift, side="right") - 1, 0)
     last = np.minimum(np.searchsorted(one[:, TOP], ends, side="left"), len(one) - 1)
     counts = last - first + 1
@@ -122,54 +121,56 @@ def windows_of_images(images: Images, tops: FloatArray) -> ManyWindows:
         table[:, TERMS:] *= scale[owner, None] ** np.arange(table.shape[1] - TERMS)
     table[:, TOP] = np.minimum(table[:, TOP], tops[owner])
     table[starts[:-1], EDGE] = table[starts[:-1], LOW] = 0.0
-    return _finished(table, starts, falling=_falls(one))
+    return _make_windows(table, starts, falling=_falls(one))
 
 
 def windows_side_by_side(
     sensors: Sequence[SensorModel], values: Mapping[str, FloatArray], tops: FloatArray
 ) -> ManyWindows:
-    """Meet curves of one kind on common windows, and those that need others on their own.
+    """Approximate curves of one kind on common windows; curves that need other windows get their own.
 
-    The windows are chosen for the curves with the smallest and the largest value of each parameter and one in the
-    middle. All curves are then looked at where these were, and each must be met there.
+    The windows are chosen for the curves with the smallest and the largest value of each parameter, and one between
+    them. The approximation of every curve is then tested on these windows.
 
     Returns:
-        Their windows, from l = 0 up to where those of each end [m].
+        The windows from l = 0 to the upper end of each curve [m].
     """
     if all(isinstance(sensor, PiecewiseCubic) for sensor in sensors):
-        return _joined([_of_cubics(sensor) for sensor in sensors if isinstance(sensor, PiecewiseCubic)])
+        return _join([_of_cubics(sensor) for sensor in sensors if isinstance(sensor, PiecewiseCubic)])
     places = [place for value in values.values() for place in (np.argmin(value), np.argmax(value))]
     chosen = [sensors[i] for i in dict.fromkeys([len(sensors) // 2, *map(int, places)])]
     top = float(tops.min())
     if any(sensor.knots for sensor in chosen) or power_window(chosen[0], 0.0, top) is not None:
         return _one_by_one(sensors, tops)
     whole = _whole(chosen, top)
-    look = whole.slope if whole else lambda distance: np.stack([s.log_slope(distance) for s in chosen])
-    frame = polynomial_windows(look, (0.0, top), LOW_DEGREE, most=4)
+    slope = whole.slope if whole else lambda distance: np.stack([s.log_slope(distance) for s in chosen])
+    frame = polynomial_windows(slope, (0.0, top), LOW_DEGREE, most=4)
     if frame is None:
-        frame = polynomial_windows(look, (0.0, top), HIGH_DEGREE)
+        frame = polynomial_windows(slope, (0.0, top), HIGH_DEGREE)
     if frame is None:
         return _one_by_one(sensors, tops)
-    terms, met = _on_frame(sensors, whole, frame)
+    terms, fits = _on_frame(sensors, whole, frame)
     table = np.tile(frame, (len(sensors), 1))
     table[:, TERMS:] = terms.reshape(-1, terms.shape[-1])
-    if met.all():
-        return _finished(table, len(frame) * np.arange(len(sensors) + 1))
+    if fits.all():
+        return _make_windows(table, len(frame) * np.arange(len(sensors) + 1))
     each, degree = table.reshape(len(sensors), *frame.shape), frame.shape[1] - TERMS - 1
-    return _joined([each[i] if met[i] else _own(sensor, float(tops[i]), degree) for i, sensor in enumerate(sensors)])
+    return _join(
+        [each[i] if fits[i] else _own_windows(sensor, float(tops[i]), degree) for i, sensor in enumerate(sensors)]
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Whole:
-    """One polynomial of g over all windows, for each of some curves.
+    """One polynomial of g over all windows for each of some curves.
 
-    Windows overlap and are short where a curve bends: one polynomial needs a curve at fewer distances.
+    Windows overlap and are short where a curve bends, so one polynomial needs fewer evaluations of a curve.
 
     Args:
-        nodes: where curves are evaluated [m], shape (m,).
-        to_terms: from g there to coefficients of Chebyshev's polynomials, shape (m, m).
-        terms: those of the chosen curves, shape (m, k).
-        top: where the windows end [m].
+        nodes: distances at which curves are evaluated [m], shape (m,).
+        to_terms: matrix from g at the nodes to coefficients of Chebyshev polynomials, shape (m, m).
+        terms: coefficients of the chosen curves, shape (m, k).
+        top: upper end of the windows [m].
     """
 
     nodes: FloatArray
@@ -178,7 +179,7 @@ class _Whole:
     top: float
 
     def basis(self, distance: FloatArray) -> FloatArray:
-        """Return Chebyshev's polynomials at distances [m]."""
+        """Return the Chebyshev polynomials at distances [m]."""
         return np.asarray(np.polynomial.chebyshev.chebvander(2 * distance / self.top - 1, len(self.nodes) - 1))
 
     def slope(self, distance: FloatArray) -> FloatArray:
@@ -187,40 +188,40 @@ class _Whole:
 
 
 def _whole(chosen: Sequence[SensorModel], top: float) -> _Whole | None:
-    """Return one polynomial that meets each of some curves at points in between, or None."""
+    """Return a polynomial that approximates each of some curves, tested between its nodes; or None."""
     for count in _COUNTS:
         basis = chebyshev_basis(count)
         at, between = ((1 + z) * top / 2 for z in (basis.nodes, chebyshev_extremes(count)))
-        found = np.stack([sensor.log_slope(np.concatenate([at, between])) for sensor in chosen])
-        with np.errstate(invalid="ignore"):  # a curve without a finite slope is not met
-            whole = _Whole(nodes=at, to_terms=basis.to_terms, terms=basis.to_terms @ found[:, :count].T, top=top)
-            if (np.abs(whole.slope(between) - found[:, count:]) <= TOLERANCE * np.abs(found[:, count:])).all():
+        slopes = np.stack([sensor.log_slope(np.concatenate([at, between])) for sensor in chosen])
+        with np.errstate(invalid="ignore"):  # a curve with infinite slopes fails the test
+            whole = _Whole(nodes=at, to_terms=basis.to_terms, terms=basis.to_terms @ slopes[:, :count].T, top=top)
+            if (np.abs(whole.slope(between) - slopes[:, count:]) <= TOLERANCE * np.abs(slopes[:, count:])).all():
                 return whole
     return None
 
 
 def _on_frame(sensors: Sequence[SensorModel], whole: _Whole | None, frame: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the coefficients of ln xi of every curve on common windows, (n, windows, terms), and which it meets."""
+    """Return coefficients of ln xi of every curve on common windows, (n, windows, terms), and whether they fit."""
     degree = frame.shape[1] - TERMS - 1
     nodes, probes = chebyshev_nodes(degree), chebyshev_extremes(degree)
     low, high = frame[:, LOW, None], frame[:, TOP, None]
     half = (high - low) / 2
     at_nodes, at_probes = (np.clip(frame[:, MIDDLE, None] + half * z, low, high) for z in (nodes, probes))
-    given, step = (at_nodes.ravel(), 1) if whole is None else (whole.nodes, _FEW_TESTED)
-    distance = np.concatenate([given, at_probes.ravel()[::step]])
-    found = np.stack([sensor._log_slope(distance) for sensor in sensors])  # the distances are known to be valid
+    samples, step = (at_nodes.ravel(), 1) if whole is None else (whole.nodes, _TEST_STEP)
+    distance = np.concatenate([samples, at_probes.ravel()[::step]])
+    evaluated = np.stack([sensor._log_slope(distance) for sensor in sensors])  # all distances are valid
     with np.errstate(invalid="ignore"):
-        slopes = found[:, : len(given)]
+        slopes = evaluated[:, : len(samples)]
         if whole is not None:
             slopes = slopes @ (whole.basis(at_nodes.ravel()) @ whole.to_terms).T
         slopes = slopes.reshape(-1, *at_nodes.shape)
         terms = slopes @ np.linalg.inv(np.vander(nodes, increasing=True)).T
         predicted = (terms @ np.vander(probes, degree, increasing=True).T).reshape(len(sensors), -1)[:, ::step]
         largest = np.repeat(np.abs(slopes).max(axis=-1), len(probes), axis=1)[:, ::step]
-        met = (np.abs(predicted - found[:, len(given) :]) <= _BETWEEN * TOLERANCE * largest).all(axis=1)
+        fits = (np.abs(predicted - evaluated[:, len(samples) :]) <= _BETWEEN * TOLERANCE * largest).all(axis=1)
     powers = np.arange(1, degree + 1)
     terms = terms / powers / half ** (powers - 1.0)
-    return np.concatenate([np.zeros((*terms.shape[:-1], 1)), terms], axis=-1), np.asarray(met)
+    return np.concatenate([np.zeros((*terms.shape[:-1], 1)), terms], axis=-1), np.asarray(fits)
 
 
 def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
@@ -235,32 +236,32 @@ def _of_cubics(sensor: PiecewiseCubic) -> FloatArray:
     return table
 
 
-def _own(sensor: SensorModel, top: float, degree: int) -> FloatArray:
-    """Return the windows of one curve in polynomials of a degree; no row where they do not meet it."""
-    found = polynomial_windows(sensor.log_slope, (0.0, top), degree)
-    return np.zeros((0, TERMS + degree + 1)) if found is None else found
+def _own_windows(sensor: SensorModel, top: float, degree: int) -> FloatArray:
+    """Return the windows of one curve with polynomials of a degree; no rows if they cannot approximate it."""
+    windows = polynomial_windows(sensor.log_slope, (0.0, top), degree)
+    return np.zeros((0, TERMS + degree + 1)) if windows is None else windows
 
 
 def _one_by_one(sensors: Sequence[SensorModel], tops: FloatArray) -> ManyWindows:
-    """Make the windows of each curve for itself."""
+    """Return the windows of many curves, each computed separately."""
     tables = [curve_windows(sensor, 0.0, float(top)) for sensor, top in zip(sensors, tops, strict=True)]
     widths = {table.shape[1] for table in tables if len(table)}
-    if len(widths) > 1:  # only a table of one kind goes into a kernel
-        tables = [_own(sensor, float(top), HIGH_DEGREE) for sensor, top in zip(sensors, tops, strict=True)]
+    if len(widths) > 1:  # all rows of the table must have the same width
+        tables = [_own_windows(sensor, float(top), HIGH_DEGREE) for sensor, top in zip(sensors, tops, strict=True)]
     width = tables[0].shape[1] if len(widths) > 1 else max(widths, default=TERMS + 1)
-    return _joined([table if len(table) else np.zeros((0, width)) for table in tables])
+    return _join([table if len(table) else np.zeros((0, width)) for table in tables])
 
 
-def _joined(tables: list[FloatArray]) -> ManyWindows:
-    return _finished(np.concatenate(tables), np.concatenate([[0], np.cumsum([len(table) for table in tables])]))
+def _join(tables: list[FloatArray]) -> ManyWindows:
+    return _make_windows(np.concatenate(tables), np.concatenate([[0], np.cumsum([len(table) for table in tables])]))
 
 
-def _finished(table: FloatArray, starts: IntArray, *, falling: bool | None = None) -> ManyWindows:
+def _make_windows(table: FloatArray, starts: IntArray, *, falling: bool | None = None) -> ManyWindows:
     table, starts = np.ascontiguousarray(table), starts.astype(np.int64)
     for array in (table, starts):
-        array.setflags(write=False)  # they are kept
-    known = bool((np.diff(starts) > 0).all())
-    return ManyWindows(table=table, starts=starts, falling=known and (_falls(table) if falling is None else falling))
+        array.setflags(write=False)  # they are cached
+    complete = bool((np.diff(starts) > 0).all())
+    return ManyWindows(table=table, starts=starts, falling=complete and (_falls(table) if falling is None else falling))
 
 
 def _falls(table: FloatArray) -> bool:
@@ -269,7 +270,7 @@ def _falls(table: FloatArray) -> bool:
     if terms.shape[1] == 1:
         ends = terms / (table[:, [LOW, TOP]] - middle[:, None])
         return bool((ends < 0).all())
-    z = np.linspace(table[:, LOW], table[:, TOP], _LOOKED_AT) - middle
+    z = np.linspace(table[:, LOW], table[:, TOP], _SIGN_PROBES) - middle
     slope = np.zeros_like(z)
     for j in range(terms.shape[1] - 1, 0, -1):
         slope = slope * z + j * terms[:, j]

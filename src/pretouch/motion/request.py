@@ -1,19 +1,9 @@
-"""One call of the solver, and work on stretches of its encounters.
-
-Work on stretches of many encounters in threads: the compiled kernels hold no lock. Where stretches end depends on how
-many encounters there are and on nothing else. A kernel that looks at several encounters together therefore finds the
-same neighbors on any number of cores, and leaves the same bits.
-"""
+"""One call of the solver: check its arguments, choose the method, and flatten the encounters into columns."""
 
 from __future__ import annotations
 
 import math
-import os
-from collections import deque
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -30,7 +20,7 @@ from .many_curves import ManyCurves
 from .scenario import Scenario, map_fields
 
 Which: TypeAlias = slice | IntArray
-"""A stretch of encounters, or the indices of some."""
+"""A slice of the encounters, or an array of their indices."""
 
 METHODS: Final = ("auto", "closed-form", "integration", "uniform-motion")
 
@@ -40,14 +30,13 @@ class Request(Value):
     """One call of the solver.
 
     Args:
-        scenario: the encounters as they were given.
+        scenario: the encounters.
         sensor: the sensor curve.
         shape: the broadcast shape of scenario and gain.
-        columns: those of Relative: each flat, of length 1 where all encounters share it, else one number per encounter.
-        horizon: how long to wait for contact [s].
-        method: the method chosen, never "auto".
-        many: the curves, where each encounter along the last axis has one of its own; `sensor` is then the one that
-            they are made from.
+        columns: the columns of Relative, flat; length 1 if all encounters share a value, else one value per encounter.
+        horizon: longest time to contact that is searched [s].
+        method: the chosen method, never "auto".
+        many: one curve for each encounter along the last axis; `sensor` is then the curve from which they are made.
     """
 
     scenario: Scenario
@@ -60,7 +49,7 @@ class Request(Value):
 
     @property
     def size(self) -> int:
-        """How many encounters there are."""
+        """The number of encounters."""
         return math.prod(self.shape)
 
     @property
@@ -70,24 +59,24 @@ class Request(Value):
 
     @property
     def gain(self) -> FloatArray:
-        """The gain of every encounter [N s], shape (n,)."""
+        """The law's number of every encounter, such as D_p [N s], shape (n,)."""
         return np.broadcast_to(self.relative.gain, self.size)
 
     def some(self, which: Which) -> Relative:
-        """Return the columns of some encounters, those of a stretch without a copy; of length 1 where they are so."""
+        """Return the columns of some encounters; a slice is not copied, and columns of length 1 keep it."""
         return Relative._make(c if len(c) == 1 else c[which] for c in self.columns)
 
     def part(self, which: Which) -> tuple[FloatArray, FloatArray]:
-        """Return relative quantities as Scenario.relative, (m, 10), and gains, (m,), of some encounters, contiguous."""
+        """Return the quantities of Scenario.relative, (m, 10), and gains, (m,), of some encounters, contiguous."""
         count = len(range(self.size)[which]) if isinstance(which, slice) else len(which)
-        given, values, gains = self.some(which), np.empty((count, 10)), np.empty(count)
-        for i, column in enumerate((*given[:8], *given[9:])):
+        columns, values, gains = self.some(which), np.empty((count, 10)), np.empty(count)
+        for i, column in enumerate((*columns[:8], *columns[9:])):
             values[:, i] = column
-        gains[:] = given.gain
+        gains[:] = columns.gain
         return values, gains
 
-    def alone(self, index: int) -> Request:
-        """Return the encounters of one of many curves, that at an index along the last axis."""
+    def with_curve(self, index: int) -> Request:
+        """Return the request with only one of many curves and its encounters, by its index along the last axis."""
         if self.many is None:
             return self
         scenario = map_fields(self.scenario, lambda v: v[..., min(index, v.shape[-1] - 1)] if np.ndim(v) else v)
@@ -96,7 +85,7 @@ class Request(Value):
 
     @property
     def slope(self) -> float:
-        """The one slope g [1/m] of a curve of constant slope; 0 for any other."""
+        """The slope g [1/m] of a curve of constant slope; 0 for any other."""
         return self.sensor.constant_log_slope or 0.0
 
     @property
@@ -107,27 +96,27 @@ class Request(Value):
         return np.broadcast_to(self.many.slope_at_contact(), self.shape).reshape(-1)
 
     def log_output(self, distance: FloatArray) -> FloatArray:
-        """Return ln xi at a distance [m] of each encounter, brought into the range of its curve, shape (n,)."""
+        """Return ln xi at one distance [m] per encounter, clipped to the range of its curve, shape (n,)."""
         if self.many is None:
             return np.asarray(self.sensor.log_output(np.clip(distance, *self.sensor.valid_range)))
         return self.many.log_output(distance.reshape(self.shape)).reshape(-1)
 
 
-def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
-    """Check that a curve holds where encounters start, and choose their method where that is left open.
+def choose_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
+    """Check that the curve is valid at the start of the encounters, and resolve the method "auto".
 
     Returns:
         The method, never "auto".
 
     Raises:
-        InvalidInputError: there is no such method, or not for this curve.
+        InvalidInputError: the method is unknown or not applicable to the curve.
         OutOfRangeError: an encounter starts outside the range of the curve.
     """
     if method not in METHODS:
         raise InvalidInputError(f"method: found {method!r}, expected one of {', '.join(METHODS)}")
     if method == "closed-form" and sensor.constant_log_slope is None:
         raise InvalidInputError(
-            f"method: the closed form L(10) holds for a constant slope only, not for the {sensor.name} curve; "
+            f"method: the closed form L(10) requires a constant slope, but that of the {sensor.name} curve varies; "
             "use method='integration' or 'auto'"
         )
     if method == "auto":
@@ -139,8 +128,8 @@ def checked_method(scenario: Scenario, sensor: SensorModel, method: str) -> str:
         distance = np.asarray(distance)
         raise OutOfRangeError(
             f"obstacle position: found a distance of {float(distance[~inside].flat[0]):g} m at the start, outside the "
-            f"{low:g} m to {high:g} m in which the {sensor.name} curve holds: the encounter starts when the object "
-            "enters the detection range"
+            f"{low:g} m to {high:g} m in which the {sensor.name} curve is valid; the encounter must start when the "
+            "object enters the detection range"
         )
     check_curve(sensor, distance)
     return method
@@ -155,7 +144,7 @@ def make_request(
     *,
     many: ManyCurves | None = None,
 ) -> Request:
-    """Check a call and flatten it; choose its method where that is left open."""
+    """Check the arguments of a call, choose its method, and flatten its encounters."""
     if many is not None:
         many.check(scenario)
         check_curve(sensor, scenario.distance)
@@ -165,21 +154,24 @@ def make_request(
         try:
             shape = np.broadcast_shapes(scenario.shape, np.shape(gains))
         except ValueError:
-            raise InvalidInputError(f"gain: shape {np.shape(gains)} does not broadcast with {scenario.shape}") from None
-    given = scenario.relative_columns()
+            raise InvalidInputError(
+                f"gain: found the shape {np.shape(gains)}, which does not broadcast with that of the scenario, "
+                f"{scenario.shape}"
+            ) from None
+    relative = scenario.relative_columns()
     return Request(
         scenario=scenario,
         sensor=sensor,
         shape=shape,
-        columns=_flattened((*given[:8], gains, *given[8:]), shape),
+        columns=_flatten((*relative[:8], gains, *relative[8:]), shape),
         horizon=positive(horizon, "horizon", "s"),
-        method=checked_method(scenario, sensor, method) if many is None else "integration",
+        method=choose_method(scenario, sensor, method) if many is None else "integration",
         many=many,
     )
 
 
-def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Flatten columns over the broadcast shape; a number shared by all stays one."""
+def _flatten(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    """Flatten columns over the broadcast shape; a number that all encounters share keeps the length 1."""
     if shape == ():
         numbers = np.array(columns, dtype=np.float64)
         return tuple(numbers[i : i + 1] for i in range(len(columns)))
@@ -188,68 +180,3 @@ def _flattened(columns: tuple[Any, ...], shape: tuple[int, ...]) -> tuple[FloatA
         np.ascontiguousarray(a if a.size == 1 or a.shape == shape else np.broadcast_to(a, shape)).reshape(-1)
         for a in arrays
     )
-
-
-_ENOUGH: Final = 64  # stretches, for as many cores
-
-
-def for_stretches(run: Callable[[int, int], object], size: int, *, least: int, most: int) -> None:
-    """Run something over all of 0 to size, in stretches, on every core that this process may use.
-
-    An interrupt ends it between two stretches.
-
-    Args:
-        run: takes the start and the end of a stretch; stretches must not share what they write.
-        size: how many encounters there are.
-        least: how many are worth a thread; what is left of an even division may be half of it.
-        most: the longest stretch.
-    """
-    if 0 < size <= min(least, most):  # one stretch, as below, without the rest of what is worth it for many
-        run(0, size)
-        return
-    stretches = _stretches(size, least, most)
-    threads = min(_cores(), len(stretches)) if len(stretches) > 1 else 1
-    if threads == 1:
-        for stretch in stretches:
-            run(*stretch)
-        return
-    left = deque(stretches)
-
-    def work() -> None:
-        while left:
-            try:
-                stretch = left.popleft()
-            except IndexError:  # another thread took the last one
-                return
-            run(*stretch)
-
-    helpers = [_pool().submit(work) for _ in range(threads - 1)]
-    try:
-        work()  # this thread need not be woken
-        for helper in helpers:
-            if not helper.cancel():  # one that has not begun has nothing left to do
-                helper.result()
-    finally:
-        left.clear()
-
-
-def _stretches(size: int, least: int, most: int) -> list[tuple[int, int]]:
-    """Cut 0 to size into equal stretches: a power of two of them, which suits most numbers of cores, or more."""
-    worth = max(-(-size // least), 1)
-    count = max(min(1 << (worth - 1).bit_length(), _ENOUGH), -(-size // most))
-    length = max(-(-size // count), 1)
-    return [(start, min(start + length, size)) for start in range(0, size, length)]
-
-
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)  # not on every system
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
-
-
-@lru_cache(maxsize=1)
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max_workers=max(_cores() - 1, 1), thread_name_prefix="pretouch")
-
-
-if hasattr(os, "register_at_fork"):  # a child process has the pool, but none of its threads: work would wait for good
-    os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -1,4 +1,4 @@
-"""The encounter: its dynamics, and its inputs by name."""
+"""The encounter: admittance and bodies, and access to its inputs by name."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Admittance(Value):
     """Virtual mass, damping and stiffness M_a, D_a, K_a of L(1); each a number or an array.
 
     Args:
-        mass: M_a > 0 [kg]. It is virtual: the robot's own inertia is another quantity.
+        mass: M_a > 0 [kg], the virtual mass; the inertia of the robot does not matter here.
         damping: D_a >= 0 [N s/m].
         stiffness: K_a >= 0 [N/m].
 
@@ -42,7 +42,7 @@ class Admittance(Value):
     def from_natural_frequency(
         cls, *, mass: ArrayLike, natural_frequency: ArrayLike, damping_ratio: ArrayLike = 1.0
     ) -> Admittance:
-        """Make an admittance from its free response; critically damped by default, as in the letter.
+        """Make an admittance from natural frequency and damping ratio; critically damped by default, as in the letter.
 
         Args:
             mass: M_a > 0 [kg].
@@ -71,16 +71,16 @@ class Admittance(Value):
         """The damping ratio D_a / (2 sqrt(M_a K_a)).
 
         Raises:
-            InvalidInputError: the stiffness is zero, so there is no such ratio.
+            InvalidInputError: the stiffness is zero.
         """
         if np.any(np.asarray(self.stiffness) == 0):
-            raise InvalidInputError("damping_ratio: not defined for a stiffness of 0 N/m")
+            raise InvalidInputError("damping_ratio: not defined for a stiffness of 0 N/m; use the damping")
         return float_or_array(np.asarray(self.damping) / (2 * np.sqrt(np.asarray(self.stiffness) * self.mass)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(Value):
-    """One encounter, or an array of them: every field broadcasts with every other.
+    """One encounter, or an array of encounters; all fields broadcast with each other.
 
     Positions are absolute; x points away from the sensor, so the distance is l = x_o - x and an approach has
     l' < 0. Time starts when the object enters the detection range.
@@ -122,7 +122,7 @@ class Scenario(Value):
             least = float(np.min(self.distance))
             raise InvalidInputError(
                 f"obstacle position: found a distance of {least:g} m between obstacle and plant, "
-                "which must be positive: the encounter starts before contact"
+                "which must be positive, since the encounter starts before contact"
             )
 
     @property
@@ -136,22 +136,22 @@ class Scenario(Value):
         return self.obstacle.velocity - self.plant.velocity
 
     def relative_columns(self) -> tuple[Any, ...]:
-        """Return the admittance, and plant and obstacle at t = 0 relative to the reference, by L(9); refuse a course.
+        """Return admittance, and plant and obstacle at t = 0 relative to the reference, by L(9); a course is refused.
 
         Returns:
             M_a, D_a, K_a, x~(0), x~'(0), x_o - x_d at t = 0, its velocity and its acceleration, then velocity and
-            acceleration of the reference itself: each a float or an array of its own shape.
+            acceleration of the reference itself: each a float, or an array with the shape of its field.
         """
         a, o, p, r = self.admittance, self.obstacle, self.plant, self.reference
         return (
             a.mass,
             a.damping,
             a.stiffness,
-            _less(p.position, r.position),
-            _less(p.velocity, r.velocity),
-            _less(o.position, r.position),
-            _less(o.velocity, r.velocity),
-            _less(o.one_acceleration(), r.acceleration),
+            _relative_to(p.position, r.position),
+            _relative_to(p.velocity, r.velocity),
+            _relative_to(o.position, r.position),
+            _relative_to(o.velocity, r.velocity),
+            _relative_to(o.one_acceleration(), r.acceleration),
             r.velocity,
             r.acceleration,
         )
@@ -175,8 +175,8 @@ class Scenario(Value):
         )
 
 
-def _less(value: Any, reference: Any) -> Any:
-    """Subtract the reference; without a copy where it is 0."""
+def _relative_to(value: Any, reference: Any) -> Any:
+    """Subtract the reference; no copy is made if it is 0."""
     return value if isinstance(reference, float) and reference == 0 else value - reference
 
 
@@ -190,13 +190,13 @@ SCENARIO_INPUTS: Final[dict[str, str]] = {
         *(_FREQUENCY.items() if part == "admittance" else ()),
     )
 }
-"""The inputs of a scenario with their SI units; those that differ from encounter to encounter within one call."""
+"""The inputs of a scenario with their SI units; each may differ between the encounters of one call."""
 
 _OF_DAMPING: Final = {"admittance.damping", "admittance.stiffness"}
 
 
 def sensor_inputs(sensor: SensorModel) -> dict[str, str]:
-    """Return the parameters of a curve, or of a recessed one, as inputs, `sensor.NAME`, with their SI units."""
+    """Return the parameters of a curve as inputs named `sensor.NAME`, with their SI units."""
     return {f"sensor.{name}": unit for name, unit in sensor.parameter_units.items()}
 
 
@@ -206,12 +206,12 @@ def input_units(sensor: SensorModel) -> dict[str, str]:
 
 
 def sensor_with(sensor: SensorModel, values: Mapping[str, float]) -> SensorModel:
-    """Return a copy of a curve with other parameters, in SI, by names without `sensor.`."""
+    """Return a copy of a curve with other parameters in SI; the names have no prefix `sensor.`."""
     return sensor.with_parameters(values)
 
 
 def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
-    """Return a copy of a scenario with every number or array changed in the same way."""
+    """Return a copy of a scenario with a function applied to every number or array."""
 
     def changed(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -224,14 +224,14 @@ def map_fields(scenario: Scenario, change: Callable[[Any], Any]) -> Scenario:
 
 
 def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Change inputs of an encounter; arrays broadcast.
+    """Return a scenario with other values of some inputs; arrays broadcast.
 
-    Mass, damping and stiffness are changed each for itself; where natural frequency or damping ratio is named, the
-    other of the two and the mass hold instead.
+    Changing mass, damping or stiffness keeps the other two. Changing natural frequency or damping ratio keeps the other
+    one of these and the mass.
 
     Args:
         scenario: one encounter.
-        values: input names, keys of SCENARIO_INPUTS, and values in SI.
+        values: values in SI by input name, keys of SCENARIO_INPUTS.
 
     Returns:
         The encounters.
@@ -249,34 +249,35 @@ def scenario_with(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         part, _, rest = name.partition(".")
         changes.setdefault(part, {})[rest] = value
     parts: dict[str, Any] = {}
-    for part, given in changes.items():
+    for part, new in changes.items():
         if part == "admittance":
-            parts[part] = _admittance_with(scenario.admittance, given)
+            parts[part] = _admittance_with(scenario.admittance, new)
         else:
-            parts[part] = replace(getattr(scenario, part), **given)
+            parts[part] = replace(getattr(scenario, part), **new)
     return replace(scenario, **parts) if parts else scenario
 
 
-def _admittance_with(admittance: Admittance, given: dict[str, Any]) -> Admittance:
-    names = {f"admittance.{name}" for name in given}
+def _admittance_with(admittance: Admittance, values: dict[str, Any]) -> Admittance:
+    """Return an admittance with other values, by their names without `admittance.`."""
+    names = {f"admittance.{name}" for name in values}
     if not names & _FREQUENCY.keys():
-        return replace(admittance, **given)
+        return replace(admittance, **values)
     if names & _OF_DAMPING:
-        found = ", ".join(sorted(names - {"admittance.mass"}))
+        conflicting = ", ".join(sorted(names - {"admittance.mass"}))
         raise InvalidInputError(
-            f"inputs: found {found}, expected either damping and stiffness, or natural frequency and damping ratio"
+            f"inputs: found {conflicting}, expected damping and stiffness, or natural frequency and damping ratio"
         )
-    if "damping_ratio" in given:
-        ratio = given["damping_ratio"]
+    if "damping_ratio" in values:
+        ratio = values["damping_ratio"]
     elif np.all(np.asarray(admittance.stiffness) > 0):
         ratio = admittance.damping_ratio
     else:
         raise InvalidInputError(
             "inputs: found admittance.natural_frequency for a stiffness of 0 N/m, whose damping ratio is not defined; "
-            "give admittance.damping_ratio, too"
+            "also give admittance.damping_ratio"
         )
     return Admittance.from_natural_frequency(
-        mass=given.get("mass", admittance.mass),
-        natural_frequency=given.get("natural_frequency", admittance.natural_frequency),
+        mass=values.get("mass", admittance.mass),
+        natural_frequency=values.get("natural_frequency", admittance.natural_frequency),
         damping_ratio=ratio,
     )

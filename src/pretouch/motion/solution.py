@@ -1,4 +1,4 @@
-"""One call of the solver, solved as far as what is read of it needs: fast where that can be proved, in stretches."""
+"""Lazy solutions: compute only the quantities that are read, by the fastest method that is proved to be right."""
 
 from __future__ import annotations
 
@@ -11,45 +11,47 @@ from numpy.typing import NDArray
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch._core.values import Value
 
-from .curve import Curves, alone, curve_windows, farthest, line_windows, reach_of
+from .curve import Curves, curve_windows, farthest, line_windows, reach_of, shared_curve
 from .guaranteed import solve_guaranteed
 from .kernels import contact_times, find_contacts
 from .layout import COLUMNS, PEAKS, STATES
-from .request import Request, for_stretches
+from .parallel import run_in_chunks
+from .request import Request
 
 STIFF: Final = 500.0
-"""Time over that of the damping at contact, from which l'' is a difference of much larger numbers."""
+"""Ratio of time to damping time constant at contact above which l'' is a difference of much larger numbers."""
 
-_LANES: Final = 8  # below, all that is asked of a contact is solved at once
+_LANES: Final = 8  # fewer encounters are solved completely at once
 _LEAST_LINEAR: Final = 16_384  # encounters that are worth a thread
-_LEAST: Final = 512
-_MOST: Final = 1 << 18
-_BEYOND: Final = 4.0  # how far beyond the farthest start an object may go before it is left to the guaranteed path
-_KEPT: Final = 1 << 22  # encounters up to which the states are kept that come with the times
+_LEAST: Final = 512  # encounters on other curves that are worth a thread
+_MOST: Final = 1 << 18  # largest chunk
+_BEYOND: Final = 4.0  # range of the fast path, relative to the farthest start
+_KEPT: Final = 1 << 22  # largest number of encounters whose states at contact are stored with the times
 _AT: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
 class Solution(Value):
-    """The columns of a result; it equals that of the same request.
+    """Lazily computed quantities of a request; two solutions are equal if their requests are.
 
-    Each encounter is solved by the first way that proves its contact: the closed form on vectors, for a constant slope;
-    Taylor steps in lanes; the guaranteed path of its method, which takes what those leave open and all where there are
-    few, or where the whole motion is asked for. What else is read is asked of the same way.
+    Each encounter is solved by the first method that proves its contact. For a constant slope this is first the
+    vectorized closed form, then vectorized Taylor steps ("lanes"). The guaranteed path solves the remaining encounters,
+    and all of them if they are few or if the whole motion is needed. Other quantities that are read later come from the
+    same method.
 
     Args:
         request: the encounters.
-        whole: whether the whole motion will be asked for, so that the guaranteed path is taken at once.
+        whole: whether the whole motion will be needed, so that the guaranteed path is used at once.
 
     Attributes:
         status: how every run ended, shape (n,).
-        derivatives: what `gradients_of` has made of it, kept here.
+        derivatives: cache of `gradients_of`.
     """
 
     __slots__ = (
         "_by_form",
-        "_found",
+        "_cache",
+        "_columns",
         "_in_lanes",
-        "_known",
         "_open",
         "_open_rows",
         "_rows",
@@ -62,7 +64,7 @@ class Solution(Value):
         self.request = request
         self.derivatives: Any = None
         self.status: NDArray[np.int8]
-        self._known: dict[str, Any] = {}
+        self._cache: dict[str, Any] = {}
         self._rows: FloatArray | None = None
         holds = request.many is not None or request.sensor.valid_range[0] <= 0
         if whole or not holds or request.method == "uniform-motion" or request.size < _LANES:
@@ -72,63 +74,63 @@ class Solution(Value):
         self._in_lanes: tuple[IntArray | None, dict[str, FloatArray]] = None, {}
         kept = request.size <= _KEPT
         if request.method == "closed-form":
-            self._found = self._solve_by_form(kept)
+            self._columns = self._solve_by_form(kept)
         else:
-            self._found, self.status = _in_lanes(request, None, STATES if kept else STATES[:1])
+            self._columns, self.status = _in_lanes(request, None, STATES if kept else STATES[:1])
         self._open = np.flatnonzero(self.status)
         if len(self._open):
             self._open_rows, ended = solve_guaranteed(request, self._open)
             self.status[self._open] = ended
-            self._fill_open(self._found)
+            self._fill_open(self._columns)
 
     def _solve_by_form(self, kept: bool) -> dict[str, FloatArray]:
-        """Return times and, where they are kept, l' at contact, of the closed form and where it leaves one of lanes."""
-        request, wanted = self.request, {}
-        found = {"time": np.empty(request.size)}
+        """Return time and, if `kept`, l' at contact: by the closed form, or by lanes if that leaves a contact open."""
+        request, outputs = self.request, {}
+        columns = {"time": np.empty(request.size)}
         if kept:
-            found["relative_velocity"] = wanted["approach"] = np.empty(request.size)
+            columns["relative_velocity"] = outputs["approach"] = np.empty(request.size)
         self.status = self._by_form = np.empty(request.size, dtype=np.int8)
-        _fill_by_form(request, found["time"], self.status, given=False, **wanted)
+        _fill_by_form(request, columns["time"], self.status, solved=False, **outputs)
         which = np.flatnonzero(self.status)
         if len(which):
             states, status = _in_lanes(request, which, STATES if kept else STATES[:1])
             proved = status == 0
             self.status = self.status.copy()
             self.status[which] = status
-            for name, values in found.items():
+            for name, values in columns.items():
                 values[which] = states[name]
             self._in_lanes = which[proved], {name: v[proved] for name, v in states.items()} if kept else {}
-        return found
+        return columns
 
     def _compared(self) -> tuple[Any, ...]:
         return (self.request,)
 
     def column(self, name: str) -> Any:
         """Return a quantity of ContactState or ContactResult, of the broadcast shape; a float for a single run."""
-        if name not in self._known:
-            found = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
+        if name not in self._cache:
+            values = np.asarray(_DERIVED[name](self) if name in _DERIVED else self.raw(name))
             if self.request.shape == ():
-                self._known[name] = found.reshape(-1)[0].item()
+                self._cache[name] = values.reshape(-1)[0].item()
             else:
-                found = found.reshape(self.request.shape)
-                found.setflags(write=False)
-                self._known[name] = found
-        return self._known[name]
+                values = values.reshape(self.request.shape)
+                values.setflags(write=False)
+                self._cache[name] = values
+        return self._cache[name]
 
     def raw(self, name: str) -> FloatArray:
         """Return one of layout.COLUMNS, shape (n,)."""
         if self._rows is not None:
             return self._rows[:, _AT[name]]
-        if name not in self._found:
-            found = self._ask(name)
-            self._fill_open(found)
-            self._found = {**found, **self._found}
+        if name not in self._columns:
+            columns = self._compute(name)
+            self._fill_open(columns)
+            self._columns = {**columns, **self._columns}
         if name in PEAKS:
             self._settle(name)
-        return self._found[name]
+        return self._columns[name]
 
-    def _ask(self, name: str) -> dict[str, FloatArray]:
-        """Return a quantity of contacts, and what else comes with it; without meaning where no contact is proved."""
+    def _compute(self, name: str) -> dict[str, FloatArray]:
+        """Return a quantity at contact, and others that are computed with it; meaningless if no contact is proved."""
         request = self.request
         if name == "virtual_force":  # by L(2)
             return {name: np.asarray(request.gain * (request.slope_at_contact * self.raw("relative_velocity")))}
@@ -142,12 +144,12 @@ class Solution(Value):
         request = self.request
         if self._by_form is None:
             return _in_lanes(request, None)[0]
-        rows, time = np.empty((len(STATES) - 1, request.size)), self._found["time"]
-        _fill_by_form(request, time, self._by_form, given=True, states=rows)
+        rows, time = np.empty((len(STATES) - 1, request.size)), self._columns["time"]
+        _fill_by_form(request, time, self._by_form, solved=True, states=rows)
         states = dict(zip(STATES, (time, *rows), strict=True))
-        which, known = self._in_lanes
+        which, kept = self._in_lanes
         if which is not None:
-            for name, values in (known or _in_lanes(request, which)[0]).items():
+            for name, values in (kept or _in_lanes(request, which)[0]).items():
                 states[name][which] = values
         return states
 
@@ -156,7 +158,7 @@ class Solution(Value):
         if self._by_form is None:
             return _in_lanes(request, None, PEAKS)[0]
         rows = np.empty((len(PEAKS), request.size))
-        _fill_by_form(request, self._found["time"], self._by_form, given=True, peaks=rows)
+        _fill_by_form(request, self._columns["time"], self._by_form, solved=True, peaks=rows)
         peaks = dict(zip(PEAKS, rows, strict=True))
         which = np.flatnonzero(np.isnan(rows).any(axis=0) & self._proved())
         if len(which):
@@ -165,83 +167,85 @@ class Solution(Value):
         return peaks
 
     def _proved(self) -> BoolArray:
-        """Tell which contacts a fast way has found."""
+        """Tell which contacts a fast method has proved."""
         proved = np.ones(self.request.size, dtype=np.bool_)
         proved[self._open] = False
         return proved
 
-    def _fill_open(self, found: dict[str, FloatArray]) -> None:
-        """Put what the guaranteed path has found where the fast ones left encounters open."""
+    def _fill_open(self, columns: dict[str, FloatArray]) -> None:
+        """Insert the results of the guaranteed path for encounters that the fast methods left open."""
         if len(self._open):
-            for name, values in found.items():
+            for name, values in columns.items():
                 values[self._open] = self._open_rows[:, _AT[name]]
 
     def _settle(self, name: str) -> None:
-        """Solve by the guaranteed path where a fast one found a contact, but not this demand until then."""
-        which = np.flatnonzero(np.isnan(self._found[name]))
+        """Use the guaranteed path for runs whose contact a fast method proved without determining this demand."""
+        which = np.flatnonzero(np.isnan(self._columns[name]))
         if len(which):
             rows, _ = solve_guaranteed(self.request, which)
-            for other in PEAKS:
-                values = self._found[other]
-                values[which] = np.where(np.isnan(values[which]), rows[:, _AT[other]], values[which])
+            for peak in PEAKS:
+                values = self._columns[peak]
+                values[which] = np.where(np.isnan(values[which]), rows[:, _AT[peak]], values[which])
 
     @property
     def settled_acceleration(self) -> FloatArray:
-        """x~'' at the end of every run to all digits, shape (n,).
+        """x~'' at the end of every run with full accuracy, shape (n,).
 
-        Where hundreds of time constants have passed, it is a difference of much larger numbers, which lanes have to
-        1e-7 only; derivatives need it better.
+        After hundreds of time constants it is a difference of much larger numbers. Lanes then have an error of 1e-7,
+        which is too large for derivatives.
         """
         name, request = "settled_acceleration", self.request
-        if name not in self._known:
-            found, r = self.raw("displacement_acceleration"), request.relative
+        if name not in self._cache:
+            values, r = self.raw("displacement_acceleration"), request.relative
             if self._rows is None and request.method != "closed-form":
                 decays = (r.damping + r.gain * request.sensor.log_slope(0.0)) / r.mass
                 which = np.flatnonzero(self._proved() & (decays * self.raw("time") > STIFF))
                 if len(which):
-                    found = found.copy()
-                    found[which] = solve_guaranteed(request, which)[0][:, _AT["displacement_acceleration"]]
-            self._known[name] = found
-        return np.asarray(self._known[name])
+                    values = values.copy()
+                    values[which] = solve_guaranteed(request, which)[0][:, _AT["displacement_acceleration"]]
+            self._cache[name] = values
+        return np.asarray(self._cache[name])
 
     def reference(self, derivative: int) -> FloatArray:
         """Return x_d, x_d' or x_d'' at the end of every run."""
-        given, time = self.request.scenario.reference, self.raw("time").reshape(self.request.shape)
+        reference, time = self.request.scenario.reference, self.raw("time").reshape(self.request.shape)
         if derivative == 2:
-            return np.broadcast_to(given.acceleration, self.request.shape).reshape(-1)
+            return np.broadcast_to(reference.acceleration, self.request.shape).reshape(-1)
         if derivative == 1:
-            return np.asarray(given.velocity + given.acceleration * time).reshape(-1)
-        return np.asarray(given.position + (given.velocity + given.acceleration * time / 2) * time).reshape(-1)
+            return np.asarray(reference.velocity + reference.acceleration * time).reshape(-1)
+        return np.asarray(reference.position + (reference.velocity + reference.acceleration * time / 2) * time).reshape(
+            -1
+        )
 
 
 def _fill_by_form(
-    request: Request, time: FloatArray, status: NDArray[np.int8], *, given: bool, **wanted: FloatArray
+    request: Request, time: FloatArray, status: NDArray[np.int8], *, solved: bool, **outputs: FloatArray
 ) -> None:
-    """Have `find_contacts` find the contacts of encounters with a constant slope, or fill more of those found."""
+    """Call `find_contacts` for encounters with a constant slope, or for further outputs of proved contacts."""
     slope = request.slope
 
     def run(start: int, stop: int) -> None:
         part = slice(start, stop)
-        views = {name: array[..., part] for name, array in wanted.items()} if stop - start < request.size else wanted
-        find_contacts(request.some(part), slope, request.horizon, time[part], status[part], given=given, **views)
+        views = {name: array[..., part] for name, array in outputs.items()} if stop - start < request.size else outputs
+        find_contacts(request.some(part), slope, request.horizon, time[part], status[part], solved=solved, **views)
 
-    for_stretches(run, request.size, least=_LEAST_LINEAR, most=_MOST)
+    run_in_chunks(run, request.size, least=_LEAST_LINEAR, most=_MOST)
 
 
 def _in_lanes(
     request: Request, which: IntArray | None, names: tuple[str, ...] = STATES
 ) -> tuple[dict[str, FloatArray], NDArray[np.int8]]:
-    """Find and prove first contacts of some encounters or all, on curves that hold down to l = 0.
+    """Find and prove the first contacts of some or all encounters on curves that are valid down to l = 0.
 
     Returns:
-        Some of layout.STATES, or layout.PEAKS, nan where they are not settled, by name, shape (m,) each, and 0 where a
-        contact is proved, shape (m,).
+        Quantities of layout.STATES or layout.PEAKS by name, shape (m,) each, NaN if not determined; and the status, 0
+        if a contact is proved, shape (m,).
     """
     size = request.size if which is None else len(which)
     kept, status = np.empty((len(names), size)), np.empty(size, dtype=np.int8)
 
-    def take(part: slice, *found: FloatArray) -> None:
-        kept[:, part] = found[-1][: len(names)]
+    def take(part: slice, *outputs: FloatArray) -> None:
+        kept[:, part] = outputs[-1][: len(names)]
 
     more = {"peaks": (len(PEAKS),)} if names is PEAKS else {}
     fill_by_lanes(request, which, _curves(request, which), status, take, most=_MOST, **more)
@@ -258,16 +262,16 @@ def fill_by_lanes(
     most: int,
     **more: tuple[int, ...],
 ) -> None:
-    """Have `contact_times` find contacts, stretch by stretch.
+    """Call `contact_times` chunk by chunk.
 
     Args:
         request: the encounters.
-        which: the indices of those to solve, m of them; None for all.
-        curves: theirs.
-        status: filled with 0 where a contact is proved, else another, shape (m,).
-        take: takes where a stretch of the m lies, its states, shape (6, k), and what else is wanted.
-        most: the longest stretch.
-        **more: what else is wanted by its name in `contact_times`, with its shape for one encounter.
+        which: indices of the m encounters to solve; None for all.
+        curves: the curves of these encounters.
+        status: filled with 0 if a contact is proved, else another value, shape (m,).
+        take: receives the slice of a chunk, its states, shape (6, k), and its other outputs.
+        most: largest size of a chunk.
+        **more: other outputs by their names in `contact_times`, with their shape for one encounter.
     """
     table, starts, curve_of = curves
 
@@ -275,16 +279,16 @@ def fill_by_lanes(
         part = slice(start, stop)
         states = np.empty((len(STATES), stop - start))
         filled: dict[str, Any] = {name: np.empty((*shape, stop - start)) for name, shape in more.items()}
-        own = table, starts, curve_of if len(curve_of) == 1 else curve_of[part]
+        part_curves = table, starts, curve_of if len(curve_of) == 1 else curve_of[part]
         some = request.some(part if which is None else which[part])
-        contact_times(some, own, request.horizon, states, status[part], **filled)
+        contact_times(some, part_curves, request.horizon, states, status[part], **filled)
         take(part, states, *filled.values())
 
-    for_stretches(run, len(status), least=_LEAST, most=most)
+    run_in_chunks(run, len(status), least=_LEAST, most=most)
 
 
 def _curves(request: Request, which: IntArray | None) -> Curves:
-    """Return as much of the curves as the encounters need; few tables, so that they are kept."""
+    """Return the curves over the distances that the encounters need, rounded up so that few tables are cached."""
     if request.many is not None:
         windows = request.many.windows(reach_of(request.scenario))
         curve_of = (np.arange(request.size) if which is None else which) % len(request.many)
@@ -292,12 +296,12 @@ def _curves(request: Request, which: IntArray | None) -> Curves:
     reach = farthest(request.scenario, request.sensor)
     if request.method == "closed-form":
         top = min(_BEYOND * reach, request.sensor.valid_range[1])
-        return alone(line_windows(request.slope, top))
-    return alone(curve_windows(request.sensor, 0.0, reach))
+        return shared_curve(line_windows(request.slope, top))
+    return shared_curve(curve_windows(request.sensor, 0.0, reach))
 
 
 def _settling(request: Request) -> FloatArray:
-    """Return where a motion that ends in contact would come to rest, as the guaranteed paths have it."""
+    """Return the settling distance of motions that end in contact, as the guaranteed paths define it."""
     r = request.relative
     held, floats = r.stiffness > 0, (r.stiffness == 0) & (r.damping == 0)
     rests = ((r.v == 0) | floats) & (r.a == 0)
@@ -309,13 +313,13 @@ def _settling(request: Request) -> FloatArray:
 
 
 def _impulse_residual(solution: Solution) -> FloatArray:
-    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| over the largest of its terms, M |l'(0)| and D l(0)."""
+    """Return |M dx~' + D dx~ + K int x~ dt - D_p d ln xi| relative to the largest term, M |l'(0)| and D l(0)."""
     request = solution.request
     if request.method == "uniform-motion":
         return np.full(request.size, np.nan)
     r = request.relative
     begin = np.broadcast_to(r.p - r.x0, request.size)
-    with np.errstate(all="ignore"):  # a function of the user's may overflow where the object has gone far away
+    with np.errstate(all="ignore"):  # a custom curve may overflow at large distances
         rise = request.log_output(solution.raw("distance")) - request.log_output(begin)
     terms = np.stack(
         [
@@ -325,9 +329,7 @@ def _impulse_residual(solution: Solution) -> FloatArray:
             -r.gain * rise,
         ]
     )
-    approach = np.maximum(
-        r.mass * np.abs(r.v - r.u0), r.damping * (r.p - r.x0)
-    )  # where nothing pushes, all terms vanish
+    approach = np.maximum(r.mass * np.abs(r.v - r.u0), r.damping * (r.p - r.x0))  # without a force all terms are zero
     largest = np.maximum(np.abs(terms).max(axis=0), approach)
     return np.asarray(np.abs(terms.sum(axis=0)) / np.where(largest > 0, largest, 1.0))
 

@@ -1,13 +1,15 @@
-"""Sensor curves: ln xi(l) and its slope g(l), the only two things that the rest of pretouch asks of a sensor."""
+"""Sensor curves. A curve provides ln xi(l) and its slope g(l); the rest of pretouch uses nothing else of a sensor."""
 
 from .conformance import LawCheck, SensorConformance, check_sensor
+from .custom import CustomSensor
 from .exponential import ExponentialFirstOrder, ExponentialSecondOrder
 from .family import Family
 from .inverse_power import InversePower
-from .known import known_curves
-from .made import CustomSensor, PiecewiseCubic, Recessed, Table
 from .mittag_leffler import MittagLeffler, mittag_leffler
 from .model import SensorModel, parameter
+from .recessed import Recessed
+from .registry import known_curves
+from .table import PiecewiseCubic, Table
 
 __all__ = [
     "CustomSensor",

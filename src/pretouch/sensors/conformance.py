@@ -1,4 +1,4 @@
-"""The laws that every sensor curve obeys, as a check that users run on their own."""
+"""Check that a sensor curve obeys the laws on which the rest of pretouch relies."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.values import Value
 
-from .model import SensorModel, innermost, kept_by_curve
+from .model import SensorModel, cache_by_curve, innermost
 
-_REACH = 0.2  # how far beyond its start an unbounded valid range is probed [m]
+_REACH = 0.2  # length of the probed part of an unbounded valid range [m]
 _ROUNDING = 1e-12  # relative
 _SLOPE_TOLERANCE = 1e-6  # of the largest slope
 _HALVINGS = 20
 _FEW = 64
 _PROBES = 257
-_ROUNDED = 1e-9  # of the largest value: what rounding may leave
-_CONTRADICTION = 1e-3  # of the whole change of ln xi: less changes a contact by less than a calibration is known to
-_MANY = 1000  # intervals, none of which may miss more than a share
+_ROUNDED = 1e-9  # relative tolerance for rounding
+_CONTRADICTION = 1e-3  # of the whole change of ln xi; smaller errors are below the accuracy of a calibration
+_SHARES = 1000  # an interval is halved while its error exceeds this part of the tolerance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawCheck(Value):
-    """One law, whether the curve obeys it, and what was measured.
+    """Result of one check: the law, whether the curve obeys it, and the measured evidence.
 
     Args:
         law: the law in one sentence.
-        holds: whether it was obeyed at every probed distance.
+        holds: whether the curve obeys it at every probed distance.
         evidence: the number that decided it, with its unit.
     """
 
@@ -43,11 +43,11 @@ class LawCheck(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorConformance(Value):
-    """What `check_sensor` found.
+    """Result of `check_sensor`.
 
     Args:
         sensor: the name of the curve.
-        checks: one entry per law.
+        checks: one check per law.
     """
 
     sensor: str
@@ -65,17 +65,18 @@ class SensorConformance(Value):
 
 @check_arguments
 def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance:
-    """Check a sensor curve, a user's own above all, against the laws that the rest of pretouch relies on.
+    """Check a sensor curve, in particular a custom one, against the laws on which the rest of pretouch relies.
 
     Args:
         sensor: the curve.
-        probes: how many distances are probed, spread over the valid range (its first 0.2 m where it is unbounded).
+        probes: number of probed distances, at least 16, spread over the valid range. Of an unbounded range the first
+            0.2 m are probed.
 
     Returns:
-        One finding per law; `conforms` tells whether all hold, and printing it lists them.
+        One check per law. `conforms` is True if all hold, and `print` lists them.
 
     Raises:
-        InvalidInputError: the object is no SensorModel, or there are too few probes to judge.
+        InvalidInputError: the object is no SensorModel, or there are too few probes.
 
     Examples:
         >>> from pretouch.sensors import InversePower
@@ -92,15 +93,19 @@ def check_sensor(sensor: SensorModel, *, probes: int = 257) -> SensorConformance
 
 
 def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool, str]]:
-    """Check one law after the other, until one fails without which the next make no sense."""
+    """Yield each law with its result; stop if the remaining checks would be meaningless."""
     obstacle = _evaluation_obstacle(sensor, distance)
-    taken = obstacle or "a number, a row and a table of distances"
-    yield "ln xi and g take distances of any shape and keep it", obstacle is None, taken
+    evidence = obstacle or "a number, a row and a table of distances"
+    yield "ln xi and g take distances of any shape and keep it", obstacle is None, evidence
     if obstacle is not None:
         return
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
     wrong = int((~np.isfinite(log_output) | ~np.isfinite(slope)).sum())
-    yield "ln xi and g are finite on the valid range", not wrong, f"{wrong} of {distance.size} distances give none"
+    yield (
+        "ln xi and g are finite on the valid range",
+        not wrong,
+        f"{wrong} of {distance.size} distances give no finite number",
+    )
     if wrong:
         return
     top = slope.max()
@@ -115,33 +120,33 @@ def _laws(sensor: SensorModel, distance: FloatArray) -> Iterator[tuple[str, bool
     yield "a slope that is declared constant is constant", flat, measured
     difference = max(_scalar_difference(sensor.log_output, distance), _scalar_difference(sensor.log_slope, distance))
     measured = f"largest relative difference {difference:.2g}"
-    yield "an array gives what its elements give one by one", difference <= _ROUNDING, measured
+    yield "an array gives the same values as its elements one by one", difference <= _ROUNDING, measured
     value = _is_value(sensor)
-    found = f"{type(sensor).__name__} is {'one' if value else 'none, so it can change after it was used'}"
-    yield "the curve is a value: a frozen dataclass with fields that can be hashed", value, found
+    evidence = f"{type(sensor).__name__} is {'one' if value else 'not one, so it can change after it was used'}"
+    yield "the curve is a value: a frozen dataclass with hashable fields", value, evidence
 
 
-def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
-    """Refuse a user's curve that breaks a law between its nearest distance and one where an encounter starts.
+def refuse_invalid_curve(sensor: SensorModel, farthest: float) -> None:
+    """Refuse a custom curve that breaks a law between its nearest distance and the start of an encounter.
 
-    A curve is looked at when it is first used, and again where an encounter starts farther away. What it does beyond
-    the start of every encounter does not matter here: a motion that goes there says so by its status.
+    A curve is checked when it is first used, and again if an encounter starts farther away. Distances beyond the start
+    of every encounter are not checked: a motion that reaches them reports this by its status.
 
     Args:
         sensor: the curve.
-        farthest: the largest distance at which an encounter starts [m].
+        farthest: largest distance at which an encounter starts [m].
 
     Raises:
-        InvalidInputError: ln xi or g cannot be evaluated, is not finite or not the same each time, the output does not
-            fall with the distance, or g is not the derivative of ln xi: the change of ln xi between two distances
-            differs from the integral of g by more than 0.1 % of the whole change.
+        InvalidInputError: ln xi or g cannot be evaluated, is not finite, or is not reproducible; the output does not
+            fall with the distance; or g is not the derivative of ln xi, so that the change of ln xi between two
+            distances differs from the integral of g by more than 0.1 % of the whole change.
     """
     try:
         verified = _verified_reach(sensor)
-    except TypeError:  # it cannot be hashed
+    except TypeError:  # the curve cannot be hashed
         raise InvalidInputError(
             f"sensor: found a {type(innermost(sensor)).__name__} with a field that cannot be hashed, such as a list, "
-            "expected a frozen dataclass of numbers, texts and tuples"
+            "expected a frozen dataclass of numbers, strings and tuples"
         ) from None
     low, high = sensor.valid_range
     low, high = max(low, 0.0), min(farthest, high)
@@ -151,21 +156,21 @@ def refuse_unlawful(sensor: SensorModel, farthest: float) -> None:
         fault = _fault(sensor, np.linspace(low, high, _PROBES))
     if fault is not None:
         name = sensor.name or type(sensor).__name__
-        raise InvalidInputError(f"sensor: the {name} curve is no curve of a sensor: {fault}")
+        raise InvalidInputError(f"sensor: the {name} curve breaks a law of sensor curves: {fault}")
     verified[0] = high
 
 
-@kept_by_curve(256)
-def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - it is kept by the curve
-    """Return a place to note up to which distance [m] a curve was found to obey the laws."""
+@cache_by_curve(256)
+def _verified_reach(sensor: SensorModel) -> list[float]:  # noqa: ARG001 - the key of the cache
+    """Return a mutable cell with the distance [m] up to which a curve has passed the check."""
     return [-np.inf]
 
 
 def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Say which law a curve breaks, at which of some distances, and what is allowed; None where it breaks none."""
+    """Describe the first law that a curve breaks at some distances [m]; None if it breaks none."""
     obstacle = _evaluation_obstacle(sensor, distance)
     if obstacle is not None:
-        return f"found {obstacle}, expected functions that take distances of any shape and return as many numbers"
+        return f"found {obstacle}, expected functions that take distances of any shape and return that shape"
     log_output, slope = sensor.log_output(distance), sensor.log_slope(distance)
     functions = (("ln xi", "", log_output, sensor.log_output), ("a slope", " 1/m", slope, sensor.log_slope))
     for what, unit, values, function in functions:
@@ -173,29 +178,29 @@ def _fault(sensor: SensorModel, distance: FloatArray) -> str | None:
         if len(wrong):
             i = wrong[0]
             return (
-                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, which must be finite; end the curve by "
-                "maximum_distance, or start it by minimum_distance, where it ceases to hold"
+                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, which must be finite; exclude this "
+                "distance by minimum_distance or maximum_distance"
             )
         again = function(distance)
         i = int(np.abs(again - values).argmax())
         if abs(again[i] - values[i]) > _ROUNDED * np.abs(values).max():
             return (
-                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, and {again[i]:g}{unit} when asked again; "
+                f"found {what} of {values[i]:g}{unit} at {distance[i]:g} m, and {again[i]:g}{unit} in a second call; "
                 "the same distance must give the same number"
             )
     return _wrong_direction(sensor, distance, slope) or _contradiction(sensor, distance)
 
 
 def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> str | None:
-    """Say where the output does not fall with the distance, or not by the slope that is declared for all distances."""
+    """Describe where the slope is not negative, or differs from a declared constant slope; None if it is right."""
     steepest, i = float(np.abs(slope).max()), int(slope.argmax())
     if steepest == 0:
-        return "found a slope of 0 1/m at every distance, which must be negative: its output says nothing of an object"
+        return "found a slope of 0 1/m at every distance, which must be negative: the output is constant"
     if slope[i] > _ROUNDED * steepest:
         return (
             f"found a slope of {slope[i]:g} 1/m at {distance[i]:g} m, which must not be positive: the output of a "
-            "sensor falls with the distance; end the curve where it turns by minimum_distance or maximum_distance, or "
-            "sink the sensor behind the surface by Recessed"
+            "sensor falls with the distance; limit the curve to its falling part by minimum_distance or "
+            "maximum_distance, or recess the sensor behind the surface by Recessed"
         )
     constant = sensor.constant_log_slope
     if constant is None:
@@ -210,34 +215,34 @@ def _wrong_direction(sensor: SensorModel, distance: FloatArray, slope: FloatArra
 
 
 def _contradiction(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Say where the slope is not the derivative of ln xi; None where both give the same impulses."""
+    """Describe where the slope is not the derivative of ln xi; None if both give the same impulses."""
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     left, right, limit = edges[:-1], edges[1:], 0.0
     parts: list[FloatArray] = []
-    for _ in range(_HALVINGS):  # where g is steep, the rule needs short intervals
+    for _ in range(_HALVINGS):  # steep parts of g need short intervals
         change, integral = _changes(sensor, left, right)
         limit = limit or _CONTRADICTION * float(np.abs(integral).sum() + np.abs(change).sum()) / 2
-        poor = np.abs(change - integral) > limit / _MANY
+        poor = np.abs(change - integral) > limit / _SHARES
         parts.append(np.stack([left, right, change, integral])[:, ~poor])
         left, right = left[poor], right[poor]
         if not 0 < len(left) <= len(distance):
             break
         middle = (left + right) / 2
         left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
-    found = np.concatenate([*parts, np.stack([left, right, *_changes(sensor, left, right)])], axis=1)
-    left, right, change, integral = found[:, np.argsort(found[0])]
+    rows = np.concatenate([*parts, np.stack([left, right, *_changes(sensor, left, right)])], axis=1)
+    left, right, change, integral = rows[:, np.argsort(rows[0])]
     if np.ptp(np.cumsum(np.append(0.0, change - integral))) <= limit:
         return None
     i = int(np.abs(change - integral).argmax())
     width = right[i] - left[i]
     return (
         f"found a slope of {integral[i] / width:.5g} 1/m from {left[i]:.5g} m to {right[i]:.5g} m, where ln xi changes "
-        f"by {change[i] / width:.5g} 1/m; the slope must be the derivative of ln xi, to 0.1 %"
+        f"by {change[i] / width:.5g} 1/m; the slope must be the derivative of ln xi within 0.1 %"
     )
 
 
 def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the change of ln xi over intervals, and the integral of g by Gauss's rule."""
+    """Return the change of ln xi over intervals, and the integral of g by Gaussian quadrature."""
     if not len(left):
         return left, left
     offset, weight = np.polynomial.legendre.leggauss(8)
@@ -247,7 +252,7 @@ def _changes(sensor: SensorModel, left: FloatArray, right: FloatArray) -> tuple[
 
 
 def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | None:
-    """Say what keeps ln xi and g from being evaluated: the error that a user's function raises is a finding."""
+    """Return the error that ln xi or g raises for valid distances, as text; None if there is none."""
     for function in (sensor.log_output, sensor.log_slope):
         for probe in (float(distance[0]), distance, distance[:16].reshape(4, 4)):
             try:
@@ -258,27 +263,30 @@ def _evaluation_obstacle(sensor: SensorModel, distance: FloatArray) -> str | Non
 
 
 def _scalar_difference(function: Callable[[Any], Any], distance: FloatArray) -> float:
-    """Return the largest difference between an array's results and its elements', relative to the largest result."""
+    """Return the largest difference between evaluating an array and its elements, relative to the largest value."""
     some = distance[:: max(1, distance.size // 16)]
     together, alone = np.asarray(function(some)), np.array([function(float(d)) for d in some])
     return float(np.abs(together - alone).max() / (np.abs(together).max() + 1))
 
 
 def _is_value(sensor: SensorModel) -> bool:
-    own = vars(type(sensor)).get("__dataclass_params__")
+    """Tell whether a curve is a frozen dataclass with hashable fields."""
+    parameters = vars(type(sensor)).get("__dataclass_params__")
     try:
         hash(sensor)
     except TypeError:
         return False
-    return own is not None and bool(own.frozen)
+    return parameters is not None and bool(parameters.frozen)
 
 
 def _slope_error(sensor: SensorModel, distance: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Compare g with ln xi between probes: the largest difference from Gauss's rule on g, and what is allowed, 1/m."""
-    # Intervals that disagree are halved as long as there are few of them: where g is steep, the rule needs that.
+    """Return the largest difference between the mean of g and that of d ln xi/dl, and its tolerance, both in 1/m."""
+    # Intervals that disagree are halved while there are few of them, since steep parts of g need short intervals.
     edges = np.unique(np.concatenate([distance, [k for k in sensor.knots if distance[0] < k < distance[-1]]]))
     width = np.diff(edges)
-    left, right = (side[width > 1e-3 * width.max()] for side in (edges[:-1], edges[1:]))  # else rounding decides
+    left, right = (
+        side[width > 1e-3 * width.max()] for side in (edges[:-1], edges[1:])
+    )  # rounding dominates in shorter ones
     tolerance = _SLOPE_TOLERANCE * float(np.abs(slope).max() + 1)
     worst = 0.0
     for _ in range(_HALVINGS):

@@ -1,4 +1,4 @@
-"""The exponential curves with a first-order L(5) and a second-order L(6) polynomial in the exponent."""
+"""The exponential curves with a polynomial of first order, L(5), or of second order, L(6), in the exponent."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-from .change import Alike, CurveChange
 from .family import Family
 from .model import SensorModel, parameter
+from .sensitivity import CurveSensitivity, CurveSimilarity
 
-_STRAIGHT: Final = 1e-6  # curvature over rate [1/m] that is not felt in a kilometer
-_FEW_DIGITS: Final = 100.0  # how many times itself a difference of terms may be
+_STRAIGHT: Final = 1e-6  # |b_2 / c_2| [1/m] below which the curvature is negligible up to a kilometer
+_FEW_DIGITS: Final = 100.0  # largest accepted ratio of the terms to their difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class _FirstOrderFamily(Family):
 class _SecondOrderFamily(Family):
     """u = (ln xi(l_m), ln -g at the first distance, ln of the ratio of -g at the last to the first distance).
 
-    The curve falls over the whole window whatever u is, and c_2, its slope at l = 0, stays negative by the upper bound.
+    The curve falls over the whole window for every u. The upper bound keeps c_2, the slope at l = 0, negative.
     """
 
     informs: ClassVar[bool] = True
@@ -87,22 +87,25 @@ class _SecondOrderFamily(Family):
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         return low, np.where(np.arange(len(high)) == 2, np.minimum(high, 0.0), high)
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
-        told = not parameters["curvature"].low <= 0 <= parameters["curvature"].high
-        return () if told else ("The curvature is not told from 0, a first-order exponential.",)
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+        if not parameters["curvature"].low <= 0 <= parameters["curvature"].high:
+            return ()
+        return ("The curvature does not differ significantly from 0, the value of a first-order exponential.",)
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
         if not at_bound:
             return ()
-        return ("The curvature is at the limit beyond which the curve would turn around inside the window.",)
+        return (
+            "The curvature is at its limit; with a larger one the output would rise with the distance in the window.",
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExponentialFirstOrder(SensorModel):
-    """First-order exponential curve xi = a_1 exp(c_1 l), L(5): the one with a constant slope.
+    """First-order exponential curve xi = a_1 exp(c_1 l), L(5), whose slope g is constant.
 
     Args:
-        scale: a_1 > 0, in the unit of the output; it cancels from the motion.
+        scale: a_1 > 0, in the unit of the output; it does not affect the motion.
         rate: c_1 < 0 [1/m].
         minimum_distance: smallest valid l [m].
         maximum_distance: largest valid l [m].
@@ -123,8 +126,8 @@ class ExponentialFirstOrder(SensorModel):
         """The slope c_1 [1/m], the same at every distance."""
         return self.rate
 
-    def _change_by(self, name: str) -> CurveChange | None:
-        return {"scale": CurveChange(), "rate": CurveChange(output=1 / self.rate)}.get(name)
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
+        return {"scale": CurveSensitivity(), "rate": CurveSensitivity(output=1 / self.rate)}.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(math.log(self.scale) + self.rate * distance)
@@ -132,12 +135,17 @@ class ExponentialFirstOrder(SensorModel):
     def _log_slope(self, distance: FloatArray) -> FloatArray:
         return np.full_like(distance, self.rate)
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
-        """A constant slope needs no other length: only g D_p counts."""
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],
+        recess: FloatArray,  # noqa: ARG002
+        distance: Any,  # noqa: ARG002
+    ) -> CurveSimilarity | None:
+        """Return the similarity of curves with constant slopes: lengths stay, and the motion depends only on g D_p."""
         rate = np.asarray(values.get("rate", self.rate))
         if not np.all(rate < 0):
             return None
-        return Alike(
+        return CurveSimilarity(
             curve=replace(self, minimum_distance=0.0, maximum_distance=np.inf),
             length=1.0,
             gain=rate / self.rate,
@@ -149,15 +157,15 @@ class ExponentialFirstOrder(SensorModel):
 class ExponentialSecondOrder(SensorModel):
     """Second-order exponential curve xi = a_2 exp(b_2 l^2 + c_2 l), L(6).
 
-    With b_2 > 0 the curve turns around at l = -c_2 / (2 b_2): beyond it the modelled virtual force has the wrong
-    sign, so the valid range ends there.
+    With b_2 > 0 the output has its minimum at the turning point l = -c_2 / (2 b_2). Beyond it the modeled virtual
+    force would have the wrong sign, so the valid range ends there.
 
     Args:
-        scale: a_2 > 0, in the unit of the output; it cancels from the motion.
+        scale: a_2 > 0, in the unit of the output; it does not affect the motion.
         rate: c_2 < 0 [1/m].
         curvature: b_2 [1/m^2], of either sign.
         minimum_distance: smallest valid l [m].
-        maximum_distance: largest valid l [m]; the turning point, where that is nearer.
+        maximum_distance: largest valid l [m]; at most the turning point.
 
     Examples:
         >>> sensor = ExponentialSecondOrder(scale=0.480, rate=-74.0, curvature=474.0)
@@ -183,32 +191,32 @@ class ExponentialSecondOrder(SensorModel):
 
     @property
     def turning_point(self) -> float:
-        """The distance -c_2 / (2 b_2) [m] at which the slope vanishes; infinite where b_2 <= 0."""
+        """The distance -c_2 / (2 b_2) [m] at which the slope is zero; infinite if b_2 <= 0."""
         return -self.rate / (2 * self.curvature) if self.curvature > 0 else math.inf
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The distances [l_min, l_max] in m between which the curve holds, never beyond the turning point."""
+        """The distances [l_min, l_max] in m between which the curve is valid, never beyond the turning point."""
         low = self.minimum_distance
-        if self.curvature < 0:  # the slope is negative beyond the turning point, which lies at l < 0
+        if self.curvature < 0:  # the turning point is at l < 0, and the slope is negative beyond it
             low = max(low, -self.rate / (2 * self.curvature))
         return low, min(self.maximum_distance, self.turning_point)
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c_2 [1/m] where b_2 = 0, else None."""
+        """The slope c_2 [1/m] if b_2 = 0, else None."""
         return self.rate if self.curvature == 0 else None
 
-    def _change_by(self, name: str) -> CurveChange | None:
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
         if name == "scale":
-            return CurveChange()
+            return CurveSensitivity()
         if name == "rate":  # d ln xi/dc = l = (2 ln xi - l g) / c + constant
-            return CurveChange(output=2 / self.rate, stretch=-1 / self.rate)
+            return CurveSensitivity(output=2 / self.rate, stretch=-1 / self.rate)
         if name == "curvature" and abs(self.curvature) < _STRAIGHT * abs(self.rate):
-            return CurveChange(slope=lambda distance: 2 * distance)
-        if name == "curvature":  # l^2 = (l g - ln xi) / b + constant, which cancels where b l is small beside c
+            return CurveSensitivity(slope=lambda distance: 2 * distance)
+        if name == "curvature":  # l^2 = (l g - ln xi) / b + constant; digits cancel if b l << c
             by_b, nearest = 1 / self.curvature, abs(self.rate / self.curvature) / _FEW_DIGITS
-            return CurveChange(output=-by_b, stretch=by_b, slope=lambda distance: 2 * distance, nearest=nearest)
+            return CurveSensitivity(output=-by_b, stretch=by_b, slope=lambda distance: 2 * distance, nearest=nearest)
         return None
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
@@ -218,19 +226,24 @@ class ExponentialSecondOrder(SensorModel):
         # at the turning point the sum may round to just above zero
         return np.asarray(np.minimum(2 * self.curvature * distance + self.rate, 0.0))
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:
-        """Curves c + 2 b (l + recess) = 2 b (l - l*) are one, in other units of length, s = L* / l*."""
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],
+        recess: FloatArray,
+        distance: Any,
+    ) -> CurveSimilarity | None:
+        """Return the similarity of g = c + 2 b (l + recess) = 2 b (l - l*): lengths scale with s = L* / l*."""
         if self.curvature == 0:
             return None
         b = np.asarray(values.get("curvature", self.curvature))
         c = np.asarray(values.get("rate", self.rate)) + 2 * b * recess
         if not (np.all(b * self.curvature > 0) and np.all(c < 0) and np.all(c + 2 * b * np.asarray(distance) < 0)):
             return None
-        own = float(np.median(-c / (2 * b)))  # l* of the one
-        rate = -2 * self.curvature * own
-        return Alike(
+        reference = float(np.median(-c / (2 * b)))  # L*, the turning point of the reference curve
+        rate = -2 * self.curvature * reference
+        return CurveSimilarity(
             curve=replace(self, rate=rate, minimum_distance=0.0, maximum_distance=np.inf),
-            length=own * (-2 * b / c),
+            length=reference * (-2 * b / c),
             gain=c / rate,
             parameters={
                 "rate": (-1 / c, 1 / c),

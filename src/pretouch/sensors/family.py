@@ -1,6 +1,6 @@
-"""A curve in the parameters in which it is fitted well, and the way back to those in which it is written.
+"""Curve families: sensor curves in parameters that suit a fit, and their conversion to the curve's own parameters.
 
-A curve is pinned in the middle of the window, l_m, where the readings know it best.
+The first fit parameter is ln xi in the middle of the calibration window, l_m, where the readings determine it best.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-_NO_CURVE: Final = -1e3  # ln xi where parameters make no curve: no fit goes there
-_WIDE: Final = 30.0  # of a logarithm, to either side
+_NO_CURVE: Final = -1e3  # ln xi for invalid parameters; it is so far from any reading that no fit goes there
+_WIDE: Final = 30.0  # bound of the logarithm of a parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family(ABC):
-    """A parametric curve on a window.
+    """A parametric curve on a calibration window.
 
     Args:
         curve: the class of the curve.
-        first: first distance [m].
-        last: last distance [m].
+        first: first distance of the window [m].
+        last: last distance of the window [m].
     """
 
     curve: Any
@@ -35,14 +35,14 @@ class Family(ABC):
     last: float
 
     informs: ClassVar[bool] = False
-    """Whether it is one of those over which offset, noise and slope are told: three parameters, of many shapes."""
+    """Whether offset, noise and slope are estimated with this family: it has three parameters and many shapes."""
 
     quick: ClassVar[bool] = True
-    """Whether many fits of it take little time."""
+    """Whether many fits of the family take little time."""
 
     @classmethod
     def at_large(cls, curve: Any, first: float, last: float) -> Self:
-        """Return the family in the widest form in which it may inform."""
+        """Return the family with its widest bounds, for the estimation of offset, noise and slope."""
         return cls(curve=curve, first=first, last=last)
 
     @property
@@ -52,17 +52,17 @@ class Family(ABC):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The written parameters, the scale first."""
+        """The names of the curve's own parameters, the scale first."""
         return tuple(f.name for f in self.curve._declared())
 
     @property
     def size(self) -> int:
-        """How many parameters there are."""
+        """The number of parameters."""
         return len(self.parameter_names)
 
     @property
     def middle(self) -> float:
-        """The distance l_m [m] at which the curve is pinned."""
+        """The distance l_m [m] in the middle of the window."""
         return (self.first + self.last) / 2
 
     @property
@@ -72,64 +72,64 @@ class Family(ABC):
 
     @abstractmethod
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return parameters near a curve of that ln xi, slope and second derivative of ln xi at l_m."""
+        """Return fit parameters of a curve with about this ln xi, slope g and dg/dl at l_m."""
 
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The lower and upper bounds of the parameters."""
+        """The lower and upper bounds of the fit parameters."""
 
     @abstractmethod
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return ln xi of curves at distances: parameters of shape (..., p), distances (n,), ln xi (..., n)."""
+        """Return ln xi of curves at distances [m]; parameters (..., p) and distances (n,) give the shape (..., n)."""
 
     @abstractmethod
     def slope(self, u: FloatArray, distance: FloatArray) -> FloatArray:
-        """Return g [1/m] of curves at distances, of the shape of log_output."""
+        """Return g [1/m] of curves at distances [m], with the shape of `log_output`."""
 
     @abstractmethod
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Return, per written parameter, a function that grows or falls with it and stays finite."""
+        """Return one finite, monotonic function of each of the curve's own parameters."""
 
     @abstractmethod
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Return the written parameters of these coordinates, in SI; infinite where they run away."""
+        """Return the curve's own parameters of these coordinates, in SI; infinite if they diverge."""
 
     def written(self, u: FloatArray) -> FloatArray:
-        """Return the written parameters of a curve, all of them finite."""
+        """Return the curve's own parameters, all of them finite."""
         return self.parameters(self.coordinates(u))
 
     def sensor(self, u: FloatArray, low: float, high: float) -> Any:
-        """Return the sensor, valid on [low, high] in m."""
-        given = dict(zip(self.parameter_names, map(float, self.written(u)), strict=True))
-        return self.curve(**given, minimum_distance=low, maximum_distance=high)
+        """Return the sensor curve, valid on [low, high] in m."""
+        parameters = dict(zip(self.parameter_names, map(float, self.written(u)), strict=True))
+        return self.curve(**parameters, minimum_distance=low, maximum_distance=high)
 
     def easing(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return bounds within which no curve gets steeper farther away."""
+        """Return bounds within which |g| of every curve falls with the distance."""
         return low, high
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return what curves cost beforehand, shape (b,), in units of a squared residual."""
+        """Return the prior cost of curves, shape (b,), in units of a squared residual."""
         return np.zeros(len(u))
 
     def runs_away(self, ends: Any) -> bool:  # noqa: ARG002 - for subclasses
-        """Tell whether parameters may grow together without bound, by their intervals' ends, and which were reached."""
+        """Tell from the ends of their confidence intervals whether parameters may diverge together."""
         return False
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Say which parameters readings cannot tell apart; `slope` is g at l_m, and a runaway is of some together."""
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+        """Return remarks on parameters that the readings do not identify; `runaway` if some diverge together."""
         return ()
 
     def remarks(self, parameters: Mapping[str, Any], *, at_bound: bool) -> tuple[str, ...]:  # noqa: ARG002
-        """Say what a user should know of the parameters that were found, one of them maybe at a bound of the search."""
+        """Return remarks on the fitted parameters; `at_bound` if one is at a bound of the search."""
         return ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainFamily(Family):
-    """Any curve that says where a fit starts, one at a time, which is slower than a family of its own.
+    """Family of any curve that defines `fit_start`; it is slower than others, since it evaluates one curve at a time.
 
-    u = (ln xi(l_m), the other parameters, as logarithms where they have a sign).
+    u = (ln xi(l_m), the other parameters; those with a prescribed sign as logarithms of their magnitudes).
     """
 
     quick: ClassVar[bool] = False
@@ -140,36 +140,36 @@ class PlainFamily(Family):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Those of the logarithms are wide, all others have none."""
+        """Wide bounds for logarithms; no bounds for all other parameters."""
         ends = np.array([np.inf, *(np.inf if sign == "any" else _WIDE for sign in self._signs)])
         return -ends, ends
 
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
-        """Return what the curve says of itself."""
-        given = self.curve.fit_start(slope, curvature, self.middle)
+        """Return the start that the curve defines by `fit_start`."""
+        start = self.curve.fit_start(slope, curvature, self.middle)
         pairs = zip(self.parameter_names[1:], self._signs, strict=True)
-        return np.array([log_middle, *(_encoded(float(given[name]), sign) for name, sign in pairs)])
+        return np.array([log_middle, *(_encoded(float(start[name]), sign) for name, sign in pairs)])
 
     def _curve(self, u: FloatArray) -> Any:
-        """Return the curve with the scale 1; None where there is none."""
+        """Return the curve with the scale 1; None if the parameters are invalid."""
         values = [_decoded(float(v), sign) for v, sign in zip(u[1:], self._signs, strict=True)]
         try:
-            given = dict(zip(self.parameter_names, [1.0, *values], strict=True))
-            return self.curve(**given, minimum_distance=self.first, maximum_distance=self.last)
+            parameters = dict(zip(self.parameter_names, [1.0, *values], strict=True))
+            return self.curve(**parameters, minimum_distance=self.first, maximum_distance=self.last)
         except InvalidInputError:
             return None
 
     def _rows(self, u: FloatArray, distance: FloatArray, method: str) -> FloatArray:
         rows = u.reshape(-1, u.shape[-1])
         places = np.clip(distance, self.first, self.last)
-        found = np.full((len(rows), len(places)), _NO_CURVE)
+        result = np.full((len(rows), len(places)), _NO_CURVE)
         for i, row in enumerate(rows):
             curve = self._curve(row)
             if curve is not None:
-                own = getattr(curve, method)(places)
+                values = getattr(curve, method)(places)
                 level = 0.0 if method == "log_slope" else row[0] - curve.log_output(self.middle)
-                found[i] = own + level
-        return found.reshape(*u.shape[:-1], len(places))
+                result[i] = values + level
+        return result.reshape(*u.shape[:-1], len(places))
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
         """Return ln xi, row by row."""
@@ -180,13 +180,13 @@ class PlainFamily(Family):
         return self._rows(u, distance, "log_slope")
 
     def coordinates(self, u: FloatArray) -> FloatArray:
-        """Return ln scale, and the others as they are."""
+        """Return ln(scale) and the other fit parameters."""
         curve = self._curve(u)
         level = 0.0 if curve is None else float(curve.log_output(self.middle))
         return np.array([u[0] - level, *u[1:]])
 
     def parameters(self, coordinates: FloatArray) -> FloatArray:
-        """Return the written parameters."""
+        """Return the curve's own parameters."""
         with np.errstate(over="ignore"):
             values = [_decoded(float(v), sign) for v, sign in zip(coordinates[1:], self._signs, strict=True)]
             return np.array([np.exp(coordinates[0]), *values])

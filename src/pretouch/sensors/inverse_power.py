@@ -1,4 +1,4 @@
-"""The inverse power curve, L(3), and how it is fitted."""
+"""The inverse power curve, L(3), and its family for fits."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity
 
-from .change import Alike, CurveChange
 from .family import Family
 from .model import SensorModel, parameter
+from .sensitivity import CurveSensitivity, CurveSimilarity
 
 _HEAVIEST_KAPPA: Final = 1 / 0.7
-"""1 / n of the flattest inverse power that is considered."""
+"""Largest 1 / n, that of the flattest inverse power that is considered."""
+
 _EXPONENTIAL_KAPPA: Final = 1e-6
-_FLAT_TAIL: Final = 0.65  # of the logarithm of 2 / n
-_POINT_SOURCE: Final = 2.0  # the exponent of a point of light
+"""Smallest 1 / n; the curve then equals an exponential."""
+
+_FLAT_TAIL: Final = 0.65  # standard deviation of the prior of ln(2 / n)
+_POINT_SOURCE: Final = 2.0  # the exponent of a point light source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _InversePowerFamily(Family):
     """u = (ln xi(l_m), ln r_1, kappa), r_1 = -1 / g at the first distance.
 
-    g = -1 / (r + kappa (l - l_m)) with kappa = 1 / n and r = (l_m + l_0) / n contains the exponential as kappa -> 0.
+    g = -1 / (r + kappa (l - l_m)) with kappa = 1 / n and r = (l_m + l_0) / n becomes the exponential as kappa -> 0.
     """
 
     kappa_max: float = 10.0
@@ -38,7 +41,7 @@ class _InversePowerFamily(Family):
 
     @property
     def kappa_min(self) -> float:
-        """The smallest 1 / n: below, the curve is an exponential, and its scale would overflow if it were asked for."""
+        """The smallest 1 / n. Below it the curve equals an exponential, and its scale would overflow."""
         return self.kappa_floor or next(
             (1 / n for n in (200, 100, 50) if n * abs(math.log(n * self.span)) < 500), 1 / 20
         )
@@ -75,7 +78,7 @@ class _InversePowerFamily(Family):
 
     def written(self, u: FloatArray) -> FloatArray:
         q = self.coordinates(u)
-        while abs(q[0]) > 600 and q[2] < 0:  # a nearly constant slope far beyond the window: keep g(l_m), raise kappa
+        while abs(q[0]) > 600 and q[2] < 0:  # nearly constant slope: keep g(l_m) and raise kappa
             kappa = 2 * math.exp(q[2])
             radius = float(self._radius(u)) - kappa * (self.middle - self.first)
             u = np.array([u[0], math.log(max(radius, 1e-3 * self.span)), kappa])
@@ -87,9 +90,10 @@ class _InversePowerFamily(Family):
         return cls(curve=curve, first=first, last=last, kappa_max=_HEAVIEST_KAPPA, kappa_floor=_EXPONENTIAL_KAPPA)
 
     def prior(self, u: FloatArray) -> FloatArray:
-        """Return what a tail flatter than 1 / l^2 costs: light of a source of finite size does not fall so slowly.
+        """Return the prior cost of a tail flatter than 1 / l^2, since light of a small source does not fall so slowly.
 
-        Readings that ask for it get it: n = 1 costs 1.1, and no exponent more than 3.8, the square of a 95 % interval.
+        Clear evidence outweighs it: n = 1 costs 1.1, and no exponent costs more than 3.8, the square of the half width
+        of a 95 % interval in standard deviations.
         """
         return np.asarray(np.minimum((np.maximum(np.log(2 * u[:, 2]), 0.0) / _FLAT_TAIL) ** 2, 3.8))
 
@@ -98,13 +102,13 @@ class _InversePowerFamily(Family):
         low, _, reached, _ = ends[2]
         return bool(not reached or low <= math.log(1.05 * float(self.bounds[0][2])))
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:
         if not runaway:
             return ()
         at, low = format_quantity(self.middle, "m"), parameters["exponent"].low
         return (
-            f"Only n / (l_0 + {at}) = {-slope.value:.4g} 1/m, the slope in the middle of the window, is known: "
-            f"n and l_0 run away together (n is above {low:.3g}, with no upper bound), and an exponential fits as "
+            f"The readings determine only n / (l_0 + {at}) = {-slope.value:.4g} 1/m, the slope in the middle of the "
+            f"window. n and l_0 can grow together without bound (n is above {low:.3g}), and an exponential fits as "
             "well.",
         )
 
@@ -112,20 +116,19 @@ class _InversePowerFamily(Family):
         exponent = parameters["exponent"]
         if not exponent.value < _POINT_SOURCE:
             return ()
-        sure = "ask for" if exponent.high < _POINT_SOURCE else "allow"
+        verb = "require" if exponent.high < _POINT_SOURCE else "allow"
         return (
-            f"The readings {sure} an exponent of {exponent.value:.3g}, below the 2 of a point of light. Light from a "
-            "large object, or from several emitters in a row, falls off so slowly; so does a pedestal that was not "
-            "subtracted.",
+            f"The readings {verb} an exponent of {exponent.value:.3g}, below the 2 of a point light source. A large "
+            "object or a row of emitters can cause such a slow decay. So can an offset that was not subtracted.",
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InversePower(SensorModel):
-    """Inverse power curve xi = scale / (l + l_0)^n, L(3), with alpha beta psi lumped into one scale.
+    """Inverse power curve xi = scale / (l + l_0)^n, L(3), with scale = alpha beta psi.
 
     Args:
-        scale: alpha beta psi > 0, in the unit of the output times m^n; it cancels from the motion.
+        scale: alpha beta psi > 0, in the unit of the output times m^n; it does not affect the motion.
         distance_offset: l_0 [m], from the virtual source to the contact surface; l + l_0 must stay positive.
         exponent: n > 0, the diffusion exponent.
         minimum_distance: smallest valid l [m].
@@ -149,17 +152,17 @@ class InversePower(SensorModel):
         offset = self.distance_offset
         if not self.minimum_distance + offset > 0:
             raise InvalidInputError(
-                f"distance_offset: found {offset:g} m, which must exceed minus the minimum distance "
-                f"({-self.minimum_distance:g} m), or the output is infinite there"
+                f"distance_offset: found {offset:g} m, which must exceed {-self.minimum_distance:g} m, minus the "
+                "minimum distance; otherwise the output is infinite inside the valid range"
             )
 
-    def _change_by(self, name: str) -> CurveChange | None:
-        known = {
-            "scale": CurveChange(),
-            "distance_offset": CurveChange(shift=1.0),
-            "exponent": CurveChange(output=1 / self.exponent),
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
+        sensitivities = {
+            "scale": CurveSensitivity(),
+            "distance_offset": CurveSensitivity(shift=1.0),
+            "exponent": CurveSensitivity(output=1 / self.exponent),
         }
-        return known.get(name)
+        return sensitivities.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         return np.asarray(np.log(self.scale) - self.exponent * np.log(distance + self.distance_offset))
@@ -167,16 +170,21 @@ class InversePower(SensorModel):
     def _log_slope(self, distance: FloatArray) -> FloatArray:
         return np.asarray(-self.exponent / (distance + self.distance_offset))
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
-        """Curves -n / (l + l_0) are one, in other units of length, s = L_0 / l_0, and with s n / N times the gain."""
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],
+        recess: FloatArray,
+        distance: Any,  # noqa: ARG002
+    ) -> CurveSimilarity | None:
+        """Return the similarity of g = -n / (l + l_0): lengths scale with s = L_0 / l_0, the gain with s n / N."""
         offset = np.asarray(values.get("distance_offset", self.distance_offset)) + recess
         exponent = np.asarray(values.get("exponent", self.exponent))
         if not (np.all(offset > 0) and np.all(exponent > 0)):
             return None
-        own = float(np.median(offset))
-        length = own / offset
-        return Alike(
-            curve=replace(self, minimum_distance=0.0, maximum_distance=np.inf, distance_offset=own),
+        reference = float(np.median(offset))
+        length = reference / offset
+        return CurveSimilarity(
+            curve=replace(self, minimum_distance=0.0, maximum_distance=np.inf, distance_offset=reference),
             length=length,
             gain=length * (exponent / self.exponent),
             parameters={

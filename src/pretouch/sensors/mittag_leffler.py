@@ -1,4 +1,4 @@
-"""The one-parameter Mittag-Leffler curve, the generalization of the exponential that the letter cites [20]."""
+"""The one-parameter Mittag-Leffler curve, a generalization of the exponential cited by the letter as [20]."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ import numpy as np
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.numbers import FloatArray
 
-from .change import CurveChange
 from .family import Family
 from .model import SensorModel, parameter
+from .sensitivity import CurveSensitivity
 
-# Weideman & Trefethen (2007), Math. Comp. 76, 1341-1356: on the parabola s(u) = mu (1 + i u)^2 with mu = pi N / 12
-# and the step 3 / N, the 2 N nodes of the inverse Laplace transform leave an error of order 2.85^-2N for a function
-# that is analytic off the negative real axis. N = 18 leaves 1e-14 of the derivative at zero, which decays slowest;
-# more would only amplify rounding, by exp(mu).
+# Weideman & Trefethen (2007), Math. Comp. 76, 1341-1356: the inverse Laplace transform is evaluated at 2 N nodes on the
+# parabola s(u) = mu (1 + i u)^2 with mu = pi N / 12 and the step 3 / N. Its error is of order 2.85^-2N for a function
+# that is analytic off the negative real axis. With N = 18 the relative error of the derivative at zero, which converges
+# most slowly, is 1e-14. A larger N would only amplify rounding by exp(mu).
 _NODES: Final = 18
-# The rounding of that sum stays while E falls like exp(z): beyond these, a sum of positive terms takes over.
-_NEAR_ONE: Final = 0.68  # with poles at |Im v| = pi (1 - alpha), inside d = alpha pi / 2 only for alpha > 2 / 3
-_ROUNDING: Final = 1e-13 / math.e  # of that sum, absolute: E(-1) keeps 1e-13 of itself
-_STEP: Final = 0.15  # leaves exp(-2 pi d / step) < 1e-19: the integrand is bounded for |Im v| <= d
-_ACCURACY: Final = 1e-9  # of a curve that is fitted
-_CHUNK: Final = 1024  # arguments at a time: one needs some 350 nodes
+# The absolute rounding error of that sum is constant, while E falls like exp(z). For orders near one and large |z|,
+# a sum of positive terms is used instead.
+_NEAR_ONE: Final = 0.68  # its poles at |Im v| = pi (1 - alpha) lie inside d = alpha pi / 2 only for alpha > 2 / 3
+_ROUNDING: Final = 1e-13 / math.e  # absolute error of the sum on the parabola; the relative error of E(-1) is 1e-13
+_STEP: Final = 0.15  # its error is exp(-2 pi d / step) < 1e-19, since the integrand is bounded for |Im v| <= d
+_ACCURACY: Final = 1e-9  # relative, sufficient for a fit
+_CHUNK: Final = 1024  # arguments per call, to limit memory: each needs about 350 nodes
 
 
 def mittag_leffler(
@@ -37,7 +38,7 @@ def mittag_leffler(
     Args:
         order: alpha, in (0, 1]; or one for each row of the arguments, shape (b,).
         argument: z <= 0, any shape; shape (b, n) for several orders.
-        accuracy: relative, that is enough: a coarser one spares the slower of two sums more often.
+        accuracy: required relative accuracy; a lower one avoids the slower of two sums more often.
 
     Returns:
         E_alpha(z) and dE_alpha/dz, each of the shape of z.
@@ -58,25 +59,25 @@ def mittag_leffler(
         raise InvalidInputError(f"argument: found {float(z[~(z <= 0)].flat[0]):g}, which must not be positive")
     rows = z.reshape(len(orders), -1)
     value, derivative = np.empty_like(rows), np.empty_like(rows)
-    many = max(1, _CHUNK // max(rows.shape[1], 1))
-    for top in range(0, len(rows), many):
+    count = max(1, _CHUNK // max(rows.shape[1], 1))
+    for top in range(0, len(rows), count):
         for left in range(0, rows.shape[1], _CHUNK):
-            part = np.s_[top : top + many, left : left + _CHUNK]
-            value[part], derivative[part] = _on_parabola(orders[top : top + many, None, None], rows[part])
+            part = np.s_[top : top + count, left : left + _CHUNK]
+            value[part], derivative[part] = _on_parabola(orders[top : top + count, None, None], rows[part])
     far = rows < -math.log(accuracy / _ROUNDING)
     for i in np.flatnonzero((orders > _NEAR_ONE) & far.any(axis=1)):
         index = np.flatnonzero(far[i])
         for start in range(0, len(index), _CHUNK):
             some = index[start : start + _CHUNK]
             value[i, some], derivative[i, some] = _on_line(float(orders[i]), rows[i, some])
-    plain = orders == 1
-    value[plain] = derivative[plain] = np.exp(rows[plain])
+    exponential = orders == 1
+    value[exponential] = derivative[exponential] = np.exp(rows[exponential])
     return value.reshape(z.shape), derivative.reshape(z.shape)
 
 
 def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Sum the inverse Laplace transform at time one of s^(alpha-1) / (s^alpha - z), and of its derivative by z."""
-    # orders of shape (b, 1, 1), arguments (b, n); the other half of the nodes is the complex conjugate of this one
+    # Orders have the shape (b, 1, 1), arguments (b, n). Half of the nodes suffice; the others are complex conjugates.
     step, mu = 3.0 / _NODES, math.pi * _NODES / 12
     node = 1 + 1j * (np.arange(_NODES) + 0.5) * step
     s = mu * node**2
@@ -92,9 +93,10 @@ def _on_parabola(order: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _on_line(order: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Sum E_alpha(-x) = sin(delta) / (pi alpha) int exp(-(x e^v)^(1/alpha)) / (2 (cosh v - cos delta)) dv."""
-    # The transform collapsed onto its branch cut, at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha): the terms are
-    # positive and keep their digits however small E becomes. The trapezoidal rule on the half-integers misses the
-    # poles at v = +-i delta by their residues over 1 + exp(2 pi delta / step): all that is left, exp(-x), at alpha = 1.
+    # This is the transform on its branch cut at r = (x e^v)^(1/alpha), with delta = pi (1 - alpha). All terms are
+    # positive, so the sum keeps its relative accuracy for any small E. The trapezoidal rule at half-integers has an
+    # error due to the poles at v = +-i delta: their residues over 1 + exp(2 pi delta / step), which are added. At
+    # alpha = 1 only the residues remain, exp(-x).
     delta = math.pi * (1 - order)
     left, right = -40 - np.log(-z.min()), order * math.log(750)  # below, e^v < 1e-17 / x; above, exp(-750) = 0
     v = _STEP * (np.arange(math.floor(left / _STEP), math.ceil(right / _STEP)) + 0.5)
@@ -118,7 +120,9 @@ class _MittagLefflerFamily(Family):
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         reach = -math.log(self.span)
-        return np.array([-np.inf, reach - 6, 0.05]), np.array([np.inf, reach + 6, 1.0])  # beyond, c is lost in a
+        return np.array([-np.inf, reach - 6, 0.05]), np.array(
+            [np.inf, reach + 6, 1.0]
+        )  # beyond, c and a cannot be identified
 
     def start(self, log_middle: float, slope: float, curvature: float) -> FloatArray:
         bend = max(curvature, 0.0) * self.span / -slope
@@ -129,7 +133,7 @@ class _MittagLefflerFamily(Family):
         argument = -np.exp(u[..., 1, None]) * distance
         order = np.minimum(u[..., 2], 1.0).ravel()
         value, derivative = mittag_leffler(order, argument, accuracy=_ACCURACY)
-        value = np.clip(value, 1e-300, 1.0)  # trial steps may go where the curve underflows
+        value = np.clip(value, 1e-300, 1.0)  # the curve may underflow at trial steps
         return np.log(value), derivative / value
 
     def log_output(self, u: FloatArray, distance: FloatArray) -> FloatArray:
@@ -151,19 +155,22 @@ class _MittagLefflerFamily(Family):
         scale, rate, order = self.parameters(self.coordinates(u))
         return np.array([scale, rate, min(order, 1.0)])
 
-    def told_apart(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
+    def identifiability_remarks(self, parameters: Mapping[str, Any], slope: Any, *, runaway: bool) -> tuple[str, ...]:  # noqa: ARG002
         order = parameters["order"]
         if order.high < 1:
             return ()
-        return (f"The order is not told from 1, a first-order exponential (95 % interval from {order.low:.3g} to 1).",)
+        return (
+            "The order does not differ significantly from 1, the value of a first-order exponential "
+            f"(95 % interval from {order.low:.3g} to 1).",
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MittagLeffler(SensorModel):
-    """Mittag-Leffler curve xi = a E_alpha(c l), which is L(5) at alpha = 1 and decays algebraically below it.
+    """Mittag-Leffler curve xi = a E_alpha(c l): the exponential L(5) for alpha = 1, an algebraic decay for alpha < 1.
 
     Args:
-        scale: a > 0, in the unit of the output; it cancels from the motion.
+        scale: a > 0, in the unit of the output; it does not affect the motion.
         rate: c < 0 [1/m].
         order: alpha, in (0, 1].
         minimum_distance: smallest valid l [m], not negative.
@@ -190,11 +197,11 @@ class MittagLeffler(SensorModel):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope c [1/m] where alpha = 1, else None."""
+        """The slope c [1/m] if alpha = 1, else None."""
         return self.rate if self.order == 1 else None
 
-    def _change_by(self, name: str) -> CurveChange | None:
-        return {"scale": CurveChange(), "rate": CurveChange(stretch=1 / self.rate)}.get(name)
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:
+        return {"scale": CurveSensitivity(), "rate": CurveSensitivity(stretch=1 / self.rate)}.get(name)
 
     def _log_output(self, distance: FloatArray) -> FloatArray:
         if self.order == 1:

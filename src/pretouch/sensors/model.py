@@ -1,4 +1,4 @@
-"""What a proximity sensor is to pretouch: ln xi(l), its slope g(l), and the distances at which they hold."""
+"""Base class of sensor curves: ln xi(l), its slope g(l), and the distances at which they are valid."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from pretouch._core.numbers import BoolArray, FloatArray, are_numbers, finite
 from pretouch._core.values import Sign, check_types, quantity
 from pretouch._core.vocabulary import short_repr
 
-from .change import Alike, CurveChange
 from .family import Family, PlainFamily
+from .sensitivity import CurveSensitivity, CurveSimilarity
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -35,36 +35,36 @@ def parameter(
     of_output: str | None = None,
     largest: float = math.inf,
 ) -> Any:
-    """Declare a dataclass field that is a parameter of the curve: all that fits, files and messages ask of it.
+    """Declare a dataclass field that is a parameter of the curve, with the data that fits, files and messages need.
 
     Args:
-        symbol: how the literature writes it.
-        unit: its SI unit; the empty text for a pure number, or one that follows the output's.
-        default: its value where none is given; None where one must be.
-        sign: "any", "positive" or "negative": checked.
-        example: a value as a scenario file has it, for messages.
-        of_output: for a scale: its unit over that of the output; None for all others.
-        largest: what it may be at most.
+        symbol: its symbol in the literature.
+        unit: its SI unit; empty for a pure number or a unit that depends on that of the output.
+        default: its default value; None if a value is required.
+        sign: "any", "positive" or "negative"; it is checked.
+        example: an example value in the syntax of a scenario file, for messages.
+        of_output: unit of a scale divided by that of the output; None for all other parameters.
+        largest: largest allowed value.
 
     Returns:
         The field; its value is checked to be one finite number of that sign.
     """
     domain = (0.0 if sign == "positive" else -math.inf, 0.0 if sign == "negative" else largest)
-    told: dict[str, Any] = {"symbol": symbol, "of_output": of_output, "domain": domain}
-    return quantity(unit, MISSING if default is None else default, sign=sign, example=example, **told)
+    metadata: dict[str, Any] = {"symbol": symbol, "of_output": of_output, "domain": domain}
+    return quantity(unit, MISSING if default is None else default, sign=sign, example=example, **metadata)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # a subclass compares all of its own fields, or itself
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)  # subclasses define their own comparison
 class SensorModel(ABC):
     """A sensor curve: ln xi(l) and g(l) = d ln xi / dl on a valid range, L(2).
 
-    The virtual force is F_p = D_p xi'/xi = D_p g(l) l', so these two functions are all that force, motion and
-    design ever ask of a sensor. A new curve is a frozen dataclass that inherits from this one and defines
-    `_log_output` and `_log_slope`; `check_sensor` then tells whether it obeys the laws.
+    The virtual force is F_p = D_p xi'/xi = D_p g(l) l', so force, motion and design need only these two functions. A
+    new curve is a frozen dataclass that inherits from this class and defines `_log_output` and `_log_slope`.
+    `check_sensor` then checks that it obeys the laws of sensor curves.
 
     Args:
-        minimum_distance: smallest distance l at which the curve holds [m].
-        maximum_distance: largest distance l at which the curve holds [m]; may be infinite.
+        minimum_distance: smallest distance l at which the curve is valid [m].
+        maximum_distance: largest distance l at which the curve is valid [m]; may be infinite.
     """
 
     minimum_distance: float = 0.0
@@ -72,7 +72,7 @@ class SensorModel(ABC):
 
     name: ClassVar[str] = ""
     family: ClassVar[type[Family]] = PlainFamily
-    """How it is fitted: by the general way, which needs `fit_start`, or by one of its own."""
+    """How the curve is fitted: by the general family, which needs `fit_start`, or by a specialized one."""
 
     def __post_init__(self) -> None:
         for f in self._declared():
@@ -91,15 +91,15 @@ class SensorModel(ABC):
 
     @abstractmethod
     def _log_output(self, distance: FloatArray) -> FloatArray:
-        """Return ln xi at distances that are known to be valid."""
+        """Return ln xi at distances that have been checked to be valid."""
 
     @abstractmethod
     def _log_slope(self, distance: FloatArray) -> FloatArray:
-        """Return g = d ln xi / dl [1/m] at distances that are known to be valid."""
+        """Return g = d ln xi / dl [1/m] at distances that have been checked to be valid."""
 
     @property
     def valid_range(self) -> tuple[float, float]:
-        """The distances [l_min, l_max] in m between which the curve holds."""
+        """The distances [l_min, l_max] in m between which the curve is valid."""
         return self.minimum_distance, self.maximum_distance
 
     @property
@@ -113,12 +113,12 @@ class SensorModel(ABC):
 
     @property
     def constant_log_slope(self) -> float | None:
-        """The slope g [1/m] where it is the same at every distance, else None."""
+        """The slope g [1/m] if it is constant, else None."""
         return None
 
     @classmethod
     def _declared(cls) -> list[Field[Any]]:
-        """Return the fields that are parameters of the curve, the scale first, with what `parameter` told of them."""
+        """Return the fields declared by `parameter`, the scale first."""
         return [f for f in fields(cls) if "unit" in f.metadata]
 
     @property
@@ -128,12 +128,12 @@ class SensorModel(ABC):
 
     @property
     def bare(self) -> tuple[SensorModel, float]:
-        """The curve over the distance from the sensor's own zero, and how far that lies behind the surface [m]."""
+        """The curve over the distance from the sensor's own zero, and the recess of that zero [m]."""
         return self, 0.0
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The SI unit of each parameter by its name; the empty text for pure numbers."""
+        """The SI unit of each parameter by its name; empty for pure numbers."""
         return {f.name: f.metadata["unit"] for f in self._declared()}
 
     def with_parameters(self, values: Mapping[str, float]) -> SensorModel:
@@ -142,7 +142,7 @@ class SensorModel(ABC):
 
     @classmethod
     def fit_start(cls, slope: float, curvature: float, middle: float) -> Mapping[str, float] | None:  # noqa: ARG003
-        """Return parameters, but for the scale, of a curve near what readings say: where a fit starts.
+        """Return the start of a fit: all parameters but the scale, of a curve near the readings.
 
         Args:
             slope: g in the middle of the window [1/m].
@@ -154,17 +154,28 @@ class SensorModel(ABC):
         """
         return None
 
-    def _alike(self, values: Mapping[str, FloatArray], recess: FloatArray, distance: Any) -> Alike | None:  # noqa: ARG002
-        """Return how curves with other parameters and recesses [m] are one, from the distances [m] where they start."""
+    def _similarity(
+        self,
+        values: Mapping[str, FloatArray],  # noqa: ARG002
+        recess: FloatArray,  # noqa: ARG002
+        distance: Any,  # noqa: ARG002
+    ) -> CurveSimilarity | None:
+        """Return the similarity of curves with other parameters and recesses [m], or None.
+
+        Args:
+            values: arrays of the parameters that differ.
+            recess: the recess of each curve [m].
+            distance: the distances at which encounters start [m].
+        """
         return None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve as one JSON object, in SI."""
-        told = {"model": self.name, "parameters": self.parameters, "valid_range": self.valid_range}
-        return dict(plain(told))
+        content = {"model": self.name, "parameters": self.parameters, "valid_range": self.valid_range}
+        return dict(plain(content))
 
-    def _change_by(self, name: str) -> CurveChange | None:  # noqa: ARG002 - for subclasses
-        """Return how a parameter changes ln xi, where that is known; None: it is found by differences."""
+    def _sensitivity_to(self, name: str) -> CurveSensitivity | None:  # noqa: ARG002 - for subclasses
+        """Return the exact derivative with respect to a parameter; None: it is computed numerically."""
         return None
 
     @final
@@ -174,12 +185,12 @@ class SensorModel(ABC):
 
     @final
     def log_slope(self, distance: ArrayLike) -> Any:
-        """Evaluate g(l) = d ln xi / dl [1/m] at distances l [m] of any shape inside the valid range, likewise."""
+        """Evaluate g(l) = d ln xi / dl [1/m] at distances l [m] inside the valid range; a float for a scalar."""
         return self._like(distance, self._log_slope(self._checked(distance)))
 
     @final
     def output(self, distance: ArrayLike) -> Any:
-        """Evaluate the output xi(l), in the calibration's unit, at distances [m] inside the valid range, likewise."""
+        """Evaluate xi(l) [unit of the calibration] at distances l [m] inside the valid range; a float for a scalar."""
         return self._like(distance, np.exp(self._log_output(self._checked(distance))))
 
     @final
@@ -194,10 +205,10 @@ class SensorModel(ABC):
         inside = self.contains(values)
         if not inside.all():
             low, high = self.valid_range
-            culprit = float(np.atleast_1d(values)[~np.atleast_1d(inside)][0])
+            outside = float(np.atleast_1d(values)[~np.atleast_1d(inside)][0])
             raise OutOfRangeError(
-                f"distance: found {culprit:g} m, where the {self.name or type(self).__name__} sensor says nothing; "
-                f"it is valid from {low:g} m to {high:g} m"
+                f"distance: found {outside:g} m, outside the range of the {self.name or type(self).__name__} curve; "
+                f"the curve is valid from {low:g} m to {high:g} m"
             )
         return values
 
@@ -205,14 +216,14 @@ class SensorModel(ABC):
         result = np.asarray(values, dtype=np.float64)
         if result.shape != np.shape(distance):
             raise InvalidInputError(
-                f"sensor: the {self.name or type(self).__name__} curve gave the shape {result.shape} for distances of "
-                f"the shape {np.shape(distance)}, expected the same"
+                f"sensor: the {self.name or type(self).__name__} curve returned the shape {result.shape} for distances "
+                f"of the shape {np.shape(distance)}, expected the same shape"
             )
         return float(result) if result.ndim == 0 else result
 
 
 def _distances(distance: ArrayLike) -> FloatArray:
-    """Return distances [m] as an array of floats; refuse texts, truth values and whatever else is no number."""
+    """Return distances [m] as an array of floats; refuse texts, truth values and everything else that is no number."""
     values = np.asarray(distance)
     if values.dtype.kind == "f" or are_numbers(distance):
         return np.asarray(values, dtype=np.float64)
@@ -220,13 +231,13 @@ def _distances(distance: ArrayLike) -> FloatArray:
 
 
 def _check_domain(value: float, name: str, metadata: Mapping[str, Any]) -> None:
-    """Check that a parameter has the sign that its declaration says, and is not too large."""
-    sign, (_, most) = metadata["sign"], metadata["domain"]
-    if (sign != "positive" or value > 0) and (sign != "negative" or value < 0) and value <= most:
+    """Check that a parameter has its declared sign and does not exceed its declared limit."""
+    sign, (_, largest) = metadata["sign"], metadata["domain"]
+    if (sign != "positive" or value > 0) and (sign != "negative" or value < 0) and value <= largest:
         return
-    found = f"{value:g} {metadata['unit']}".strip()
-    must = f"must lie in (0, {most:g}]" if sign == "positive" and math.isfinite(most) else f"must be {sign}"
-    raise InvalidInputError(f"{name}: found {found}, which {must}")
+    text = f"{value:g} {metadata['unit']}".strip()
+    rule = f"must lie in (0, {largest:g}]" if sign == "positive" and math.isfinite(largest) else f"must be {sign}"
+    raise InvalidInputError(f"{name}: found {text}, which {rule}")
 
 
 def _number(value: Any, name: str, unit: str) -> float:
@@ -238,55 +249,54 @@ def _number(value: Any, name: str, unit: str) -> float:
 
 
 def _limit(value: Any, name: str) -> float:
-    """Check that a value is one number [m], which may be infinite."""
+    """Check that a value is one number [m]; infinity is allowed."""
     return float(value) if isinstance(value, float) and math.isinf(value) else _number(value, name, "m")
 
 
-def kept_by_curve(
-    most: int,
+def cache_by_curve(
+    size: int,
 ) -> Callable[[Callable[Concatenate[SensorModel, P], R]], Callable[Concatenate[SensorModel, P], R]]:
-    """Keep `most` results of a function of a curve and of numbers; what was asked before changes nothing of them."""
-    # Equal curves share their results. Curves compare their fields: one that holds anything else, which a comparison
-    # does not see, has its results computed anew.
+    """Cache up to `size` results of a function of a curve and numbers."""
+    # Equal curves share their results. Curves compare by their fields, so one with another attribute is not cached.
 
-    def keeping(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
-        kept = lru_cache(maxsize=most)(function)
+    def decorate(function: Callable[Concatenate[SensorModel, P], R]) -> Callable[Concatenate[SensorModel, P], R]:
+        cached = lru_cache(maxsize=size)(function)
 
         @wraps(function)
-        def found(sensor: SensorModel, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            return (kept if _is_what_it_compares(sensor) else function)(sensor, *args, **kwargs)  # type: ignore[arg-type]
+        def call(sensor: SensorModel, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            return (cached if _has_only_fields(sensor) else function)(sensor, *args, **kwargs)  # type: ignore[arg-type]
 
-        return found
+        return call
 
-    return keeping
+    return decorate
 
 
-def _is_what_it_compares(sensor: SensorModel) -> bool:
-    """Tell whether a curve, and each that it is made of, holds its fields and what it has computed from them only."""
-    held = getattr(sensor, "__dict__", None)
-    if held:
-        others = held.keys() - {f.name for f in fields(sensor)}
+def _has_only_fields(sensor: SensorModel) -> bool:
+    """Tell whether a curve and its inner curves have only fields and properties cached from them as attributes."""
+    attributes = getattr(sensor, "__dict__", None)
+    if attributes:
+        others = attributes.keys() - {f.name for f in fields(sensor)}
         if any(not isinstance(getattr(type(sensor), name, None), cached_property) for name in others):
             return False
     inner = getattr(sensor, "sensor", None)
-    return _is_what_it_compares(inner) if isinstance(inner, SensorModel) else True
+    return _has_only_fields(inner) if isinstance(inner, SensorModel) else True
 
 
 def is_built_in(sensor: SensorModel) -> bool:
-    """Tell whether a curve is one of pretouch, with parameters in the place of a user's functions."""
+    """Tell whether a curve is defined by pretouch and does not call functions of the user."""
     cls: Any = type(sensor)
-    known: bool | None = cls.__dict__.get("_built_in")
-    if known is not None:
-        return known
+    cached: bool | None = cls.__dict__.get("_built_in")
+    if cached is not None:
+        return cached
     curve = innermost(sensor)
-    found = type(curve).__module__.startswith("pretouch.") and not hasattr(curve, "log_output_function")
-    if found and curve is sensor and not hasattr(cls, "sensor"):
+    result = type(curve).__module__.startswith("pretouch.") and not hasattr(curve, "log_output_function")
+    if result and curve is sensor and not hasattr(cls, "sensor"):
         cls._built_in = True
-    return found
+    return result
 
 
 def innermost(sensor: SensorModel) -> SensorModel:
-    """Return the curve of a sensor behind the surface, or the curve itself."""
+    """Return the inner curve of a recessed sensor, or the curve itself."""
     while isinstance(inner := getattr(sensor, "sensor", None), SensorModel):
         sensor = inner
     return sensor

@@ -17,7 +17,7 @@ from pretouch._core.units import format_quantity
 from pretouch._core.values import OUTPUT, OUTPUT_RATE, check_declared, flag, quantity
 from pretouch.calibration import SensorFit
 from pretouch.control import Controller
-from pretouch.control.components import design_low_pass, output_in_words
+from pretouch.control.components import design_low_pass, format_output
 
 Row = tuple[str, Cell]
 
@@ -146,18 +146,18 @@ class SensorChain:
             yield "reports", "a distance, which its driver turns into \u03be by the curve"
             yield "noise of the distance", Measured(self.distance_noise, "m")
             yield "step of the distance", Measured(self.distance_resolution, "m")
-        yield "noise without a signal", output_in_words(self.noise)
+        yield "noise without a signal", format_output(self.noise)
         yield "noise relative to \u03be", _percent(self.relative_noise)
         if self.misfit:
             alike = f"alike over {format_quantity(self.misfit_length, 'm')} of distance"
             yield "misfit of the curve relative to \u03be", f"{_percent(self.misfit)}, another in each run, {alike}"
         for label, value in (("ambient offset", self.offset), ("crosstalk", self.crosstalk), ("step", self.resolution)):
             if value:
-                yield label, output_in_words(value)
+                yield label, format_output(value)
         if self.drift:
             yield "drift", f"{self.drift:.4g} [unit of \u03be per s]"
         if math.isfinite(self.lowest) or math.isfinite(self.highest):
-            yield "clips", f"below {self.lowest:.6g} and above {output_in_words(self.highest)}"
+            yield "clips", f"below {self.lowest:.6g} and above {format_output(self.highest)}"
         if self.jitter:
             yield "jitter of an exposure", Measured(self.jitter, "s")
         if self.dropout:

@@ -24,9 +24,9 @@ from pretouch.control.laws import as_step
 from pretouch.control.structures import RawOutput, RawSample
 from pretouch.motion import Scenario
 from pretouch.motion.curve import check_curve
-from pretouch.motion.request import for_stretches
+from pretouch.motion.parallel import run_in_chunks
 from pretouch.sensors import SensorModel
-from pretouch.sensors.model import kept_by_curve
+from pretouch.sensors.model import cache_by_curve
 
 from .chain import SensorChain
 from .law import SampledLaw
@@ -172,7 +172,7 @@ def run_loop(
                 raise called.raised
 
     if called is None:
-        for_stretches(run, len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
+        run_in_chunks(run, len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
     else:  # threads would wait for each other at every step
         run(0, len(which))
     return found
@@ -247,7 +247,7 @@ def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, f
     return curves
 
 
-@kept_by_curve(1024)  # as many samples of a sensor as a robust design on a loop or a verdict has
+@cache_by_curve(1024)  # as many samples of a sensor as a robust design on a loop or a verdict has
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
     """Tabulate ln xi up to a distance [m], at equal steps, until cubics between them meet it to 1e-12, or at 65,537.
 

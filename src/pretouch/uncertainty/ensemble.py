@@ -19,7 +19,7 @@ from pretouch.motion.evaluator import Evaluator, ManySensorEvaluator, with_noise
 from pretouch.motion.many_curves import ManyCurves, many_curves
 from pretouch.motion.request import make_request
 from pretouch.motion.scenario import input_units, map_fields, scenario_with, sensor_with
-from pretouch.motion.similar import Likeness, find_likeness
+from pretouch.motion.similarity import EncounterSimilarity, find_similarity
 from pretouch.motion.solution import Solution
 from pretouch.sensors import SensorModel
 
@@ -164,7 +164,7 @@ class Ensemble(Value):
     sensor: SensorModel
     values: Mapping[str, FloatArray]
     count: int
-    likeness: Likeness | None
+    likeness: EncounterSimilarity | None
     many: ManyCurves | None
     method: str
     horizon: float
@@ -334,11 +334,11 @@ def make_ensemble(
 
 def _sensors(
     sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario, law: ContinuousLaw, method: str
-) -> tuple[Likeness | None, ManyCurves | None]:
+) -> tuple[EncounterSimilarity | None, ManyCurves | None]:
     """Find how the sensors are one, or put them side by side; refuse values that no such curve has."""
     if not own:
-        return Likeness(sensor=sensor, length=1.0, gain=1.0), None
-    if law.degree is not None and (found := find_likeness(sensor, own, several.distance)) is not None:
+        return EncounterSimilarity(sensor=sensor, length=1.0, gain=1.0), None
+    if law.degree is not None and (found := find_similarity(sensor, own, several.distance)) is not None:
         return found.of_degree(law.degree), None
     # every sensor is built here, so that an impossible one is named before anything is solved
     rows = (dict(zip(own, map(float, row), strict=True)) for row in zip(*own.values(), strict=True))

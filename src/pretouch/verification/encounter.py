@@ -16,7 +16,7 @@ from pretouch._core.values import Value
 from pretouch._core.vocabulary import words_for
 from pretouch.design.constraints import ImpactModel, impact_rows
 from pretouch.motion import ContactResult, ContactStatus, ContinuousLaw, Motion, Scenario
-from pretouch.motion.describing import inputs_section, method_section
+from pretouch.motion.page_sections import inputs_section, method_section
 from pretouch.sensors import SensorModel
 from pretouch.simulation import ClosedLoop, LoopTrace, SimulationResult
 from pretouch.simulation.closed_loop import loop_section

@@ -11,7 +11,7 @@ from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Page, Paragr
 from pretouch._core.units import format_quantity
 from pretouch._core.vocabulary import words_for
 from pretouch.motion import LawNumber
-from pretouch.motion.describing import inputs_section, method_section
+from pretouch.motion.page_sections import inputs_section, method_section
 from pretouch.simulation.closed_loop import loop_section
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 

@@ -15,7 +15,7 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.units import format_quantity, pretty_unit
 from pretouch._core.vocabulary import unit_of
 from pretouch.motion import DAMPER, DRAG, ContactResult, Scenario
-from pretouch.motion.describing import inputs_section, method_section
+from pretouch.motion.page_sections import inputs_section, method_section
 
 from ..constraints import ImpactModel, impact_rows, quantity_of
 from ..front.physical_bound import find_physical_bound, why_no_bound

@@ -9,7 +9,7 @@ from typing import Final
 from pretouch._core.blocks import Cell, Chapter, Listing, Measured, Named, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity, format_range, pretty_unit
 from pretouch._core.vocabulary import in_short, unit_of, words_for
-from pretouch.motion.describing import inputs_section, method_section
+from pretouch.motion.page_sections import inputs_section, method_section
 
 from ..constraints import impact_rows
 from .result import FrontPoint, FrontStatus, ParetoFront

@@ -12,7 +12,7 @@ import numpy as np
 from pretouch._core.blocks import Cell, Chapter, Later, Measured, Page, Paragraph, Picture, Rows, named
 from pretouch._core.units import format_quantity, format_range
 from pretouch._core.vocabulary import unit_of, words_for
-from pretouch.motion.describing import inputs_section, method_section, solved_on
+from pretouch.motion.page_sections import inputs_section, method_section, solved_on
 from pretouch.motion.scenario import input_units
 from pretouch.uncertainty.ensemble import share_in_words, uncertainty_in_words
 

@@ -26,12 +26,13 @@ from pretouch._core.native import DOUBLE, INTEGER, POINTER, address, kernel
 from pretouch._core.numbers import BoolArray, FloatArray, chebyshev_basis, positive
 from pretouch._core.values import declared
 from pretouch.motion import DAMPER, Scenario
-from pretouch.motion.curve import Curves, alone, curve_windows, farthest
+from pretouch.motion.curve import Curves, curve_windows, farthest, shared_curve
 from pretouch.motion.kernels import of_core
-from pretouch.motion.request import checked_method, for_stretches
+from pretouch.motion.parallel import run_in_chunks
+from pretouch.motion.request import choose_method
 from pretouch.motion.scenario import scenario_with
 from pretouch.sensors import SensorModel
-from pretouch.sensors.model import kept_by_curve
+from pretouch.sensors.model import cache_by_curve
 
 from ..certificate import DesignStatus, falls
 from ..constraints import ElasticImpact
@@ -72,7 +73,7 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
     found, size = known_terms(problem), math.prod(problem.task.scenario.shape)
     if found is None:
         return None
-    linear = checked_method(problem.task.scenario, problem.task.sensor, problem.task.method) == "closed-form"
+    linear = choose_method(problem.task.scenario, problem.task.sensor, problem.task.method) == "closed-form"
     horizon, terms = positive(problem.task.horizon, "horizon", "s"), np.array(found)
     if size == 0:
         return None
@@ -90,7 +91,7 @@ def search_compiled(problem: GainProblem) -> FloatArray | None:
         if not whole:
             out[:, start:stop] = found
 
-    for_stretches(run, size, least=_LEAST_LINEAR if linear else _LEAST_SERIES, most=_MOST)
+    run_in_chunks(run, size, least=_LEAST_LINEAR if linear else _LEAST_SERIES, most=_MOST)
     return out
 
 
@@ -126,10 +127,10 @@ def _inputs(scenario: Scenario, size: int) -> FloatArray:
     return inputs
 
 
-@kept_by_curve(256)
+@cache_by_curve(256)
 def _curve(sensor: SensorModel, reach: float, linear: bool) -> tuple[float, Any, bool, Curves | None]:
     """Return g [1/m] at contact, the curve as the kernel reads it, whether g < 0 up to a distance, and what is read."""
-    curve = None if linear else alone(curve_windows(sensor, 0.0, reach))
+    curve = None if linear else shared_curve(curve_windows(sensor, 0.0, reach))
     read = None if curve is None else byref(of_core(curve, 1))
     return float(sensor.log_slope(0.0)), read, falls(sensor, reach), curve
 

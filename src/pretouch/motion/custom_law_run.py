@@ -1,8 +1,8 @@
-"""One encounter under a force of the user's own, integrated piece by piece.
+"""Integrate one encounter under a custom law, piece by piece.
 
-On a piece l' has one sign and no knot of the curve lies. Between an approach and a recession the pull that is held off
-makes l'' jump; where it points to l' = 0 from both sides the plant goes along with the object, x~'' = a_o, until it
-would recede: a third kind of piece.
+On a piece l' has one sign and there is no knot of the curve. If the admittance's pull is switched off in approaches,
+l'' jumps between an approach and a recession. If l'' points toward l' = 0 from both sides, the plant moves along
+with the object, x~'' = a_o, until the object would recede. This is the third kind of piece.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from .layout import PEAKS, RESOLUTION, ContactStatus
 
 _PEAK_OF: Final = dict(zip(PEAKS, ("displacement", "travel", "velocity", "acceleration", "virtual_force"), strict=True))
 _APPROACH, _ALONG, _RECEDE = -1, 0, 1
-_TURN, _BORDER = 0, 1  # what ends a piece
+_TURN, _BORDER = 0, 1  # events that end a piece
 _TOLERANCE: Final = 1e-13
-_LOOKS: Final = 300_000  # at the force, some 5 s; what needs more is unresolved
-_ONE_AT_A_TIME: Final = threading.RLock()  # LSODA keeps its state in globals, before SciPy 1.17 for all threads
-_AT_ONCE: Final = ("f(a) and f(b) must have", "`ts` must be strictly")
-"""How SciPy refuses a motion that turns within rounding of where its piece began, which a jump of the force can do."""
+_MAX_EVALUATIONS: Final = 300_000  # of the force, about 5 s; longer runs are unresolved
+_LSODA_LOCK: Final = threading.RLock()  # before SciPy 1.17, LSODA keeps its state in globals that threads share
+_IMMEDIATE_TURN: Final = ("f(a) and f(b) must have", "`ts` must be strictly")
+"""SciPy's errors for a motion that turns within rounding of the start of its piece, as at a jump of the force."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_PROBES: Final = 65
-_AHEAD: Final = 1e3  # times the distance, up to which they lie
-_SOON: Final = 1e-7  # after so long [s] a rate tells what it did not tell at zero
-_ROUNDS: Final = 4  # of looking for a peak on a finer grid
+_PROBES: Final = 65  # distances at which the force is checked to exclude a later approach
+_AHEAD: Final = 1e3  # the farthest probe, relative to the distance
+_SOON: Final = 1e-7  # s; time after which l'' is evaluated if it is zero at the start
+_ROUNDS: Final = 4  # refinements of the grid on which a peak is searched
 
 
-class Given(NamedTuple):
-    """An encounter relative to its reference, as layout.Relative has it, where the reference starts, and the law's."""
+class RelativeEncounter(NamedTuple):
+    """An encounter relative to its reference, as in layout.Relative; start of the reference; the law's number."""
 
     mass: float
     damping: float
@@ -54,7 +54,7 @@ class Given(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """How the distance goes, x~ [m] and x~' [m/s] as a function of time, the steps [s], and what ended it, if any."""
+    """A piece: course of the distance, x~ [m] and x~' [m/s] as a function of time, steps [s], and the final event."""
 
     course: int
     states: Callable[[Any], FloatArray]
@@ -63,27 +63,27 @@ class _Piece(NamedTuple):
 
 
 class _UnresolvedError(Exception):
-    """The motion takes too many steps."""
+    """The motion needs too many evaluations of the force."""
 
 
-class OwnRun:
-    """One encounter.
+class CustomLawRun:
+    """The solution of one encounter under a custom law.
 
     Args:
-        given: the encounter.
+        encounter: the encounter.
         sensor: the sensor curve.
-        force: from the value, s and s' to F [N].
-        kind: the name of the law, for messages.
-        holds_off: whether the admittance is held off in an approach.
-        horizon: how long to wait [s].
+        force: function of the law's number, s and s' that returns F [N].
+        kind: name of the law, for messages.
+        holds_off: whether the admittance's pull is switched off in an approach.
+        horizon: longest time that is integrated [s].
 
     Attributes:
-        status: how it ended.
+        status: how the run ended.
     """
 
     def __init__(
         self,
-        given: Given,
+        encounter: RelativeEncounter,
         sensor: SensorModel,
         force: Callable[[float, float, float], Any],
         kind: str,
@@ -91,53 +91,54 @@ class OwnRun:
         holds_off: bool,
         horizon: float,
     ) -> None:
-        self.given, self.sensor, self.force, self.kind, self.holds_off = given, sensor, force, kind, holds_off
+        self.encounter, self.sensor, self.force, self.kind, self.holds_off = encounter, sensor, force, kind, holds_off
         low, high = sensor.valid_range
         self.low, self.high = max(low, 0.0), high
         self.borders = (self.low, *(k for k in sensor.knots if k > self.low), self.high)
         self.pieces: list[_Piece] = []
-        self.known: dict[str, float] = {}
-        self.settling, self.looks = math.nan, 0
+        self.exact_end: dict[str, float] = {}  # quantities at the end that are known exactly
+        self.settling, self.evaluations = math.nan, 0
         self.status = self._follow(horizon)
 
     def _distance(self, time: Any, x: Any) -> Any:
-        g = self.given
+        g = self.encounter
         return g.p + (g.v + g.a * time / 2) * time - x
 
     def _speed(self, time: Any, u: Any) -> Any:
-        return self.given.v + self.given.a * time - u
+        return self.encounter.v + self.encounter.a * time - u
 
     def _push(self, distance: float, speed: float) -> float:
         """Return F [N] at l [m] and l' [m/s]."""
         at = min(max(distance, self.low), self.high)
-        return self._asked(at, self.sensor.log_output(at), self.sensor.log_slope(at) * speed)
+        return self._checked_force(at, self.sensor.log_output(at), self.sensor.log_slope(at) * speed)
 
     def _pushes(self, distance: FloatArray, speed: FloatArray) -> FloatArray:
         at = np.clip(distance, self.low, self.high)
         outputs, rates = self.sensor.log_output(at), self.sensor.log_slope(at) * speed
-        return np.array(list(map(self._asked, at.tolist(), outputs.tolist(), rates.tolist())))
+        return np.array(list(map(self._checked_force, at.tolist(), outputs.tolist(), rates.tolist())))
 
-    def _asked(self, distance: float, output: float, rate: float) -> float:
-        found = self.force(self.given.value, output, rate)
-        if type(found) is float and math.isfinite(found):
-            return found
-        array = np.asarray(found)
+    def _checked_force(self, distance: float, output: float, rate: float) -> float:
+        """Call the force function and check that it returns one finite number."""
+        force = self.force(self.encounter.value, output, rate)
+        if type(force) is float and math.isfinite(force):
+            return force
+        array = np.asarray(force)
         if array.shape != () or array.dtype.kind not in "iuf" or not np.isfinite(array):
             raise InvalidInputError(
-                f"force: the law {self.kind} gave {found!r} at a distance of {distance:g} m and a rate of {rate:g} "
+                f"force: the law {self.kind} returned {force!r} at a distance of {distance:g} m and a rate of {rate:g} "
                 "1/s, expected one finite number [N]"
             )
         return float(array)
 
     def _acting(self, course: int, pull: Any, force: Any) -> Any:
-        """Return what acts of the pull K x~ + D x~' [N]."""
+        """Return the part of the pull K x~ + D x~' that acts [N]."""
         if course == _ALONG:
-            return force - self.given.mass * self.given.a
+            return force - self.encounter.mass * self.encounter.a
         return np.maximum(pull, 0.0) if self.holds_off and course == _APPROACH else pull
 
     def _follow(self, horizon: float) -> ContactStatus:
-        """Integrate piece by piece, and tell how it ended."""
-        g, time, state = self.given, 0.0, np.array([self.given.x0, self.given.u0])
+        """Integrate piece by piece and return the status at the end."""
+        g, time, state = self.encounter, 0.0, np.array([self.encounter.x0, self.encounter.u0])
         distance, speed = self._distance(time, g.x0), self._speed(time, g.u0)
         course = int(np.sign(speed)) or self._course(time, state)
         cell = int(np.searchsorted(self.borders, distance, "left" if course == _APPROACH else "right")) - 1
@@ -154,7 +155,7 @@ class OwnRun:
             distance = self._distance(time, state[0])
             if piece.event is None:
                 return ContactStatus.HORIZON
-            if course == _APPROACH and cell == 0 and self._arrived(distance):
+            if course == _APPROACH and cell == 0 and self._reached_end(distance):
                 return ContactStatus.CONTACT if self.low == 0 else ContactStatus.LEFT_RANGE
             if piece.event == _BORDER:
                 cell += course
@@ -162,7 +163,7 @@ class OwnRun:
                 course = _RECEDE if course == _ALONG else self._course(time, state)
 
     def _stay(self, state: FloatArray, status: ContactStatus) -> ContactStatus:
-        """End where the run is; a run of no duration has one piece as well."""
+        """End the run in this state; a run without duration gets one piece as well."""
         if not self.pieces:
             self.pieces.append(
                 _Piece(_RECEDE, lambda t: np.multiply.outer(state, np.ones(np.shape(t))), np.zeros(2), None)
@@ -170,24 +171,24 @@ class OwnRun:
         return status
 
     def _course(self, time: float, state: FloatArray) -> int:
-        """Return how the distance goes on from l' = 0."""
+        """Return the course of the distance after l' = 0."""
         x, u = state
         for later in (0.0, _SOON):
-            below, above = self._bends(time + later, (x + u * later, u + self.given.a * later))
+            below, above = self._bends(time + later, (x + u * later, u + self.encounter.a * later))
             if below or above:
                 break
         return _APPROACH if below < 0 else _RECEDE if above > 0 else _ALONG
 
     def _bends(self, time: float, state: Any) -> tuple[float, float]:
-        """Return l'' [m/s^2] at l' = 0, in an approach and in a recession."""
-        g, (x, u) = self.given, state
+        """Return l'' [m/s^2] at l' = 0, its limit for an approach and for a recession."""
+        g, (x, u) = self.encounter, state
         free = g.a - self._push(self._distance(time, x), 0.0) / g.mass
         pull = g.stiffness * x + g.damping * u
         return free + float(self._acting(_APPROACH, pull, 0.0)) / g.mass, free + pull / g.mass
 
     def _never(self, distance: float, u: float, course: int) -> bool:
-        """Tell whether what does not approach is known never to do so again."""
-        g = self.given
+        """Tell whether a later approach can be excluded while the object does not approach."""
+        g = self.encounter
         if course == _ALONG and g.v == g.a == u == 0:
             self.settling = distance
             return True
@@ -199,37 +200,37 @@ class OwnRun:
         self.settling = math.inf
         return True
 
-    def _arrived(self, distance: float) -> bool:
-        """Tell whether an approach has come to the lower end of the curve, and cut it there if it went beyond."""
+    def _reached_end(self, distance: float) -> bool:
+        """Tell whether an approach has reached the lower end of the curve, and end the last piece there."""
         from scipy.optimize import brentq  # noqa: PLC0415 - loads slowly
 
-        g, piece = self.given, self.pieces[-1]
+        g, piece = self.encounter, self.pieces[-1]
         time = piece.steps[-1]
         near = RESOLUTION * (abs(g.p) + (abs(g.v) + abs(g.a) * time / 2) * time) if self.low == 0 else 0.0
         if piece.event == _BORDER or distance < self.low - near:
             if piece.event == _TURN:
                 root = brentq(lambda t: self._distance(t, piece.states(t)[0]) - self.low, piece.steps[0], time)
                 self.pieces[-1] = piece._replace(steps=np.append(piece.steps[piece.steps < root], root))
-            self.known = {"distance": self.low}
+            self.exact_end = {"distance": self.low}
         elif distance <= self.low + near:
-            self.known = {"distance": self.low, "relative_velocity": 0.0}
-        return bool(self.known)
+            self.exact_end = {"distance": self.low, "relative_velocity": 0.0}
+        return bool(self.exact_end)
 
     def _piece(self, time: float, state: FloatArray, course: int, border: float, horizon: float) -> _Piece | None:
-        """Return the next piece, until l' changes its sign or l comes to a border; None where it is endless."""
-        # LSODA turns implicit where a motion is stiff. At 1e-13 it is closer to the exact motion than DOP853 at 1e-12,
-        # in half the time; at a gain of -100 N s it takes 30 ms, where Radau takes 0.5 s and DOP853 3 s.
+        """Return the next piece, until l' changes its sign or l reaches a border; None if it cannot be resolved."""
+        # LSODA becomes implicit if a motion is stiff. With a tolerance of 1e-13 it is more accurate than DOP853 with
+        # 1e-12 and takes half the time. At a gain of -100 N s it takes 30 ms, Radau 0.5 s and DOP853 3 s.
         from scipy.integrate import solve_ivp  # noqa: PLC0415 - loads slowly
 
-        g = self.given
+        g = self.encounter
         events = [_event(lambda t, y: self._bends(t, y)[1], _RECEDE)]
         if course != _ALONG:
             turn = _event(lambda t, y: self._speed(t, y[1]), -course)
             events = [turn, _event(lambda t, y: self._distance(t, y[0]) - border, course)]
 
         def rates(t: float, y: FloatArray) -> tuple[float, float]:
-            self.looks += 1
-            if self.looks > _LOOKS:
+            self.evaluations += 1
+            if self.evaluations > _MAX_EVALUATIONS:
                 raise _UnresolvedError
             x, u = y.tolist()
             if course == _ALONG:
@@ -239,21 +240,21 @@ class OwnRun:
 
         options = {"rtol": _TOLERANCE, "atol": _TOLERANCE / 100 * (g.p - g.x0), "dense_output": True}
         try:
-            with _ONE_AT_A_TIME, warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "lsoda:", UserWarning)  # the status says it
+            with _LSODA_LOCK, warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "lsoda:", UserWarning)  # the status reports it
                 run = solve_ivp(rates, (time, horizon), state, method="LSODA", events=events, **options)
         except _UnresolvedError:
             return None
         except ValueError as error:
-            if not str(error).startswith(_AT_ONCE):
+            if not str(error).startswith(_IMMEDIATE_TURN):
                 raise
             return None
         ended = next((i for i, times in enumerate(run.t_events) if len(times)), None)
         return None if run.status < 0 else _Piece(course, run.sol, run.t, ended)
 
-    def _at(self, piece: _Piece, time: FloatArray) -> dict[str, FloatArray]:
-        """Return what is known at times [s] of a piece, by name."""
-        g, (x, u) = self.given, piece.states(time)
+    def _quantities(self, piece: _Piece, time: FloatArray) -> dict[str, FloatArray]:
+        """Return the quantities at times [s] of a piece, by name."""
+        g, (x, u) = self.encounter, piece.states(time)
         distance, speed = self._distance(time, x), self._speed(time, u)
         force, pull = self._pushes(distance, speed), g.stiffness * x + g.damping * u
         acting = self._acting(piece.course, pull, force)
@@ -274,66 +275,70 @@ class OwnRun:
 
     def columns(self) -> dict[str, float]:
         """Return the quantities of ContactState and ContactResult."""
-        g, last = self.given, self.pieces[-1]
-        end = {name: float(values[0]) for name, values in self._at(last, last.steps[-1:]).items()} | self.known
-        found = [(piece, self._at(piece, _grid(piece.steps))) for piece in self.pieces]
+        g, last = self.encounter, self.pieces[-1]
+        end = {
+            name: float(values[0]) for name, values in self._quantities(last, last.steps[-1:]).items()
+        } | self.exact_end
+        pieces = [(piece, self._quantities(piece, _grid(piece.steps))) for piece in self.pieces]
         return {
             **end,
             "status": float(self.status),
             "gain": g.value,
             "position": end["travel"] + g.x0 + g.r,
-            "closest_distance": min(end["distance"], *(float(values["distance"].min()) for _, values in found)),
+            "closest_distance": min(end["distance"], *(float(values["distance"].min()) for _, values in pieces)),
             "settling_distance": self.settling,
-            "impulse_residual": self._residual(end, found),
-            **{name: self._largest(of, found) for name, of in _PEAK_OF.items()},
+            "impulse_residual": self._residual(end, pieces),
+            **{name: self._largest(of, pieces) for name, of in _PEAK_OF.items()},
         }
 
-    def _largest(self, name: str, found: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
+    def _largest(self, name: str, pieces: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
         """Return the largest magnitude of a quantity over the whole motion."""
-        piece, values = max(found, key=lambda one: float(np.abs(one[1][name]).max()))
+        piece, values = max(pieces, key=lambda item: float(np.abs(item[1][name]).max()))
         largest = 0.0
         for _ in range(_ROUNDS):
             magnitude, time = np.abs(values[name]), values["time"]
             best = int(magnitude.argmax())
             largest = max(largest, float(magnitude[best]))
             near = time[max(best - 1, 0)], time[min(best + 1, len(time) - 1)]
-            values = self._at(piece, np.linspace(*near, 33))
+            values = self._quantities(piece, np.linspace(*near, 33))
         return max(largest, float(np.abs(values[name]).max()))
 
-    def _residual(self, end: dict[str, float], found: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
-        """Return what the balance of impulses leaves, over its largest term, M |l'(0)| and D l(0)."""
-        g, integrals = self.given, np.zeros(3)
-        for piece, values in found:
+    def _residual(self, end: dict[str, float], pieces: list[tuple[_Piece, dict[str, FloatArray]]]) -> float:
+        """Return the residual of the impulse balance over the largest of its terms, M |l'(0)| and D l(0)."""
+        g, integrals = self.encounter, np.zeros(3)
+        for piece, values in pieces:
             each = [
                 values[name][:-1].reshape(-1, 1 + len(_NODES)) for name in ("displacement", "virtual_force", "held")
             ]
-            integrals += [np.diff(piece.steps) / 2 @ (one[:, 1:] @ _WEIGHTS) for one in each]
+            integrals += [np.diff(piece.steps) / 2 @ (samples[:, 1:] @ _WEIGHTS) for samples in each]
         states = g.mass * (end["displacement_velocity"] - g.u0), g.damping * (end["displacement"] - g.x0)
         terms = [*states, *(integrals * (g.stiffness, -1.0, -1.0))]
         approach = g.mass * abs(g.v - g.u0), g.damping * (g.p - g.x0)
         largest = max(*map(abs, terms), *approach)
         return float(abs(math.fsum(terms)) / largest) if largest > 0 else 0.0
 
-    def sampled(self, samples: int) -> dict[str, FloatArray]:
+    def sample(self, samples: int) -> dict[str, FloatArray]:
         """Return the course at equally spaced times, ends included, shape (samples,)."""
         stops = [float(piece.steps[-1]) for piece in self.pieces]
         times = np.linspace(0.0, stops[-1], samples)
-        own = np.minimum(np.searchsorted(stops, times), len(stops) - 1)
-        parts = [self._at(piece, times[own == i]) for i, piece in enumerate(self.pieces) if (own == i).any()]
-        found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        for name, value in self.known.items():
-            found[name][-1] = value
-        return found
+        index = np.minimum(np.searchsorted(stops, times), len(stops) - 1)
+        parts = [
+            self._quantities(piece, times[index == i]) for i, piece in enumerate(self.pieces) if (index == i).any()
+        ]
+        course = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        for name, value in self.exact_end.items():
+            course[name][-1] = value
+        return course
 
 
 def _grid(steps: FloatArray) -> FloatArray:
-    """Return the start of each step with the nodes of a quadrature in it, and the end of the last."""
+    """Return the start of each step with the quadrature nodes inside it, and the end of the last step."""
     nodes = np.append(-1.0, _NODES)
     inside = steps[:-1, None] + np.diff(steps)[:, None] * (nodes + 1) / 2
     return np.append(inside.ravel(), steps[-1])
 
 
 def _event(function: Any, direction: int) -> Any:
-    """Return a function of time and state whose zero, passed in a direction, ends an integration."""
+    """Return an event function: an integration ends at its zero if it is passed in the given direction."""
     function.terminal, function.direction = True, direction
     return function

@@ -1,4 +1,4 @@
-"""A law of a user's own in continuous time: any force of ln xi and its rate, integrated numerically."""
+"""Custom laws in continuous time: any force that depends on ln xi and its rate, integrated numerically."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from pretouch._core.values import Value, check_types
 from pretouch.sensors import SensorModel
 
 from .contact import ContactResult, ContactState, KnownColumns, Motion, motion_of
+from .custom_law_run import CustomLawRun, RelativeEncounter
 from .laws import LawNumber
-from .own_run import Given, OwnRun
 from .request import Request, make_request
 from .scenario import Scenario
 
@@ -31,36 +31,37 @@ _COURSE: Final = (
 _BODIES: Final = ("p", "v", "a", "r", "r_v", "r_a")
 
 
-def _not_known(value: Any, slope: Any, relative_velocity: Any) -> Any:
+def _unknown_damping(value: Any, slope: Any, relative_velocity: Any) -> Any:
     return np.full(np.broadcast_shapes(np.shape(value), np.shape(slope), np.shape(relative_velocity)), np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnLaw(Value):
-    """Any force F of s = ln xi and its rate s' = g(l) l', by one number: a `ContinuousLaw` for `find_contact` and all.
+    """A custom `ContinuousLaw`: any force F of s = ln xi, its rate s' = g(l) l' and one number.
 
-    The motion is M x~'' + D x~' + K x~ = F, L(1), integrated in time by SciPy's LSODA, stiff or not, one encounter
-    after the other, at some 10 to 50 ms each. Turning points of the distance and knots of the curve are ends of steps.
-    `impulse_residual` is |M dx~' + D dx~ + K int x~ dt - int F dt - int H dt| over the largest of these terms, H what
-    is held off, by a quadrature that the integration never sees.
+    The motion of the admittance L(1), M x~'' + D x~' + K x~ = F, is integrated in time by SciPy's LSODA, which handles
+    stiff motions. Encounters are solved one after the other, in about 10 to 50 ms each. Turning points of the distance
+    and knots of the curve end integration steps. `impulse_residual` is
+    |M dx~' + D dx~ + K int x~ dt - int F dt - int H dt| relative to the largest of these terms. H is the part of the
+    pull that is switched off. The integrals are computed independently of the integration.
 
-    A run is known to be `NEVER` in contact where all is at rest, and, for a law that holds off, where the object no
-    longer approaches, a_o >= 0, and F at s' = 0 is at most M a_o at each of some distances ahead; it ends there. Others
-    without contact end at the horizon. `settling_distance` is NaN where it is not known.
+    A run ends as `NEVER` if everything is at rest. With `holds_off` it also ends as `NEVER` if the object no longer
+    approaches, a_o >= 0, and F at s' = 0 is at most M a_o at all probed larger distances. Other runs without contact
+    end at the horizon. `settling_distance` is NaN if it is unknown.
 
     Args:
-        kind: its name, as files and pages say it.
-        number: what a design chooses of it.
-        force: takes a value of the number, s, and s' [1/s], floats, and returns F [N].
-        damping: takes a value, g [1/m] and l' [m/s], floats or arrays, and returns dF/dl' [N s/m]; None: not known.
-        holds_off: whether the pull of the admittance toward the object is held off while that approaches: M x~'' = F -
-            max(K x~ + D x~', 0) for l' < 0, as a virtual drag has it (docs/drag.md). Where the pull would bring the
-            object near again as soon as it is let go, the plant keeps the distance, l' = 0.
+        kind: its name in files and on pages.
+        number: description of the number that a design chooses.
+        force: function of a value of the number, s, and s' [1/s], all floats, that returns F [N].
+        damping: function of a value, g [1/m] and l' [m/s], floats or arrays, that returns dF/dl' [N s/m], or None.
+        holds_off: whether the admittance's pull toward the object is switched off while the object approaches, as for a
+            virtual drag (docs/drag.md): M x~'' = F - max(K x~ + D x~', 0) for l' < 0. If the pull would cause a new
+            approach as soon as it acts again, the plant keeps the distance, l' = 0.
 
     Valid for:
-        A plant that follows the virtual object exactly and a sensor without delay. s and g are those of the nearest
-        end of the curve where a step looks beyond its range. A force that is continuous, or jumps where the motion
-        passes on: where it would have to stay at a jump the run is `UNRESOLVED`.
+        A plant that follows the virtual object exactly and a sensor without delay. If a step looks beyond the range of
+        the curve, s and g are those of its nearest end. The force may jump if the motion passes the jump; a run that
+        would have to stay at a jump is `UNRESOLVED`.
 
     Examples:
         >>> from pretouch.motion import Admittance, LawNumber, Obstacle, OwnLaw, find_contact
@@ -87,7 +88,7 @@ class OwnLaw(Value):
     def __post_init__(self) -> None:
         check_types(self)
         if self.damping is None:
-            object.__setattr__(self, "damping", _not_known)
+            object.__setattr__(self, "damping", _unknown_damping)
 
     def contact(
         self,
@@ -112,12 +113,12 @@ class OwnLaw(Value):
         horizon: float = 600.0,
         samples: int = 200,
     ) -> Motion:
-        """Sample the motion, of the same integration."""
+        """Sample the motion by the same integration."""
         request = self._request(scenario, sensor, value, method, horizon)
         runs = self._runs(request)
-        sampled = [run.sampled(samples) for run in runs]
-        course = {name: _joined([one[name] for one in sampled], (len(runs), samples)) for name in _COURSE}
-        bodies = {name: _joined([getattr(run.given, name) for run in runs], (len(runs), 1)) for name in _BODIES}
+        sampled = [run.sample(samples) for run in runs]
+        course = {name: _to_array([arrays[name] for arrays in sampled], (len(runs), samples)) for name in _COURSE}
+        bodies = {name: _to_array([getattr(run.encounter, name) for run in runs], (len(runs), 1)) for name in _BODIES}
         return motion_of(_result(request, runs), request.shape, bodies, course)
 
     def _request(
@@ -130,20 +131,23 @@ class OwnLaw(Value):
         checked = finite(value, self.number.name, self.number.unit)
         return make_request(scenario, sensor, checked, "integration", horizon)
 
-    def _runs(self, request: Request) -> list[OwnRun]:
+    def _runs(self, request: Request) -> list[CustomLawRun]:
         columns, values = request.part(slice(None))
         reference = np.broadcast_to(request.scenario.reference.position, request.shape).reshape(-1)
-        given = np.column_stack([columns, reference, values]).tolist()
+        encounters = np.column_stack([columns, reference, values]).tolist()
         options: Any = {"holds_off": self.holds_off, "horizon": request.horizon}
-        return [OwnRun(Given(*row), request.sensor, self.force, self.kind, **options) for row in given]
+        return [
+            CustomLawRun(RelativeEncounter(*row), request.sensor, self.force, self.kind, **options)
+            for row in encounters
+        ]
 
 
-def _result(request: Request, runs: list[OwnRun]) -> ContactResult:
-    found = [run.columns() for run in runs]
-    columns = {name: _joined([one[name] for one in found], request.shape) for name in _COLUMNS}
+def _result(request: Request, runs: list[CustomLawRun]) -> ContactResult:
+    quantities = [run.columns() for run in runs]
+    columns = {name: _to_array([run[name] for run in quantities], request.shape) for name in _COLUMNS}
     columns["status"] = columns["status"].astype(np.int64)
     return ContactResult(KnownColumns(columns), "integration")
 
 
-def _joined(values: list[Any], shape: tuple[int, ...]) -> FloatArray:
+def _to_array(values: list[Any], shape: tuple[int, ...]) -> FloatArray:
     return np.array(values, dtype=np.float64).reshape(shape)

@@ -1,0 +1,54 @@
+"""Registry of the sensor curves that files and fits may name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from .custom import CustomSensor
+from .model import SensorModel
+from .recessed import Recessed
+from .table import PiecewiseCubic
+
+_HOME: Final = "pretouch."
+
+
+def known_curves(*, fitted: bool = False, foreign: bool = False) -> dict[str, type[SensorModel]]:
+    """Return the classes of curves that files and fits may name.
+
+    Args:
+        fitted: return only curves that can be fitted to a calibration.
+        foreign: also return curves that the calling program has defined under unused names. They can be selected by
+            name but are not part of default lists.
+
+    Returns:
+        The classes by name. Curves made of functions, of cubic polynomials or of another curve are not included.
+
+    Examples:
+        >>> from pretouch.sensors import InversePower
+        >>> known_curves()["inverse-power"] is InversePower
+        True
+    """
+    curves: dict[str, type[SensorModel]] = {}
+    built_in: set[str] = set()
+    for curve in _subclasses(SensorModel):  # type: ignore[type-abstract]
+        is_ours = curve.__module__.startswith(_HOME)
+        if vars(curve).get("name") and (is_ours or (foreign and curve.name not in built_in)):
+            curves[curve.name] = curve
+            built_in |= {curve.name} if is_ours else set()
+    for composed in (CustomSensor, PiecewiseCubic, Recessed):
+        curves.pop(composed.name, None)
+    return {name: curve for name, curve in curves.items() if not fitted or _is_fitted(curve)}
+
+
+def _subclasses(cls: type[SensorModel]) -> Iterator[type[SensorModel]]:
+    """Yield all direct and indirect subclasses."""
+    for sub in cls.__subclasses__():
+        yield sub
+        yield from _subclasses(sub)
+
+
+def _is_fitted(curve: type[SensorModel]) -> bool:
+    """Tell whether a class defines `fit_start` or its own family."""
+    has_start = any("fit_start" in vars(cls) for cls in curve.__mro__ if cls is not SensorModel)
+    return has_start or curve.family is not SensorModel.family

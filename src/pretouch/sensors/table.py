@@ -1,0 +1,178 @@
+"""Sensor curves through given points: a monotone table, and piecewise cubic polynomials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pretouch._core.errors import InvalidInputError
+from pretouch._core.numbers import FloatArray, finite, positive
+
+from .model import SensorModel, _limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table(SensorModel):
+    """Monotone table: ln xi is interpolated between measured points by a shape-preserving piecewise cubic.
+
+    The interpolant (Fritsch and Carlson, SciPy's `PchipInterpolator`) has a continuous slope g and falls as the table
+    does. The curve is valid between its first and its last distance.
+
+    Args:
+        distances: l of the points [m], at least two, strictly increasing.
+        outputs: xi of the points > 0, strictly decreasing, in the unit of the calibration.
+        minimum_distance: smallest valid l [m]; at least the first distance.
+        maximum_distance: largest valid l [m]; at most the last distance.
+
+    Examples:
+        >>> sensor = Table(distances=(0.0, 0.01, 0.02), outputs=(4.0, 2.0, 1.0))
+        >>> round(sensor.output(0.01), 12)
+        2.0
+    """
+
+    distances: tuple[float, ...] = field(metadata={"points": "m"})
+    outputs: tuple[float, ...] = field(metadata={"points": "output"})
+    minimum_distance: float = -np.inf
+
+    name: ClassVar[str] = "table"
+
+    def __post_init__(self) -> None:
+        distances = _column(finite(self.distances, "distances", "m"), "distances")
+        outputs = _column(positive(self.outputs, "outputs"), "outputs")
+        if len(distances) != len(outputs):
+            raise InvalidInputError(
+                f"outputs: found {len(outputs)} values for {len(distances)} distances, expected one value per distance"
+            )
+        for name, column, sign in (("distances", distances, 1), ("outputs", outputs, -1)):
+            wrong = np.flatnonzero(sign * np.diff(column) <= 0)
+            if len(wrong):
+                i = int(wrong[0])
+                raise InvalidInputError(
+                    f"{name}: found {column[i]:g} followed by {column[i + 1]:g}; a table must be strictly "
+                    f"{'increasing in distance' if sign > 0 else 'decreasing in output: smooth or fit it first'}"
+                )
+        low, high = (_limit(getattr(self, end), end) for end in ("minimum_distance", "maximum_distance"))
+        object.__setattr__(self, "distances", tuple(map(float, distances)))
+        object.__setattr__(self, "outputs", tuple(map(float, outputs)))
+        object.__setattr__(self, "minimum_distance", max(low, self.distances[0]))
+        object.__setattr__(self, "maximum_distance", min(high, self.distances[-1]))
+        SensorModel.__post_init__(self)
+
+    def _knots(self) -> Iterable[float]:
+        return self.distances  # the second derivative of ln xi jumps there
+
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        return np.asarray(_interpolant(self.distances, self.outputs)(distance))
+
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        # At an end of the table the slope may be zero, and the polynomial may round to just above zero.
+        return np.asarray(np.minimum(_interpolant(self.distances, self.outputs)(distance, 1), 0.0))
+
+
+def _column(values: ArrayLike, name: str) -> FloatArray:
+    column = np.asarray(values, dtype=np.float64)
+    if column.ndim != 1 or len(column) < 2:
+        raise InvalidInputError(f"{name}: found {values!r}, expected a list of two or more numbers")
+    return column
+
+
+@lru_cache(maxsize=64)
+def _interpolant(distances: tuple[float, ...], outputs: tuple[float, ...]) -> Any:
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - only tables need SciPy
+
+    return PchipInterpolator(np.array(distances), np.log(outputs), extrapolate=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PiecewiseCubic(SensorModel):
+    """Piecewise cubic ln xi through given points, with given slopes at both ends of each interval.
+
+    The slope may jump at a point, and ln xi may rise: the points are used unchecked. The curve is valid between its
+    first and its last distance.
+
+    Args:
+        distances: l of the points [m], at least two, strictly increasing, shape (N,).
+        log_outputs: ln xi of the points, shape (N,).
+        slopes: g [1/m] at the near and the far end of each interval, shape (N - 1, 2).
+        minimum_distance: smallest valid l [m]; at least the first distance.
+        maximum_distance: largest valid l [m]; at most the last distance.
+
+    Examples:
+        >>> line = PiecewiseCubic(distances=(0.0, 0.01), log_outputs=(1.0, 0.0), slopes=((-100.0, -100.0),))
+        >>> round(line.log_output(0.004), 12), round(line.log_slope(0.004), 9)
+        (0.6, -100.0)
+    """
+
+    distances: tuple[float, ...]
+    log_outputs: tuple[float, ...]
+    slopes: tuple[tuple[float, float], ...]
+    minimum_distance: float = -np.inf
+
+    name: ClassVar[str] = "piecewise-cubic"
+
+    def __post_init__(self) -> None:
+        distances, levels = (
+            _column(finite(getattr(self, n), n, unit), n) for n, unit in (("distances", "m"), ("log_outputs", ""))
+        )
+        slopes = np.asarray(finite(self.slopes, "slopes", "1/m"))
+        if len(levels) != len(distances) or slopes.shape != (len(distances) - 1, 2) or (np.diff(distances) <= 0).any():
+            raise InvalidInputError(
+                f"distances: found {len(distances)} with {len(levels)} log_outputs and slopes of shape {slopes.shape}, "
+                "expected strictly increasing distances, one log_output per distance, and two slopes per interval"
+            )
+        object.__setattr__(self, "distances", tuple(distances.tolist()))
+        object.__setattr__(self, "log_outputs", tuple(levels.tolist()))
+        object.__setattr__(self, "slopes", tuple(map(tuple, slopes.tolist())))
+        object.__setattr__(self, "minimum_distance", max(self.minimum_distance, self.distances[0]))
+        object.__setattr__(self, "maximum_distance", min(self.maximum_distance, self.distances[-1]))
+        SensorModel.__post_init__(self)
+
+    def _knots(self) -> Iterable[float]:
+        return self.distances
+
+    def coefficients(self) -> FloatArray:
+        """Return c_k of ln xi = sum c_k z^k on each interval, with z = l minus its middle [m], shape (N - 1, 4)."""
+        width = np.diff(self.distances)
+        (near, far), slopes = np.array([self.log_outputs[:-1], self.log_outputs[1:]]), np.array(self.slopes)
+        first, last = slopes[:, 0], slopes[:, 1]
+        return np.column_stack(
+            [
+                (near + far) / 2 + width * (first - last) / 8,
+                1.5 * (far - near) / width - (first + last) / 4,
+                (last - first) / (2 * width),
+                (first + last) / width**2 - 2 * (far - near) / width**3,
+            ]
+        )
+
+    def part(self, low: float, high: float) -> PiecewiseCubic:
+        """Return the part of the curve between two of its valid distances [m]."""
+        inside = [d for d in self.distances if low < d < high]
+        edges = np.array([low, *inside, high])
+        _, c1, c2, c3 = (c := self.coefficients()).T
+        knots = np.array(self.distances)
+        at = np.clip(np.searchsorted(knots, (edges[:-1] + edges[1:]) / 2, side="right") - 1, 0, len(c) - 1)
+        middle = (knots[at] + knots[at + 1]) / 2
+        near, far = (c1[at] + z * (2 * c2[at] + z * 3 * c3[at]) for z in (edges[:-1] - middle, edges[1:] - middle))
+        return PiecewiseCubic(
+            distances=tuple(edges),
+            log_outputs=tuple(np.atleast_1d(self.log_output(edges))),
+            slopes=tuple(zip(near, far, strict=True)),
+        )
+
+    def _terms(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        edges = np.array(self.distances)
+        at = np.clip(np.searchsorted(edges, distance, side="right") - 1, 0, len(edges) - 2)
+        return np.moveaxis(self.coefficients()[at], -1, 0), distance - (edges[at] + edges[at + 1]) / 2
+
+    def _log_output(self, distance: FloatArray) -> FloatArray:
+        (c0, c1, c2, c3), z = self._terms(distance)
+        return np.asarray(c0 + z * (c1 + z * (c2 + z * c3)))
+
+    def _log_slope(self, distance: FloatArray) -> FloatArray:
+        (_, c1, c2, c3), z = self._terms(distance)
+        return np.asarray(c1 + z * (2 * c2 + z * 3 * c3))

@@ -1,4 +1,4 @@
-"""Readings to one averaged curve, many distances gathered into few; and what they say about the noise of a reading."""
+"""Average the readings at each distance, condense many distances into few, and estimate the noise of one reading."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Fit curves under a soft ceiling: find where the output flattens toward the sensor, and draw what readings allow.
+"""Fit curves with soft saturation, find where the output flattens near the sensor, and sample possible curves.
 
 An amplifier or converter that saturates softly turns the ideal output xi into xi / (1 + (xi / C)^p)^(1/p) with a
-ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid, the infinite one
-included, and at every offset in question. Each fit has a weight: its posterior probability, with the scale of the
-errors integrated out. The weights tell how probably a reading lies in the flattened part, with 6 readings as with 50.
+ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid (the infinite one
+included) and at every plausible offset. The weight of a fit is its posterior probability, with the scale of the errors
+integrated out. The weights give the probability that a reading lies in the flattened part, with 6 readings or with 50.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pretouch.sensors import Family, PiecewiseCubic
 
 from .averaging import AveragedCurve, ReadingNoise
 from .family_fits import families_of, lowest_offset
-from .many_fits import Fits, minimize_many
+from .least_squares import Fits, minimize_many
 from .result import DrawnCurve, OffsetEstimate
 
 _ABOVE: Final = (0.003, 0.01, 0.03, 0.08, 0.15, 0.3, 0.5, 0.8, 1.2)  # ln of the ceiling over the largest signal

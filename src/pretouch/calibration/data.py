@@ -18,8 +18,8 @@ from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import MAGNITUDES, WORKABLE
 from pretouch._core.values import Value, check_types
 
-from .choice import chosen_labels, read_choice
-from .csv_file import read_table
+from .column_options import chosen_labels, read_choice
+from .text_table import read_table
 from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
 from .table_layout import long_layout, wide_layout
 

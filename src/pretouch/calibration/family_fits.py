@@ -1,4 +1,4 @@
-"""Families of curves on averaged readings: their fits, the noise and misfit that these leave, and bad distances."""
+"""Fit curve families to averaged readings, estimate noise and misfit from the residuals, find outlier distances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 from pretouch.sensors import Family, known_curves
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, two_components
-from .many_fits import Fits, minimize_many
+from .least_squares import Fits, minimize_many
 from .result import NoiseEstimate, OffsetEstimate
 
 _STEP: Final = 1e-5  # of a family's parameter, for differences

@@ -1,4 +1,4 @@
-"""One model on one calibration: the curve, its parameters with their uncertainty, and how well it fits."""
+"""Fit one model to one calibration: the curve, its parameters with confidence intervals, and its goodness of fit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pretouch.sensors.model import is_built_in
 from .averaging import AveragedCurve
 from .data import Calibration
 from .family_fits import Problem, fit_free, problem_at
-from .many_fits import Fits, gradient, intervals
+from .least_squares import Fits, gradient, intervals
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
 

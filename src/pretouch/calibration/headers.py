@@ -1,4 +1,4 @@
-"""Words of a text table: what a cell is, and what a header says: a distance, an output, a setting or a count."""
+"""Interpret the cells and headers of a text table: numbers, missing values, names and units of columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibration says: whether it is usable, where, by which curve, and how well that is known."""
+"""Build the report page of a calibration: verdict, usable window, ranking, parameters and provenance."""
 
 from __future__ import annotations
 

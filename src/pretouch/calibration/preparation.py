@@ -1,4 +1,4 @@
-"""What happens before any model is fitted: both ends, bad readings, offset, noise; and whether there is a signal."""
+"""Prepare a calibration for fitting: usable window, outliers, offset, noise, and whether there is a signal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pretouch._core.units import format_quantity
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
 from .ceilings import CeilingFits, fit_under_ceilings
-from .courses import Courses, find_courses
+from .possible_curves import Courses, find_courses
 from .data import Calibration
 from .family_fits import bad_distances, find_noise
 from .headers import is_length

@@ -1,4 +1,4 @@
-"""What a calibration gives: estimates with their uncertainty, the fit of one model, the report over all."""
+"""Results of a calibration: estimates with their uncertainty, the fit of one model, and the report on all models."""
 
 from __future__ import annotations
 

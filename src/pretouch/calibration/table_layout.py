@@ -1,4 +1,4 @@
-"""Where the readings of a table stand: beside a column of distances, or in columns that are named by distance."""
+"""Find the columns of a table that hold distances, outputs and labels, in long and in wide tables."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from decimal import Decimal
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
 
-from .choice import Chosen, ColumnChoice, remedy
+from .column_options import Chosen, ColumnChoice, remedy
 from .headers import (
     Column,
     Layout,

@@ -1,4 +1,4 @@
-"""The distances at which a sensor can be used: beyond clipping and the near-field peak, above the noise floor."""
+"""Find the usable window of a sensor: beyond clipping and the near-field peak, and above the noise floor."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The sensor chain: what lies between the distance and the number that the controller is handed, and when it comes.
+"""The sensor chain, which turns distances into delayed and noisy readings, and the timing of a sampled loop.
 
-When a loop samples, when its force acts and for how long is all that its stability depends on beside the motion.
+The stability of a loop depends on the motion and on its timing: when it samples, when its force acts, and for how long.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A loop without its encounter and its gain, and what pages say of it."""
+"""A sampled loop that runs encounters with any gain, and the report sections that describe it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the loop asks of a law, and of one whose gain is to be chosen."""
+"""Interfaces of a sampled law that the simulated loop can run, and of a law with an adjustable gain."""
 
 from __future__ import annotations
 

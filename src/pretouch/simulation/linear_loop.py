@@ -1,13 +1,13 @@
-"""The loop at one distance, linear and exactly discretized, and where it leaves stability.
+"""The sampled loop, linearized at one distance and discretized exactly, and the damping at which it becomes unstable.
 
-Near a distance l, ln xi changes by g dx, and the force of two readings is -(d / h) (y_k - y_k-1) with d = D_p g the
-damping that the virtual force amounts to and h the time for which it acts. All else is linear and time-invariant, so
-that what one force does to all later readings follows from matrix exponentials: no step is approximated.
+Near a distance l, ln xi changes by g dx. The force of two readings is -(d / h) (y_k - y_k-1), where d = D_p g is the
+equivalent damping of the virtual force and h the time for which it acts. All other parts are linear and time-invariant,
+so matrix exponentials give the effect of one force on all later readings: no step is approximated.
 
-The eigenvalues of the closed loop solve 1 + d P(z) = 0. At d = 0 they are those of the plant's own motion, of the
-filter and of the delay. One that lies on the circle there, an undamped oscillation, moves in or out as soon as d > 0.
-Any other can reach the circle only where P(exp(i omega T)) is real and negative, with d = -1 / P; its modulus then
-changes with d as P^2 Im(dP/domega) / |dP/domega|^2, so that it leaves where the imaginary part of P rises.
+The eigenvalues of the closed loop solve 1 + d P(z) = 0. At d = 0 they are those of the plant, of the filter and of the
+delay. An eigenvalue on the unit circle at d = 0, an undamped oscillation, moves in or out as soon as d > 0. Any other
+eigenvalue can reach the circle only at an omega for which P(exp(i omega T)) is real and negative, with d = -1 / P. Its
+modulus then changes with d as P^2 Im(dP/domega) / |dP/domega|^2, so it leaves if the imaginary part of P rises.
 """
 
 from __future__ import annotations

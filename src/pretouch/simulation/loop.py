@@ -1,4 +1,4 @@
-"""Run encounters of the sampled loop: sensor chain, law at its own rate, plant, contact."""
+"""Simulate encounters in the sampled loop: sensor chain, law at its own rate, plant and contact."""
 
 from __future__ import annotations
 

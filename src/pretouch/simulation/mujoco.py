@@ -1,11 +1,11 @@
-"""The same encounter in MuJoCo: another integrator and another contact around the same law. A witness of `simulate`.
+"""Run an encounter in MuJoCo, to check `simulate` against another integrator and another contact model.
 
-MuJoCo's contact is a soft constraint. With the impedance d and a direct `solref` = (-k', -c') the depth delta gets the
-acceleration a_1 = (1 - d) a_0 - k' delta - c' delta', where a_0 is the one without contact. That is a force of
+MuJoCo's contact is a soft constraint. With the impedance d and a direct `solref` = (-k', -c'), the depth delta has the
+acceleration a_1 = (1 - d) a_0 - k' delta - c' delta', where a_0 is the acceleration without contact. That is a force of
 
     m k' delta + m c' delta' + d m a_0,        never below 0, with m the reduced mass of both bodies.
 
-So k' = k / m and c' = c / m make it a spring with a damper for d -> 0, and d is the smallest that MuJoCo takes.
+So k' = k / m and c' = c / m make it a spring with a damper for d -> 0, and d is the smallest that MuJoCo accepts.
 """
 
 from __future__ import annotations

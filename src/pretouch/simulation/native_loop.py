@@ -1,7 +1,7 @@
-"""The loop in C++ (native/core/loop*.cpp): structures of native/core/pretouch.h, and the encounters that it runs.
+"""Run encounters in the compiled loop (native/core/loop*.cpp): fill its structures and collect its results.
 
-A law that is compiled is called by its address. For a law in Python the loop calls back, which costs some microseconds
-a step; what such a law raises ends its runs and is raised here.
+A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
+exception in such a law ends its runs and is raised again here.
 """
 
 from __future__ import annotations

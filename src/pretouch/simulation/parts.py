@@ -1,4 +1,4 @@
-"""Sensor chains of parts that people use: what their makers say with its source, and what is assumed beside it."""
+"""Sensor chains of commercial parts: values from data sheets with their sources, and the assumptions made."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a simulation may ask for, and what it comes to."""
+"""Results of a simulation, and the checks of its inputs."""
 
 from __future__ import annotations
 

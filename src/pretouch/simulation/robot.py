@@ -1,4 +1,4 @@
-"""The robot and what it touches: plants and contact forces, each a class with its numbers."""
+"""Models of the robot and of its contact: how it follows the virtual object, and the force when it touches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast may an object come? The speed up to which a loop with a virtual drag is stable, and in time."""
+"""The highest approach speed at which a loop with a virtual drag is stable and reacts in time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is my sensor fast enough? The largest gain that is stable for a rate and a delay, and the lowest rate for a gain."""
+"""Stability limits of the sampled loop: the largest stable gain for a sensor, and the lowest sensor rate for a gain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of several inputs that were estimated together, such as a calibration leaves it of its curve."""
+"""Distributions from data: correlated parameters of a fitted curve, and measured values."""
 
 from __future__ import annotations
 

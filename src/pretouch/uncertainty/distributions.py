@@ -1,4 +1,4 @@
-"""What is known of inputs that are not known exactly: an interval, a distribution, or several that go together."""
+"""Probability distributions of uncertain inputs: their base classes, intervals, uniform and normal distributions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples of inputs that are not known exactly, and the encounters they make."""
+"""Sample uncertain inputs, and solve the encounters with these samples."""
 
 from __future__ import annotations
 

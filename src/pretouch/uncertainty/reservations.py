@@ -1,4 +1,4 @@
-"""What a calibration leaves open of an encounter: its reservations, and where the curve goes on without data."""
+"""Find the distances of an encounter at which no calibration data support the curve, and say what to do about it."""
 
 from __future__ import annotations
 

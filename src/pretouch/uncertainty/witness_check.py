@@ -1,4 +1,4 @@
-"""Try an answer on the readings of its calibration: does contact come as the fitted curve promises?"""
+"""Check a gain on the readings: compare the contact speed on curves that fit them with the predicted speed."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Every curve that the readings allow: over families, offsets and parameters; and what they agree on about g.
+"""Fit every curve family at every plausible offset, and combine the fits into what the readings determine.
 
-One family with one offset knows its parameters to a percent; the readings do not know the family, and a pedestal that
-is moved by a little bends another family through them as well. So each family of three parameters is fitted at each
-offset that comes into question, side by side, and every fit keeps the weight that its sum of squares leaves it. What
-all of them say together is what is known: the offset, and g at every distance.
+With one family and one offset, the readings determine the parameters to about a percent. But they do not determine the
+family: with a slightly different offset, another family fits equally well. So each family of three parameters is fitted
+at each plausible offset, and each fit gets a weight from its sum of squares. The weighted fits give the offset and the
+slope g at every distance, with their uncertainties.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pretouch.sensors import Family
 
 from .averaging import AveragedCurve
 from .family_fits import Problem, families_of, fit_free, forward_change, lowest_offset, problem_at
-from .many_fits import Fits
+from .least_squares import Fits
 from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
 _FORM: Final = 4.0  # for the offset of a curve that no family is quite

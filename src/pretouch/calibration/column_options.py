@@ -1,4 +1,4 @@
-"""What somebody says about the columns of a file: which one is meant, by header or by number, and in which unit."""
+"""Options that select the columns of a table, by header or number, and give their units."""
 
 from __future__ import annotations
 

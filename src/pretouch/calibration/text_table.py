@@ -1,4 +1,4 @@
-"""Text tables, whatever program wrote them: encoding, delimiter, decimal mark, header, rows; errors name the line."""
+"""Parse a text table such as CSV: detect encoding, delimiter, decimal mark and header, and split its rows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.files import read_regular_file
 
-from .choice import ColumnChoice, remedy
+from .column_options import ColumnChoice, remedy
 from .headers import TextTable, is_length, is_number, is_row, names_a_distance, shortened, uses_commas
 
 Lines: TypeAlias = "list[tuple[int, str]]"

@@ -1,8 +1,8 @@
-"""Nonlinear least squares, many small problems at once: Levenberg and Marquardt's method in lanes.
+"""Solve many small nonlinear least-squares problems at once, by the Levenberg-Marquardt method.
 
-A calibration asks for hundreds of fits of three or four parameters: one for every offset that is possible, every
-distance that is left out, every place where the window may begin, every end of an interval. Alone, each of them costs
-a general solver a thousand times its arithmetic; side by side they cost that once.
+A calibration needs hundreds of fits of three or four parameters: one for each possible offset, each distance left out,
+each possible start of the window, and each end of an interval. A general solver spends a thousand times more time on
+overhead than on the arithmetic of such a fit. Vectorized over all problems, this overhead is spent only once.
 """
 
 from __future__ import annotations

@@ -19,9 +19,9 @@ from pretouch._core.units import MAGNITUDES, WORKABLE
 from pretouch._core.values import Value, check_types
 
 from .column_options import chosen_labels, read_choice
-from .text_table import read_table
 from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
 from .table_layout import long_layout, wide_layout
+from .text_table import read_table
 
 _FEW = 5  # distances, from which on one can be far beyond all others
 _STRAY = 50.0  # times as far as the next one

@@ -13,10 +13,10 @@ from pretouch._core.units import format_quantity
 
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
 from .ceilings import CeilingFits, fit_under_ceilings
-from .possible_curves import Courses, find_courses
 from .data import Calibration
 from .family_fits import bad_distances, find_noise
 from .headers import is_length
+from .possible_curves import Courses, find_courses
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
 from .window import NearEnd, declared_offset, end_of_falling, find_near_end, is_rising, window_of
 from .witness import Witness, witness_of

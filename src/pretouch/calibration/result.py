@@ -57,7 +57,8 @@ class AllowedCurves(Protocol):
         """Draw curves of ideal families under soft ceilings, each as probable as the readings make it."""
 
 
-_FINEST: Final = 1e-4  # of xi: nothing is known better; exact numbers are weighed as their logarithms
+_FINEST: Final = 1e-4  # smallest relative error of a mean: no sensor is better, and exact numbers need a weight
+_WIDE: Final = 6.0  # standard errors: a 95 % interval wider than this is not described by the standard error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +102,25 @@ class OffsetEstimate(Value):
     low: float
     high: float
     kind: str
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether the 95 % interval is so wide that the standard error alone would mislead."""
+        return self.high - self.low > _WIDE * self.standard_error
+
+    def in_words(self, unit: str, digits: int = 4) -> str:
+        """Return the offset with its standard error, or the offset alone if its 95 % interval is much wider.
+
+        Examples:
+            >>> offset = OffsetEstimate(value=180.0, standard_error=1.2, low=177.6, high=182.4, kind="measured")
+            >>> from dataclasses import replace
+            >>> offset.in_words("counts")
+            '180 ± 1.2 counts'
+            >>> replace(offset, low=140.0, high=220.0).in_words("counts")
+            '180 counts'
+        """
+        error = "" if self.is_wide else f" ± {self.standard_error:.2g}"
+        return f"{self.value:.{digits}g}{error} {unit}".strip()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,19 +22,19 @@ from .family_fits import Problem, families_of, fit_free, forward_change, lowest_
 from .least_squares import Fits
 from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
-_FORM: Final = 4.0  # for the offset of a curve that no family is quite
-_BENDS: Final = 6.0  # places at which a misfit bends freely, over a window
-_MOST_ALIKE: Final = 0.8  # of neighbors: more leaves no number of points to speak of
-_SPREAD: Final = np.sinh(np.linspace(-3.0, 3.0, 21)) / np.sinh(3.0) * 8.0  # standard errors, denser in the middle
-_NARROW: Final = np.linspace(-2.8, 2.8, 9)
+_FORM: Final = 4.0  # inflation of the variance if the offset was fitted, because no family is exact
+_BENDS: Final = 6.0  # independent points of a smooth misfit over a window
+_MOST_ALIKE: Final = 0.8  # largest correlation of neighboring residuals that is used
+_SPREAD: Final = np.sinh(np.linspace(-3.0, 3.0, 21)) / np.sinh(3.0) * 8.0  # fitted offsets [SE], denser in the middle
+_NARROW: Final = np.linspace(-2.8, 2.8, 9)  # offsets around a known one [SE]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Course(Value):
-    """The fits of one family, one for each of some offsets, increasing, of shape (b,).
+class FamilyFits(Value):
+    """The fits of one family at several offsets, increasing, of shape (b,).
 
-    Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of the residuals; `costs`, shape
-    (b,), are sums of squares, with what is known of the offset beforehand.
+    Parameters x, shape (b, 3), have `covariances`, shape (b, 3, 3), at unit variance of the residuals. `costs`, shape
+    (b,), are sums of squares that include the prior of the offset.
     """
 
     family: Family
@@ -44,47 +44,51 @@ class Course(Value):
     costs: FloatArray
 
     def interval(self, level: float) -> tuple[float, float] | None:
-        """Return between which offsets the cost lies below a level, along lines in its root; None where nowhere."""
+        """Return the offsets between which the cost is below a level, None if it is nowhere.
+
+        The square root of the cost is interpolated linearly.
+        """
         root = np.sqrt(np.maximum(self.costs - min(float(self.costs.min()), level), 0.0))
         below = np.flatnonzero(self.costs <= level)
         if not len(below):
             return None
         height, ends = float(np.sqrt(max(level - float(self.costs.min()), 0.0))), []
         for inner, way in ((below[0], -1), (below[-1], 1)):
-            outer = min(max(inner + way, 0), len(root) - 1)  # the last one has nothing beyond
+            outer = min(max(inner + way, 0), len(root) - 1)  # nothing lies beyond the last offset
             share = (height - root[inner]) / max(root[outer] - root[inner], 1e-300) if outer != inner else 0.0
             ends.append(float(self.offsets[inner] + share * (self.offsets[outer] - self.offsets[inner])))
         return ends[0], ends[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Courses(Value):
-    """All curves that the readings allow.
+class PossibleCurves(Value):
+    """All curves that fit the readings.
 
     Args:
-        parts: one for each family.
-        form: by how much the squares count less for g, whose families a fitted offset rests on; 1 where it is known.
-        inflation: by how much the squares exceed what noise and misfit explain; 1 where they do not.
-        rise: of a sum of squares over the least, to the end of a 95 % interval.
+        parts: the fits of each family.
+        form: factor by which the variance of g is inflated because a fitted offset depends on inexact families; 1 for a
+            known offset.
+        inflation: sum of squares relative to what noise and misfit explain; at least 1.
+        rise: increase of the sum of squares from its minimum to the end of a 95 % interval.
     """
 
-    parts: tuple[Course, ...]
+    parts: tuple[FamilyFits, ...]
     form: float
     inflation: float
     rise: float
 
     @property
     def least(self) -> float:
-        """The least sum of squares."""
+        """The smallest sum of squares."""
         return min(float(part.costs.min()) for part in self.parts)
 
     @property
-    def best(self) -> Course:
-        """The family that has it."""
+    def best(self) -> FamilyFits:
+        """The family with the smallest sum of squares."""
         return min(self.parts, key=lambda part: float(part.costs.min()))
 
     def offset(self, kind: str) -> OffsetEstimate:
-        """Return the offset with the interval in which any family lies within the rise of the best."""
+        """Return the offset and its 95 % interval: offsets at which any family fits nearly as well as the best."""
         ends = [e for part in self.parts if (e := part.interval(self.least + self.rise)) is not None]
         low, high = min(e[0] for e in ends), max(e[1] for e in ends)
         error = (high - low) / (2 * float(np.sqrt(self.rise)))
@@ -92,9 +96,9 @@ class Courses(Value):
         return OffsetEstimate(value=value, standard_error=error, low=low, high=high, kind=kind)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves that the readings allow, each as likely as its weight, with the offset that goes with it."""
+        """Draw curves with probabilities equal to their weights, each with the offset at which it was fitted."""
         rng = np.random.default_rng(seed)
-        fits, found = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
+        fits, curves = [(part, i) for part in self.parts for i in range(len(part.offsets))], []
         for number in rng.choice(len(fits), count, p=np.concatenate(self.weights())):
             part, i = fits[number]
             spread = part.covariances[i] * self.inflation * self.form
@@ -103,32 +107,32 @@ class Courses(Value):
             moved = np.where(np.isfinite(moved), moved, part.x[i])
             family = part.family
             sensor = family.sensor(np.clip(moved, *family.bounds), family.first, family.last)
-            found.append(DrawnCurve(sensor=sensor, offset=float(part.offsets[i])))
-        return tuple(found)
+            curves.append(DrawnCurve(sensor=sensor, offset=float(part.offsets[i])))
+        return tuple(curves)
 
     def doubt(self, offset: OffsetEstimate) -> float:
-        """Return how far an offset lies from what the readings ask for, in half widths of the 95 % interval.
+        """Return how far an offset is from the best-fitting one, in half widths of the 95 % interval.
 
-        The nearest end of its own interval counts; one beyond all that were fitted is infinitely far.
+        The distance is that of the nearest end of the offset's interval. Beyond all fitted offsets it is infinite.
         """
-        found = np.inf
+        cost = np.inf
         for part in self.parts:
             at = np.clip(part.offsets[int(part.costs.argmin())], offset.low, offset.high)
-            found = min(found, float(np.interp(at, part.offsets, part.costs, left=np.inf, right=np.inf)))
-        return float(np.sqrt(max(found - self.least, 0.0) / self.rise))
+            cost = min(cost, float(np.interp(at, part.offsets, part.costs, left=np.inf, right=np.inf)))
+        return float(np.sqrt(max(cost - self.least, 0.0) / self.rise))
 
     def weights(self) -> list[FloatArray]:
-        """Return what weight each fit keeps, all together one."""
-        found = []
+        """Return the weight of each fit; all weights add up to 1."""
+        weights = []
         for part in self.parts:
             width = np.gradient(part.offsets) if len(part.offsets) > 1 else np.ones(1)
             excess = np.minimum((part.costs - self.least) / (self.inflation * self.form), 700.0)
-            found.append(np.exp(-0.5 * excess) * width)
-        total = sum(float(w.sum()) for w in found)
-        return [w / total for w in found]
+            weights.append(np.exp(-0.5 * excess) * width)
+        total = sum(float(w.sum()) for w in weights)
+        return [w / total for w in weights]
 
     def slope(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ln |g| at distances and its standard deviation, over all fits and within each."""
+        """Return the mean of ln |g| at distances and its standard deviation, between fits and within each fit."""
         rows, spreads, weights = [], [], []
         for part, weight in zip(self.parts, self.weights(), strict=True):
             kept = weight > 1e-6
@@ -143,24 +147,23 @@ class Courses(Value):
             rows.append(log_slope(x, distance))
             spreads.append(np.einsum("bnp,bpq,bnq->bn", change, covariance, change))
             weights.append(weight[kept])
-        every, own, share = np.concatenate(rows), np.concatenate(spreads), np.concatenate(weights)
+        log_slopes, variances, share = np.concatenate(rows), np.concatenate(spreads), np.concatenate(weights)
         share = share / share.sum()
-        mean = share @ every
-        variance = share @ (np.minimum(own, 4.0) + (every - mean) ** 2)
+        mean = share @ log_slopes
+        variance = share @ (np.minimum(variances, 4.0) + (log_slopes - mean) ** 2)
         return np.asarray(mean), np.asarray(np.sqrt(variance))
 
 
-def find_courses(
+def fit_possible_curves(
     curve: AveragedCurve,
     noise: NoiseEstimate,
     known: OffsetEstimate | None,
     *,
     informed_by: int | None = None,
     also: float | None = None,
-) -> Courses:
-    """Fit every family at every offset in question, to five points or more (four where the offset is known)."""
-    # The noise was estimated from `informed_by` points, those of the curve where None; `also` is another offset to fit
-    # at.
+) -> PossibleCurves:
+    """Fit every family at every plausible offset, to five points or more (four with a known offset)."""
+    # The noise was estimated from `informed_by` points, by default those of the curve. `also` is an additional offset.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     parts = []
@@ -169,20 +172,22 @@ def find_courses(
         offsets = _offsets(curve, free, known)
         offsets = offsets if also is None else np.unique(np.append(offsets, also))
         problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
-        found = problem.minimize(np.repeat(free.x[:, :3], len(offsets), axis=0))
-        prior = family.prior(found.x)
+        fits = problem.minimize(np.repeat(free.x[:, :3], len(offsets), axis=0))
+        prior = family.prior(fits.x)
         if known is not None and known.standard_error > 0:
             prior += ((offsets - known.value) / known.standard_error) ** 2
-        costs = found.costs + prior
-        parts.append(Course(family=family, offsets=offsets, x=found.x, covariances=found.covariances, costs=costs))
+        costs = fits.costs + prior
+        parts.append(FamilyFits(family=family, offsets=offsets, x=fits.x, covariances=fits.covariances, costs=costs))
     freedom = max((informed_by or len(curve.distance)) - 3 - (known is None), 1)
     best = min(parts, key=lambda part: float(part.costs.min()))
     at = int(best.costs.argmin())
     problem = problem_at(curve, best.family, noise, best.offsets[at])
     row = problem.residuals(best.x[[at]], np.zeros(1, dtype=np.int64))[0]
     smooth = float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))  # share of misfit
-    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _likeness(row, smooth)
-    return Courses(
+    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _correlation_inflation(
+        row, smooth
+    )
+    return PossibleCurves(
         parts=tuple(parts),
         form=_FORM if known is None else 1.0,
         inflation=inflation,
@@ -190,20 +195,20 @@ def find_courses(
     )
 
 
-def _likeness(residuals: FloatArray, smooth: float) -> float:
-    """Return by how much the variance of a fit grows because neighbors are off alike.
+def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
+    """Return the factor by which the variance of a fit grows because neighboring residuals are correlated.
 
-    What is smooth by nature, a misfit, tells no more at forty points than at the few that it is free to bend at; it has
-    the share `smooth` of the variance of the residuals, which is one. Else the correlation of neighbors tells (Bayley
-    and Hammersley 1946), where it is more than chance.
+    A misfit is smooth: forty points inform no better about it than the few at which it can bend independently. It has
+    the share `smooth` of the variance of the residuals, which is 1. Otherwise the correlation of neighbors counts, if
+    it is significant (Bayley and Hammersley 1946).
     """
     count, total = len(residuals), float(residuals @ residuals)
     bends = 1 + smooth * max(count / _BENDS - 1, 0.0)
     if count < 5 or total <= 0:
         return bends
-    alike = float(residuals[1:] @ residuals[:-1]) / total
-    alike = min(alike, _MOST_ALIKE) if alike > 1.7 / np.sqrt(count) else 0.0
-    return max(bends, (1 + alike) / (1 - alike))
+    correlation = float(residuals[1:] @ residuals[:-1]) / total
+    correlation = min(correlation, _MOST_ALIKE) if correlation > 1.7 / np.sqrt(count) else 0.0
+    return max(bends, (1 + correlation) / (1 - correlation))
 
 
 def _offsets(curve: AveragedCurve, free: Fits, known: OffsetEstimate | None) -> FloatArray:
@@ -213,6 +218,6 @@ def _offsets(curve: AveragedCurve, free: Fits, known: OffsetEstimate | None) -> 
     reach = float(np.ptp(curve.output))
     error = np.sqrt(float(free.covariances[0, 3, 3])) or 0.1 * reach  # zero where it is at a bound
     error = float(np.clip(error, 1e-9 * reach, 0.3 * reach))
-    found = free.x[0, 3] + error * _SPREAD
+    offsets = free.x[0, 3] + error * _SPREAD
     top = float(curve.output.max())
-    return np.unique(np.clip(found, lowest_offset(curve), top - 1e-3 * reach))
+    return np.unique(np.clip(offsets, lowest_offset(curve), top - 1e-3 * reach))

@@ -16,20 +16,21 @@ import numpy as np
 from pretouch._core.numbers import BoolArray, FloatArray, IntArray
 
 Residuals: TypeAlias = Callable[[FloatArray, IntArray], FloatArray]
-"""From parameters, shape (b, p), and the numbers of their problems, shape (b,), to residuals, shape (b, n)."""
+"""Function of parameters, shape (b, p), and indices of their problems, shape (b,); returns residuals, shape (b, n)."""
 
-_STEP: Final = 1e-6  # of a parameter, for differences
-_DOUBLINGS: Final = 5  # a profile that has not risen at 60 times the width of the linear interval has no end
-_ATTEMPTS: Final = 12
-_STIFFEST: Final = 1e12
-_HUGE: Final = 1e150  # a residual that is no number counts as this
+_STEP: Final = 1e-6  # step of a parameter for finite differences
+_DOUBLINGS: Final = 5  # a profile that has not risen at 60 times the width of the linear interval is unbounded
+_ATTEMPTS: Final = 12  # iterations for the end of an interval
+_LARGEST_DAMPING: Final = 1e12  # of the normal equations: with more, no step improves the cost
+_HUGE: Final = 1e150  # replaces residuals that are not finite
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fits:
-    """Minima of many problems: parameters x, shape (b, p), the residuals there, (b, n), and their squares' sums, (b,).
+    """Minima of many problems: parameters x, shape (b, p), residuals, (b, n), and costs (sums of squares), (b,).
 
-    The jacobian has their derivatives by the parameters, shape (b, n, p), zero for a parameter at its bound.
+    The jacobian has the derivatives of the residuals by the parameters, shape (b, n, p); zero for a parameter at a
+    bound.
     """
 
     x: FloatArray
@@ -41,13 +42,13 @@ class Fits:
     def covariances(self) -> FloatArray:
         """Covariances of the parameters at unit variance of the residuals, shape (b, p, p).
 
-        Large, not infinite, where singular; zero for what is held at a bound.
+        Large, not infinite, for a singular problem; zero for parameters held at a bound.
         """
         _, s, vt = np.linalg.svd(self.jacobian, full_matrices=False)
         s = np.maximum(s, np.maximum(1e-12 * s[:, :1], 1e-60))
         free = (self.jacobian != 0).any(axis=1)
-        found = np.einsum("bki,bk,bkj->bij", vt, 1 / s**2, vt)
-        return np.asarray(np.where(free[:, :, None] & free[:, None, :], found, 0.0))
+        inverse = np.einsum("bki,bk,bkj->bij", vt, 1 / s**2, vt)
+        return np.asarray(np.where(free[:, :, None] & free[:, None, :], inverse, 0.0))
 
 
 def minimize_many(
@@ -59,37 +60,37 @@ def minimize_many(
     most: int = 60,
 ) -> Fits:
     """Minimize the sums of squares of many problems within bounds, (p,) or (b, p), each from a row of `start`."""
-    # A problem is done where its cost changes by less than `tolerance` of itself, or its parameters by less than that;
-    # all are after `most` steps. A start is moved inside the bounds.
+    # A problem has converged when its cost changes by a smaller share than `tolerance`, or its parameters by less than
+    # that. All problems end after `most` steps. Starts are clipped to the bounds.
     low, high = (np.broadcast_to(b, start.shape) for b in bounds)
     x = np.clip(start, low, high)
     if not len(x):
         return Fits(x=x, residuals=np.empty((0, 0)), jacobian=np.empty((0, 0, x.shape[1])), costs=np.empty(0))
-    every = np.arange(len(x))
-    value = _finite(residuals(x, every))
-    cost = np.einsum("bn,bn->b", value, value)
-    slope = _derivative(residuals, x, value, every, high)
-    damping, open_ones = np.full(len(x), 1e-3), every
+    problems = np.arange(len(x))
+    residual = _finite(residuals(x, problems))
+    cost = np.einsum("bn,bn->b", residual, residual)
+    slope = _derivative(residuals, x, residual, problems, high)
+    damping, active = np.full(len(x), 1e-3), problems
     for _ in range(most):
-        if not len(open_ones):
+        if not len(active):
             break
-        at, here = x[open_ones], slope[open_ones]
-        step = _step(at, here, value[open_ones], damping[open_ones], (low[open_ones], high[open_ones]))
-        tried = np.clip(at + step, low[open_ones], high[open_ones])
-        found = _finite(residuals(tried, open_ones))
-        price = np.einsum("bn,bn->b", found, found)
-        better = price < cost[open_ones]
-        moved = np.abs(tried - at).max(axis=1)
-        little = (np.abs(cost[open_ones] - price) <= tolerance * cost[open_ones]) & (moved < 1e-3)
-        little |= moved <= tolerance
-        damping[open_ones] = np.where(better, np.maximum(0.2 * damping[open_ones], 1e-9), 8 * damping[open_ones])
-        gained = open_ones[better]
-        x[gained], value[gained], cost[gained] = tried[better], found[better], price[better]
-        if len(gained):
-            slope[gained] = _derivative(residuals, x[gained], value[gained], gained, high[gained])
-        open_ones = open_ones[~little & (damping[open_ones] < _STIFFEST)]
-    held = _held(x, np.einsum("bnp,bn->bp", slope, value), low, high)
-    return Fits(x=x, residuals=value, jacobian=np.where(held[:, None, :], 0.0, slope), costs=cost)
+        at, here = x[active], slope[active]
+        step = _step(at, here, residual[active], damping[active], (low[active], high[active]))
+        new_x = np.clip(at + step, low[active], high[active])
+        new_residual = _finite(residuals(new_x, active))
+        new_cost = np.einsum("bn,bn->b", new_residual, new_residual)
+        better = new_cost < cost[active]
+        moved = np.abs(new_x - at).max(axis=1)
+        converged = (np.abs(cost[active] - new_cost) <= tolerance * cost[active]) & (moved < 1e-3)
+        converged |= moved <= tolerance
+        damping[active] = np.where(better, np.maximum(0.2 * damping[active], 1e-9), 8 * damping[active])
+        improved = active[better]
+        x[improved], residual[improved], cost[improved] = new_x[better], new_residual[better], new_cost[better]
+        if len(improved):
+            slope[improved] = _derivative(residuals, x[improved], residual[improved], improved, high[improved])
+        active = active[~converged & (damping[active] < _LARGEST_DAMPING)]
+    at_bound = _held(x, np.einsum("bnp,bn->bp", slope, residual), low, high)
+    return Fits(x=x, residuals=residual, jacobian=np.where(at_bound[:, None, :], 0.0, slope), costs=cost)
 
 
 def _finite(values: FloatArray) -> FloatArray:
@@ -97,31 +98,31 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _held(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Tell which parameters are at a bound that the cost pushes them against."""
+    """Return which parameters are at a bound that the cost pushes them against."""
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
 
 def _derivative(
     residuals: Residuals, x: FloatArray, value: FloatArray, which: IntArray, high: FloatArray
 ) -> FloatArray:
-    """Differentiate by forward differences; backward ones at the upper bound."""
+    """Differentiate by forward differences, or backward differences at the upper bound."""
     count, size = x.shape
     moved = np.repeat(x[:, None, :], size, axis=1)
     step = _STEP * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > high, -step, step)
     moved[:, np.arange(size), np.arange(size)] += step
-    found = _finite(residuals(moved.reshape(count * size, size), np.repeat(which, size)))
-    rows = (found.reshape(count, size, -1) - value[:, None, :]) / step[:, :, None]
+    moved_residuals = _finite(residuals(moved.reshape(count * size, size), np.repeat(which, size)))
+    rows = (moved_residuals.reshape(count, size, -1) - value[:, None, :]) / step[:, :, None]
     return np.asarray(np.swapaxes(rows, 1, 2))
 
 
 def _step(
     x: FloatArray, slope: FloatArray, value: FloatArray, damping: FloatArray, bounds: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Solve the damped normal equations without parameters that a bound holds; no step where they overflow."""
+    """Solve the damped normal equations for the parameters that no bound holds; zero steps if they overflow."""
     with np.errstate(all="ignore"):
-        found = _newton_step(x, slope, value, damping, bounds)
-    return np.where(np.isfinite(found), found, 0.0)
+        step = _newton_step(x, slope, value, damping, bounds)
+    return np.where(np.isfinite(step), step, 0.0)
 
 
 def _newton_step(
@@ -141,7 +142,7 @@ def _newton_step(
 
 
 def gradient(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Differentiate a vector function of parameters, shape (p,), by central differences, shape (outputs, p)."""
+    """Return the derivatives of a vector function of parameters, shape (p,), by central differences; (outputs, p)."""
     columns = []
     for i, value in enumerate(x):
         step = 1e-6 * max(1.0, abs(float(value)))
@@ -158,49 +159,49 @@ def intervals(
     coordinates: Callable[[FloatArray], FloatArray],
     rise: float,
 ) -> list[tuple[float, float, bool, bool]]:
-    """Find where the profiles of some coordinates have risen by `rise` above the minimum, all ends side by side."""
-    # The sum of squares plus a stiff spring that pulls a coordinate to a target is minimized over all parameters: its
-    # minimum lies on the profile exactly, at the coordinate where it ends up, so no form of the model in which that
-    # coordinate is a parameter is needed. Steps are doubled until the profile has risen enough, then secants close in.
-    # The residuals are those of one problem, whose number is 0, `best` is its minimum, and coordinates go from (b, p)
-    # to (b, c). For each, its lower and upper end follow, and whether each was reached; where not, the end is the last
-    # value that the bounds let the coordinate take.
+    """Return profile intervals: where the profiles of coordinates have risen by `rise` above the minimum."""
+    # A stiff spring pulls a coordinate to a target: the sum of squares plus the spring's energy is minimized over all
+    # parameters. The minimum lies exactly on the profile, at the coordinate that it reaches. So the coordinate need not
+    # be a parameter of the model. Steps are doubled until the profile has risen enough; then secants are used. All ends
+    # are searched at once. The residuals are those of one problem with the index 0, `best` is its minimum, and
+    # `coordinates` maps (b, p) to (b, c). The result has, for each coordinate, the lower and upper end and whether each
+    # was reached. An end that was not reached is the last value that the bounds allow.
     center = coordinates(best.x)[0]
     slope = gradient(lambda u: coordinates(u[None])[0], best.x[0])
     scale = np.sqrt(np.maximum(rise * np.einsum("cp,pq,cq->c", slope, best.covariances[0], slope), 1e-300))
     lanes = [_End(i, sign * float(scale[i]), float(center[i])) for i in range(len(center)) for sign in (-1.0, 1.0)]
-    stiffness = np.array([100 * np.sqrt(rise) / abs(lane.step) for lane in lanes])  # it gives way by 1e-4 of the step
+    stiffness = np.array(
+        [100 * np.sqrt(rise) / abs(lane.step) for lane in lanes]
+    )  # the spring yields by 1e-4 of the step
     ahead = np.array([best.covariances[0] @ slope[lane.which] * rise / lane.step**2 for lane in lanes])
     which = np.array([lane.which for lane in lanes])
     x = np.repeat(best.x, len(lanes), axis=0)
     for _ in range(_ATTEMPTS):
-        open_ones = np.array([i for i, lane in enumerate(lanes) if lane.end is None], dtype=np.int64)
-        if not len(open_ones):
+        active = np.array([i for i, lane in enumerate(lanes) if lane.end is None], dtype=np.int64)
+        if not len(active):
             break
-        goals = np.array([lanes[i].target for i in open_ones])
+        goals = np.array([lanes[i].target for i in active])
 
-        def pulled(u: FloatArray, number: IntArray, lane: IntArray = open_ones, goal: FloatArray = goals) -> FloatArray:
+        def pulled(u: FloatArray, number: IntArray, lane: IntArray = active, goal: FloatArray = goals) -> FloatArray:
             at = coordinates(u)[np.arange(len(u)), which[lane[number]]]
             spring = stiffness[lane[number]] * (at - goal[number])
             return np.column_stack([residuals(u, np.zeros(len(u), dtype=np.int64)), spring])
 
-        here = coordinates(x[open_ones])[np.arange(len(open_ones)), which[open_ones]]
-        start = np.clip(x[open_ones] + ahead[open_ones] * (goals - here)[:, None], *bounds)
-        costs = [np.sum(_finite(pulled(u, np.arange(len(u)))) ** 2, axis=1) for u in (x[open_ones], start)]
-        found = minimize_many(
-            pulled, np.where((costs[1] < costs[0])[:, None], start, x[open_ones]), bounds, tolerance=1e-7
-        )
-        values = coordinates(found.x)[np.arange(len(open_ones)), which[open_ones]]
-        height = np.sqrt(np.maximum(np.sum(found.residuals[:, :-1] ** 2, axis=1) - best.costs[0], 0.0) / rise)
-        for i, value, level, at in zip(open_ones, values, height, found.x, strict=True):
+        here = coordinates(x[active])[np.arange(len(active)), which[active]]
+        start = np.clip(x[active] + ahead[active] * (goals - here)[:, None], *bounds)
+        costs = [np.sum(_finite(pulled(u, np.arange(len(u)))) ** 2, axis=1) for u in (x[active], start)]
+        fits = minimize_many(pulled, np.where((costs[1] < costs[0])[:, None], start, x[active]), bounds, tolerance=1e-7)
+        values = coordinates(fits.x)[np.arange(len(active)), which[active]]
+        height = np.sqrt(np.maximum(np.sum(fits.residuals[:, :-1] ** 2, axis=1) - best.costs[0], 0.0) / rise)
+        for i, value, level, at in zip(active, values, height, fits.x, strict=True):
             if lanes[i].take(float(value), float(level)):
                 x[i] = at
-    ends = [lane.found() for lane in lanes]
+    ends = [lane.result() for lane in lanes]
     return [(a[0], b[0], a[1], b[1]) for a, b in zip(ends[::2], ends[1::2], strict=True)]
 
 
 class _End:
-    """The search for one end of an interval: where it is, and where to look next."""
+    """Search for one end of an interval: the end, or the next target."""
 
     def __init__(self, which: int, step: float, center: float) -> None:
         self.which, self.step, self.target = which, step, center + step
@@ -209,10 +210,10 @@ class _End:
         self._inner, self._outer, self._attempt = (center, 0.0), (center, 0.0), 0
 
     def take(self, value: float, height: float) -> bool:
-        """Take the root of the profile's rise, over that wanted, at a value; tell whether to go on from there."""
+        """Record the square root of the profile's relative rise at a value; return whether to continue from there."""
         further = height < 1
         if further and abs(value - self._inner[0]) < 0.05 * abs(self.target - self._inner[0]):
-            self.end = value  # the bounds hold it back
+            self.end = value  # a bound stops it
             return False
         if further:
             self._inner = (value, height)
@@ -230,8 +231,8 @@ class _End:
         self._attempt += 1
         return further
 
-    def found(self) -> tuple[float, bool]:
-        """Return the end, and whether it was reached; what was found so far where the attempts are used up."""
+    def result(self) -> tuple[float, bool]:
+        """Return the end and whether it was reached; after the last attempt, the best value so far."""
         if self.end is not None:
             return self.end, self.reached
         return (self._outer[0], True) if self._outer[1] > 0 else (self._inner[0], False)

@@ -161,7 +161,7 @@ def test_what_was_assumed_is_told(run, pages):
     code, out, err = run("fit", "wide.csv", "--columns", "output=[V]")
     assert (code, err) == (0, "")
     assert out.splitlines()[:2] == [
-        "note: Line 1 stands above the header and is not read.",
+        "note: Line 1 is above the header and is not read.",
         f"note: The headers 0 mm to {heads[-2]} are read as distances, each row as a repeat.",
     ]
     assert run("fit", "wide.csv", "--json")[0] == 0

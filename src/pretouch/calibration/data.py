@@ -15,20 +15,20 @@ from pretouch._core.values import Value, check_types
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance(Value):
-    """Where a calibration was read from, and every decision that reading it took.
+    """The file from which a calibration was read, and how the file was interpreted.
 
     Args:
         file: name of the file.
         sha256: SHA-256 of its bytes, in hexadecimal digits.
-        encoding: the text encoding it was read with.
-        delimiter: what separates its columns.
+        encoding: its text encoding.
+        delimiter: the delimiter of its columns.
         decimal_mark: `.` or `,`.
-        distance_column: header of the column taken as distance.
-        output_column: header of the column taken as output.
-        label_columns: headers of the columns that tell the curves of the file apart.
-        rows: rows of numbers that belong to this curve, dropped ones included.
-        dropped: rows whose output was empty or NaN; they are not used.
-        notes: what had to be assumed, in sentences.
+        distance_column: header of the distance column.
+        output_column: header of the output column.
+        label_columns: headers of the columns whose values distinguish the curves of the file.
+        rows: number of rows that belong to this curve, including dropped ones.
+        dropped: number of rows whose output was empty or NaN; they are not used.
+        notes: assumptions, in sentences.
     """
 
     file: str
@@ -49,12 +49,12 @@ class Calibration(Value):
     """Readings of one sensor in front of one object, at known distances.
 
     Args:
-        distances: l of every reading [m], shape (N,), not negative; repeats are repeated distances, in any order.
+        distances: l of every reading [m], shape (N,), not negative; repeats have equal distances, in any order.
         outputs: y of every reading, shape (N,), in `unit`.
-        unit: unit of the outputs, such as `V` or `counts`; empty where it has none.
+        unit: unit of the outputs, such as `V` or `counts`; may be empty.
         no_object: readings with no object in range, shape (M,), in `unit`; may be empty.
-        label: what tells this curve from others of the same file, such as `day=30, sensor=1`.
-        source: the file it was read from; None for numbers that came from Python.
+        label: the label of this curve among others of the same file, such as `day=30, sensor=1`.
+        source: the file that it was read from; None for numbers from Python.
 
     Raises:
         CalibrationDataError: the columns differ in length, are empty, or hold numbers that are not finite or beyond
@@ -66,7 +66,7 @@ class Calibration(Value):
         array([0.  , 0.01])
     """
 
-    distances: FloatArray = field(metadata={"checked": False})  # by _column
+    distances: FloatArray = field(metadata={"checked": False})  # checked by _column
     outputs: FloatArray = field(metadata={"checked": False})
     unit: str = ""
     no_object: FloatArray = field(default_factory=lambda: np.empty(0), metadata={"checked": False})
@@ -83,13 +83,13 @@ class Calibration(Value):
             raise CalibrationDataError("distances: found none, expected at least one reading with an object in range")
         if self.distances.min() < 0:
             raise CalibrationDataError(
-                f"distances: found {self.distances.min():g} m, which must not be negative: l is measured from the "
-                "sensor (or the contact surface) to the object"
+                f"distances: found {self.distances.min():g} m, which must not be negative; measure l from the sensor "
+                "(or the contact surface) to the object"
             )
 
     @property
     def distinct_distances(self) -> FloatArray:
-        """The distances [m] at which there are readings, in increasing order, each once."""
+        """The distinct distances [m] of the readings, in increasing order."""
         return np.unique(self.distances)
 
     def __repr__(self) -> str:
@@ -98,7 +98,7 @@ class Calibration(Value):
 
     @property
     def name(self) -> str:
-        """File and label, for titles."""
+        """File and label, as shown in titles."""
         parts = [self.source.file if self.source else "", self.label]
         return ", ".join(part for part in parts if part) or "calibration"
 

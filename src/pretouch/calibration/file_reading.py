@@ -14,7 +14,7 @@ from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.numbers import FloatArray, finite
 
-from .column_options import chosen_labels, read_choice
+from .column_options import find_label_columns, parse_column_options
 from .data import Calibration, Provenance
 from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
 from .table_layout import long_layout, wide_layout
@@ -36,29 +36,28 @@ def read_calibration(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> Calibration:
-    r"""Read the one calibration of a file, or the one that `select` names.
+    r"""Read the only calibration of a file, or the one that `select` names.
 
-    The file is a table with a header that carries units: long, `distance [mm],output [V]`, or wide, with columns
-    named by distance, `0 mm,5 mm,inf`. Columns are separated by comma, semicolon, tab or blanks; with all but the
-    first, decimal commas are understood. Repeats are rows. A distance that is `inf`, empty, `none` or `no object`
-    has no-object readings; an output that is empty or NaN is counted and dropped. Lines that start with `#`, blank
-    lines and lines of text above the header are skipped. Further columns are labels. docs/calibration.md has the
-    whole of it.
+    The file is a table with a header and units: long, `distance [mm],output [V]`, or wide, with a column for each
+    distance, `0 mm,5 mm,inf`. The delimiter is a comma, semicolon, tab or blanks; decimal commas are understood unless
+    the delimiter is a comma. Repeats are rows. A distance `inf`, `none`, `no object` or an empty one marks readings
+    without an object. Empty and NaN outputs are counted and dropped. Lines that start with `#`, blank lines and text
+    above the header are skipped. Other columns are labels. docs/calibration.md describes the format in full.
 
     Args:
         path: the file.
-        no_object: readings without an object, in the unit of the output (V where that is mV): one number, several,
-            or the path of a file that holds them; they add to those in the file.
-        select: value of each label column that tells the wanted curve from the others, such as `{"sensor": "1"}`.
-        columns: the `distance` and the `output` column, where names and units do not tell: a header, a number
-            counted from 1, a unit in brackets, or one of the former with a unit: `{"output": "3 [counts]"}`.
-        labels: headers or numbers of the label columns; all that are neither distance nor output where None.
+        no_object: readings without an object, in the unit of the output (V for mV): one number, several, or the path
+            of a file with such readings; they are added to those in the file.
+        select: values of label columns that select the curve, such as `{"sensor": "1"}`.
+        columns: the `distance` and the `output` column, if names and units do not identify them: a header, a number
+            counted from 1, a unit in brackets, or a header or number with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; by default, all that are neither distance nor output.
 
     Returns:
-        The calibration, in SI, with its provenance.
+        The calibration in SI units, with its provenance.
 
     Raises:
-        CalibrationDataError: the file has a mistake (the message names the line), or holds no or several such curves.
+        CalibrationDataError: the file has a mistake (the message names the line), or no or several curves match.
 
     Examples:
         >>> import tempfile, pathlib
@@ -68,20 +67,20 @@ def read_calibration(
         >>> measured.distances, measured.no_object
         (array([0.  , 0.01]), array([0.1]))
     """
-    found = _curves(path, no_object, columns, labels)
+    curves = _curves(path, no_object, columns, labels)
     wanted = {key: str(value).strip() for key, value in (select or {}).items()}
-    keys = {key: None for told, _ in found for key in told}
+    keys = {key: None for of, _ in curves for key in of}
     for key in wanted:
         if key not in keys:
-            known = ", ".join(sorted(keys)) or "none: the file holds one curve"
-            raise CalibrationDataError(f"select: found {key!r}, expected a label column ({known})")
-    chosen = [curve for told, curve in found if all(told[k] == v for k, v in wanted.items())]
-    if len(chosen) == 1:
-        return chosen[0]
-    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(told[k] for told, _ in found))}" for k in keys)
+            available = ", ".join(sorted(keys)) or "none: the file holds one curve"
+            raise CalibrationDataError(f"select: found {key!r}, expected a label column ({available})")
+    selected = [curve for of, curve in curves if all(of[k] == v for k, v in wanted.items())]
+    if len(selected) == 1:
+        return selected[0]
+    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(of[k] for of, _ in curves))}" for k in keys)
     raise CalibrationDataError(
-        f"{Path(path).name}: found {len(chosen)} curves{f' for {wanted}' if wanted else ''}, expected one: choose with "
-        f"select={{...}} among {values}"
+        f"{Path(path).name}: found {len(selected)} curves{f' for {wanted}' if wanted else ''}, expected one: choose "
+        f"with select={{...}} among {values}"
     )
 
 
@@ -93,14 +92,14 @@ def read_calibrations(
     columns: Mapping[str, str | int] | None = None,
     labels: Sequence[str | int] | None = None,
 ) -> tuple[Calibration, ...]:
-    """Read every calibration of a file, as `read_calibration` does: one per combination of its label columns.
+    """Read every calibration of a file: one for each combination of values in its label columns.
 
     Args:
-        path: the file, as `read_calibration` describes it.
+        path: the file, in the format of `read_calibration`.
         no_object: readings without an object, added to every curve.
-        columns: the `distance` and the `output` column, where names and units do not tell: a header, a number
-            counted from 1, a unit in brackets, or one of the former with a unit: `{"output": "3 [counts]"}`.
-        labels: headers or numbers of the label columns; all that are neither distance nor output where None.
+        columns: the `distance` and the `output` column, if names and units do not identify them: a header, a number
+            counted from 1, a unit in brackets, or a header or number with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; by default, all that are neither distance nor output.
 
     Returns:
         The calibrations in the order of their first rows.
@@ -114,12 +113,12 @@ def _curves(
     columns: Mapping[str, str | int] | None,
     labels: Sequence[str | int] | None,
 ) -> list[tuple[dict[str, str], Calibration]]:
-    """Read every calibration of a file, each with the values of its label columns by their names."""
-    choice = read_choice(columns)
-    table = read_table(path, choice)
-    layout = wide_layout(table, choice) or long_layout(table, choice)
+    """Read every calibration of a file, each with a dictionary of its label columns and their values."""
+    options = parse_column_options(columns)
+    table = read_table(path, options)
+    layout = wide_layout(table, options) or long_layout(table, options)
     used = {column.index for pair in layout.pairs for column in pair if isinstance(column, Column)}
-    label_columns = layout.labels if labels is None else chosen_labels(table, labels)
+    label_columns = layout.labels if labels is None else find_label_columns(table, labels)
     label_columns = tuple(i for i in label_columns if i not in used)
     readings = _readings(table, layout)
     groups, shared = _rows_by_label(table, label_columns, readings.distances)
@@ -128,40 +127,43 @@ def _curves(
             f"{table.file}: found no rows below the header, expected distances and outputs"
         )
     if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
-        found = ", ".join(repr(table.name(i)) for i in label_columns)
+        titles = ", ".join(repr(table.name(i)) for i in label_columns)
         raise CalibrationDataError(
-            f"{table.file}: found another value of {found} in every row, which leaves one reading per curve: name the "
-            "label columns with --labels NAME,NAME, or say --labels none (in a scenario file and in Python: labels, a "
+            f"{table.file}: found another value of {titles} in every row, which leaves one reading per curve; name the "
+            "label columns with --labels NAME,NAME, or use --labels none (in a scenario file and in Python: labels, a "
             "list, which may be empty)"
         )
     extra = _no_object_readings(no_object, layout)
     names = tuple(table.name(i) for i in label_columns)
-    told = [dict(zip(names, key, strict=True)) for key in groups]
-    curves = zip(told, groups.values(), strict=True)
+    values = [dict(zip(names, key, strict=True)) for key in groups]
+    curves = zip(values, groups.values(), strict=True)
     return [(of, _curve(table, layout, of, readings.of(rows, shared), extra)) for of, rows in curves]
 
 
 class _Readings(NamedTuple):
-    """Outputs, shape (rows, pairs), NaN where one is missing, and their distances, infinite where no object is."""
+    """Outputs, shape (rows, pairs), NaN if missing, and their distances, infinite without an object."""
 
     distances: FloatArray
     outputs: FloatArray
 
     def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
-        """Return the readings of some rows, and those without an object of rows that are shared."""
-        # A row without any label belongs to all curves, where it has no object.
-        own, added = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
-        common = np.isinf(self.distances[added])
-        kept = ~np.isin(own, added)[:, None] | ~np.isinf(self.distances[own])
+        """Return the readings of some rows, and the no-object readings of shared rows."""
+        # A row without any label belongs to all curves if it has no object.
+        row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
+        without_object = np.isinf(self.distances[shared_indices])
+        kept = ~np.isin(row_indices, shared_indices)[:, None] | ~np.isinf(self.distances[row_indices])
         return _Readings(
-            *(np.concatenate([column[own][kept], column[added][common]]) for column in (self.distances, self.outputs))
+            *(
+                np.concatenate([column[row_indices][kept], column[shared_indices][without_object]])
+                for column in (self.distances, self.outputs)
+            )
         )
 
 
 def _rows_by_label(
     table: TextTable, columns: Sequence[int], distances: FloatArray
 ) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
-    """Sort rows by their labels, in the order of the file; return those without any label that have no object."""
+    """Group rows by their labels, in the order of the file; return the no-object rows without any label, too."""
     if not columns:
         return ({(): range(len(distances))} if len(distances) else {}), ()
     groups: dict[tuple[str, ...], list[int]] = {}
@@ -178,52 +180,52 @@ def _rows_by_label(
 
 
 def _readings(table: TextTable, layout: Layout) -> _Readings:
-    """Read every cell of distances and outputs; refuse the first row in which one cannot be read."""
+    """Read all distances and outputs; refuse the first row with a cell that cannot be read."""
     shape = (len(table.lines), len(layout.pairs))
     distances, outputs = np.empty(shape), np.empty(shape)
     bad = len(table.lines)
-    known: dict[int, FloatArray | int] = {}  # columns of distances serve several columns of outputs
-    for k, (where, what) in enumerate(layout.pairs):
-        for column, read, target in ((where, _distance, distances), (what, _output, outputs)):
+    numbers: dict[int, FloatArray | int] = {}  # one distance column may belong to several output columns
+    for k, (distance, output) in enumerate(layout.pairs):
+        for column, read, target in ((distance, _distance, distances), (output, _output, outputs)):
             if isinstance(column, float):
                 target[:, k] = column
                 continue
-            if column.index not in known:
-                known[column.index] = _numbers(table, column, read)
-            found = known[column.index]
-            if isinstance(found, int):
-                bad = min(bad, found)
+            if column.index not in numbers:
+                numbers[column.index] = _numbers(table, column, read)
+            column_numbers = numbers[column.index]
+            if isinstance(column_numbers, int):
+                bad = min(bad, column_numbers)
             else:
-                target[:, k] = found
+                target[:, k] = column_numbers
     if bad < len(table.lines):
         line, row = table.lines[bad], table.row(bad)
-        for where, what in layout.pairs:  # the first cell of the row that cannot be read says so
-            if not isinstance(where, float):
-                _distance(table, line, row[where.index], where)
-            _output(table, line, row[what.index], what)
+        for distance, output in layout.pairs:  # reading the invalid cell again raises its error
+            if not isinstance(distance, float):
+                _distance(table, line, row[distance.index], distance)
+            _output(table, line, row[output.index], output)
     return _Readings(distances, outputs)
 
 
 def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
-    """Read a column, the most frequent texts in it once; where a cell cannot be read, return its row."""
+    """Read a column, with a cache for repeated cells; return the row of the first cell that cannot be read."""
     cells = table.columns[column.index]
-    found = np.empty(len(cells))
-    known: dict[str, float] = {}
+    values = np.empty(len(cells))
+    cache: dict[str, float] = {}
     for i, cell in enumerate(cells):
-        value = known.get(cell)
+        value = cache.get(cell)
         if value is None:
             try:
                 value = read(table, 0, cell, column)
             except CalibrationDataError:
                 return i
-            if len(known) < _REMEMBERED:
-                known[cell] = value
-        found[i] = value
-    return found
+            if len(cache) < _REMEMBERED:
+                cache[cell] = value
+        values[i] = value
+    return values
 
 
 def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read a distance, infinite where no object is."""
+    """Read a distance; infinite without an object."""
     value = math.inf if is_no_object(cell) else number(table, line, cell, column)
     if value < 0:
         raise CalibrationDataError(
@@ -234,28 +236,28 @@ def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
 
 
 def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read an output, NaN where it is missing."""
+    """Read an output; NaN if it is missing."""
     return math.nan if is_missing(cell) else number(table, line, cell, column)
 
 
 def _curve(
     table: TextTable, layout: Layout, labels: dict[str, str], readings: _Readings, extra: list[float]
 ) -> Calibration:
-    there = ~np.isnan(readings.outputs)
-    empty = np.isinf(readings.distances)
+    present = ~np.isnan(readings.outputs)
+    without_object = np.isinf(readings.distances)
     label = ", ".join(f"{name}={value}" for name, value in labels.items())
-    _refuse_stray_distance(table, readings.distances[there & ~empty])
-    if not (there & ~empty).any():
+    _refuse_stray_distance(table, readings.distances[present & ~without_object])
+    if not (present & ~without_object).any():
         raise CalibrationDataError(
             f"{table.file}{f', {label}' if label else ''}: found no reading with an object in range, expected at "
             "least one",
             problem=f"{table.file}: found no reading with an object in range, expected at least one",
         )
     return Calibration(
-        distances=readings.distances[there & ~empty],
-        outputs=readings.outputs[there & ~empty],
+        distances=readings.distances[present & ~without_object],
+        outputs=readings.outputs[present & ~without_object],
         unit=layout.unit,
-        no_object=np.concatenate([extra, readings.outputs[there & empty]]),
+        no_object=np.concatenate([extra, readings.outputs[present & without_object]]),
         label=label,
         source=Provenance(
             file=table.file,
@@ -266,28 +268,28 @@ def _curve(
             distance_column=layout.distances,
             output_column=layout.outputs,
             label_columns=tuple(labels),
-            rows=len(there),
-            dropped=int((~there).sum()),
+            rows=len(present),
+            dropped=int((~present).sum()),
             notes=(*table.notes, *layout.notes),
         ),
     )
 
 
 def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
-    """Refuse one distance far beyond all others: a typing error, or a number that stands for no object."""
-    found = np.unique(distances)
-    if len(found) < _FEW or found[-1] <= _STRAY * found[-2]:
+    """Refuse a single distance far beyond all others: a typing error, or a number that marks a missing object."""
+    distinct = np.unique(distances)
+    if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
         return
-    told = (
-        f"{table.file}: found the distance {found[-1]:g} m, {found[-1] / found[-2]:,.0f} times as far as the next one "
-        f"({found[-2]:g} m), expected distances that follow each other; correct it, or write inf where it means that "
-        "no object was there"
+    message = (
+        f"{table.file}: found the distance {distinct[-1]:g} m, {distinct[-1] / distinct[-2]:,.0f} times as far as the "
+        f"next one ({distinct[-2]:g} m), expected distances without such a gap; correct it, or write inf if it means "
+        "that no object was there"
     )
-    raise CalibrationDataError(told, problem=f"{table.file}: found one distance far beyond all others")
+    raise CalibrationDataError(message, problem=f"{table.file}: found one distance far beyond all others")
 
 
 def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
-    """Collect the no-object readings that were given beside the file, in the unit of the calibration."""
+    """Return the no-object readings given in addition to the file, in the unit of the calibration."""
     if no_object is None:
         return []
     if not isinstance(no_object, (str, os.PathLike)):

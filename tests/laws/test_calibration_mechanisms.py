@@ -123,7 +123,7 @@ def test_a_far_field_that_rises_again_is_left_out_and_said(seed):
     size, errors, lowest = rise(sensor)
     if size > 0.02 and errors > 8:  # twice what is looked for, less three errors
         assert report.window.l_max <= lowest
-        assert "rises again, from a second reflection or a wall" in said(report)
+        assert "rises again at larger distances, from a second reflection or a wall" in said(report)
         beyond = np.sum(sensor.calibration.distances > report.window.l_max)
         named = [int(text.split()[0].replace(",", "")) for text in report.left_out]
         assert sum(named) == beyond

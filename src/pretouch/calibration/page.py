@@ -72,7 +72,7 @@ def _headline(report: CalibrationReport) -> str:
     spread = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
     reserve = "" if report.verdict == "usable" else ", with reservations"
     return (
-        f"{name}: usable from {low} to {high}{reserve}. The {report.best.model} curve fits best, with a slope "
+        f"{name}: usable from {low} to {high}{reserve}. The {report.best.model} curve ranks first, with a slope "
         f"g = {slope.value:.4g}{spread} 1/m in the middle of the window."
     )
 
@@ -119,7 +119,11 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
         relative = f"additional standard deviation of one reading, over the signal; from {n.relative_source}"
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
         length = f"; it stays similar over {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
-        yield "misfit of the curve", f"{100 * n.misfit:.3g} %", f"RMS of averaged readings beyond their noise{length}"
+        yield (
+            "misfit of the curve",
+            f"{100 * n.misfit:.3g} %",
+            f"RMS deviation of averaged readings beyond their noise{length}",
+        )
     if report.slope is not None:
         near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])
         worst = float(report.slope.uncertainty.max())
@@ -140,7 +144,8 @@ def _given_offset(report: CalibrationReport) -> str:
     offset, unit = report.offset, report.calibration.unit
     if offset is None:
         return "over all curves that fit the readings"
-    given = f"if the offset is {offset.value:.4g} \u00b1 {offset.standard_error:.2g} {unit}".rstrip()
+    error = f" \u00b1 {offset.error_in_words}" if offset.standard_error else ""
+    given = f"if the offset is {offset.value:.4g}{error} {unit}".rstrip()
     return f"{given}; larger elsewhere in its 95 % interval" if offset.is_wide else f"{given}, over all curves that fit"
 
 

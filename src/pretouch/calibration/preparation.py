@@ -131,8 +131,7 @@ def _prepared(
         )
     last = None
     if end < len(curve.distance):
-        at = format_quantity(float(curve.distance[end - 1]), "m")
-        last = (end, f"beyond {at} the output rises again, from a second reflection or a wall")
+        last = (end, "the output rises again at larger distances, from a second reflection or a wall")
     window = window_of(
         calibration,
         curve,
@@ -204,7 +203,7 @@ def _steep_end(
     first = min(first, max(len(place) - _FEWEST_DISTANCES - (offset is None), 0))
     if not first:
         return near, False
-    reason = "the output flattens toward a ceiling at smaller distances: the sensor cannot distinguish them"
+    reason = "the output flattens toward a ceiling at smaller distances, which the sensor cannot distinguish"
     if near.flat:
         reason = f"{near.reason}, and has too little slope up to {format_quantity(float(part.distance[first]), 'm')}"
     return NearEnd(index=int(place[first]), reason=reason, saturation=near.saturation), True

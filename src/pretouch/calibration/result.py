@@ -108,6 +108,11 @@ class OffsetEstimate(Value):
         """Whether the 95 % interval is so wide that the standard error alone would mislead."""
         return self.high - self.low > _WIDE * self.standard_error
 
+    @property
+    def error_in_words(self) -> str:
+        """The standard error with two digits, without an exponent below a million."""
+        return f"{self.standard_error:.{2 if self.standard_error < 100 else 6}g}"
+
     def in_words(self, unit: str, digits: int = 4) -> str:
         """Return the offset with its standard error, or the offset alone if its 95 % interval is much wider.
 
@@ -119,7 +124,7 @@ class OffsetEstimate(Value):
             >>> replace(offset, low=140.0, high=220.0).in_words("counts")
             '180 counts'
         """
-        error = "" if self.is_wide else f" ± {self.standard_error:.2g}"
+        error = "" if self.is_wide or self.standard_error == 0 else f" ± {self.error_in_words}"
         return f"{self.value:.{digits}g}{error} {unit}".strip()
 
 

@@ -223,7 +223,7 @@ def test_a_random_phase_is_another_in_each_run_and_uniform() -> None:
 
 
 def test_a_phase_is_given_or_random() -> None:
-    with pytest.raises(pt.errors.InvalidInputError, match=r"phase: found 0\.01 s beside a random phase"):
+    with pytest.raises(pt.errors.InvalidInputError, match=r"phase: found 0\.01 s and random_phase = true"):
         pt.SensorChain(rate=20.0, phase=0.01, random_phase=True)
 
 

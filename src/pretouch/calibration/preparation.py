@@ -98,8 +98,8 @@ def prepare(
 def _prepared(
     calibration: Calibration,
     curve: AveragedCurve,
-    reading_noise: ReadingNoise,
-    given_offset: OffsetEstimate | None,
+    raw: ReadingNoise,
+    given: OffsetEstimate | None,
     *,
     near: NearEnd,
     end: int,
@@ -108,65 +108,50 @@ def _prepared(
     """Prepare the part of the curve that falls, from its near end to its far end."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
-    ceilings = fit_under_ceilings(curve.part(good), reading_noise, given_offset)
-    steep, flattens = _steep_end(curve, reading_noise, given_offset, near=near, good=good, ceilings=ceilings)
-    bad = tuple(
-        steep.index + i for i in bad_distances(curve.part(slice(steep.index, end)), reading_noise, given_offset)
-    )
+    ceilings = fit_under_ceilings(curve.part(good), raw, given)
+    steep, flattens = _steep_end(curve, raw, given, near=near, good=good, ceilings=ceilings)
+    bad = tuple(steep.index + i for i in bad_distances(curve.part(slice(steep.index, end)), raw, given))
     good &= ~np.isin(place, bad)
     if bad and good.sum() >= _FEWEST_DISTANCES:  # an outlier may have looked like a ceiling
-        ceilings = fit_under_ceilings(curve.part(good), reading_noise, given_offset)
-        steep, flattens = _steep_end(curve, reading_noise, given_offset, near=near, good=good, ceilings=ceilings)
+        ceilings = fit_under_ceilings(curve.part(good), raw, given)
+        steep, flattens = _steep_end(curve, raw, given, near=near, good=good, ceilings=ceilings)
     near = steep
     good &= place >= near.index
     tail = curve.part(good)
-    noise, given_offset, free = _level(calibration, tail, reading_noise, given_offset)
-    offset_estimate = given_offset if given_offset is not None or free is None else free.offset("fitted")
-    if offset_estimate is None:  # impossible: without a given offset, `free` exists
+    noise, given, free = _level(calibration, tail, raw, given)
+    offset = given if given is not None or free is None else free.offset("fitted")
+    if offset is None:  # impossible: without a given offset, `free` exists
         raise AssertionError
-    if offset_estimate.kind == "fitted":  # no family is exact, so the interval covers both kinds of fits
+    if offset.kind == "fitted":  # no family is exact, so the interval covers both kinds of fits
         low, high = ceilings.offset_interval()
-        offset_estimate = replace(
-            offset_estimate, low=min(offset_estimate.low, low), high=max(offset_estimate.high, high)
-        )
+        offset = replace(offset, low=min(offset.low, low), high=max(offset.high, high))
     last = None
     if end < len(curve.distance):
         last = (end, "the output rises again at larger distances, from a second reflection or a wall")
     window = window_of(
-        calibration,
-        curve,
-        near,
-        offset=offset_estimate,
-        sigma=noise.output,
-        floor_sigmas=floor_sigmas,
-        left_out=bad,
-        last=last,
+        calibration, curve, near, offset=offset, sigma=noise.output, floor_sigmas=floor_sigmas, left_out=bad, last=last
     )
     used = curve.part(np.isin(curve.distance, window.distances))
-    possible_curves = None
+    curves = None
     if len(used.distance) >= _FEWEST_POINTS:
-        possible_curves = (
-            free
-            if given_offset is None
-            else fit_possible_curves(used, noise, offset_estimate, informed_by=len(tail.distance))
-        )
+        curves = free if given is None else fit_possible_curves(used, noise, offset, informed_by=len(tail.distance))
     at_bad = tuple(float(curve.distance[i]) for i in bad)
     readings = np.flatnonzero(np.isin(calibration.distances, at_bad))
     return Prepared(
         calibration=calibration,
         window=window,
         used=used,
-        offset=offset_estimate,
+        offset=offset,
         noise=noise,
-        possible_curves=possible_curves,
+        possible_curves=curves,
         informed_by=len(tail.distance),
         reaches_last=bool(window.distances) and window.distances[-1] == float(curve.distance[-1]),
         flattens=flattens,
         outliers=tuple(sorted({*curve.bad_readings, *(int(i) for i in readings)})),
         outlier_distances=at_bad,
-        free=None if given_offset is None else free,
-        witness=witness_of(curve, offset_estimate, noise, ceilings, window.l_max) if window.distances else None,
-        no_signal=_why_no_signal(tail, window, offset_estimate, noise, calibration.unit),
+        free=None if given is None else free,
+        witness=witness_of(curve, offset, noise, ceilings, window.l_max) if window.distances else None,
+        no_signal=_why_no_signal(tail, window, offset, noise, calibration.unit),
     )
 
 

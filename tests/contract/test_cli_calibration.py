@@ -133,12 +133,12 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
     _, out, _ = run("design", scenario("far.toml", sensor), "--no-report")
     # of a constant slope the impulse is that of the distances: 22.2 of 42.2 mm
     assert out.startswith(
-        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), where 53 % of the impulse"
+        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which gives 53 % of the impulse"
     )
     assert "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start at 20 mm." in out
     _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report")
     assert out.startswith("Optimal gain")
-    assert "4.3 % of the impulse of the virtual force are given beyond 20 mm" in out
+    assert "beyond 20 mm, the extrapolated curve gives 4.3 % of the impulse of the virtual force" in out
 
 
 def test_a_motion_that_leaves_the_data_names_the_calibration(run):

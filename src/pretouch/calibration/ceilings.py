@@ -132,13 +132,13 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
     return DrawnCurve(sensor=sensor, offset=offset)
 
 
-def fit_under_ceilings(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
+def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
     """Fit ideal curves under soft ceilings to four readings or more; if the offset is None, it is fitted as well."""
     ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
     lanes = []
     for family in families_of(curve):  # a slow family is fitted without ceilings only
         above, sharpness = np.array([(np.inf, 2.0), *(ceilings if family.quick else [])]).T
-        problem = _Problem(curve=curve, known=known, family=family, above=above, sharpness=sharpness)
+        problem = _Problem(curve=curve, noise=noise, family=family, above=above, sharpness=sharpness)
         lanes.append(problem.lanes(offset))
     # integrating over the unknown scale of the errors gives a power of the sum of squares
     power = 0.5 * (min(len(curve.distance), _FULL_WEIGHT) - 3 + _ERROR_FREEDOM)
@@ -158,7 +158,7 @@ class _Problem:
 
     Args:
         curve: the averaged readings.
-        known: their noise.
+        noise: their noise.
         family: the ideal curves.
         above: ln of the ceilings over the largest signal, shape (b,).
         sharpness: p, shape (b,).
@@ -166,7 +166,7 @@ class _Problem:
     """
 
     curve: AveragedCurve
-    known: ReadingNoise
+    noise: ReadingNoise
     family: Family
     above: FloatArray
     sharpness: FloatArray
@@ -179,8 +179,8 @@ class _Problem:
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
         """Return the differences of asinh(signal / tau) in units of the usual error, as in `family_fits.Problem`."""
         curve, reach = self.curve, float(np.ptp(self.curve.output))
-        sigma = self.known.sigma or 1e-3 * reach
-        sigma = max(sigma, self.known.resolution / np.sqrt(12.0), 1e-9 * reach)
+        sigma = self.noise.sigma or 1e-3 * reach
+        sigma = max(sigma, self.noise.resolution / np.sqrt(12.0), 1e-9 * reach)
         tau = sigma / np.sqrt(curve.count) / _ERROR
         offset = u[:, -1] if self.offsets is None else self.offsets[which]
         level = self.family.log_output(u[:, : self.family.size], curve.distance)
@@ -220,15 +220,15 @@ class _Problem:
         start = rough.x.reshape(len(starts), count, -1)[best, np.arange(count)]
         return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
-    def lanes(self, known: OffsetEstimate | None) -> _Lanes:
+    def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
         """Fit under each ceiling at several offsets around the known offset, or around the fitted one."""
-        if known is None:
+        if known_offset is None:
             first_fits = self.fit()
             offsets, priors = self._offsets_around(first_fits)
         else:
-            first_fits = replace(self, offsets=np.full(len(self.above), known.value)).fit()
-            steps = _KNOWN_OFFSETS if known.standard_error > 0 else np.zeros(1)
-            offsets, priors = known.value + abs(known.standard_error) * steps, steps**2
+            first_fits = replace(self, offsets=np.full(len(self.above), known_offset.value)).fit()
+            steps = _KNOWN_OFFSETS if known_offset.standard_error > 0 else np.zeros(1)
+            offsets, priors = known_offset.value + abs(known_offset.standard_error) * steps, steps**2
         ceilings = len(self.above)
         problems = replace(
             self,

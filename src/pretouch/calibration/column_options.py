@@ -118,11 +118,11 @@ def columns_hint(columns: str) -> str:
     return f'--columns "{columns}" ({_HERE}: columns)'
 
 
-def _find(table: TextTable, number: int | None, names: tuple[str, str], found: str) -> int | None:
+def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
     """Find a column by its number, its whole header, or the name in its header, in this order."""
     if number is not None:
         if not 1 <= number <= len(table.header):
-            raise CalibrationDataError(f"{found}, expected a number from 1 to {len(table.header)}")
+            raise CalibrationDataError(f"{message}, expected a number from 1 to {len(table.header)}")
         return number - 1
     text, name = names
     if not name:
@@ -136,10 +136,10 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], found: s
         at = [i for i, title in enumerate(among) if title == wanted]
         if len(at) > 1:
             raise CalibrationDataError(
-                f"{found}, the name of columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file}; give the "
+                f"{message}, the name of columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file}; give the "
                 "number of the column instead"
             )
         if at:
             return at[0]
     titles = [shortened(title) for title in table.header]
-    raise CalibrationDataError(f"{found}, expected one of {listed(titles, _SHOWN)}")
+    raise CalibrationDataError(f"{message}, expected one of {listed(titles, _SHOWN)}")

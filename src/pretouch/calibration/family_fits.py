@@ -134,20 +134,20 @@ _ROUNDS: Final = 4
 
 
 def find_noise(
-    curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
+    curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...] = ()
 ) -> NoiseEstimate:
     """Estimate noise and misfit from repeats and from the residuals of the best curve."""
     # The offset is None if it is fitted. By default, all families of three parameters are fitted.
     value = None if offset is None else offset.value
     freedom = max(len(curve.distance) - 3 - (value is None), 1)
     reach = max(float(np.ptp(curve.output)), 1e-12 * float(np.abs(curve.output).max()), 1e-300)
-    floor = max(known.resolution / np.sqrt(12.0), _SMALLEST * reach)
-    repeated = known.sigma is not None and bool((curve.count > 1).sum() > _FEWEST_REPEATED)
+    floor = max(raw_noise.resolution / np.sqrt(12.0), _SMALLEST * reach)
+    repeated = raw_noise.sigma is not None and bool((curve.count > 1).sum() > _FEWEST_REPEATED)
     noise = NoiseEstimate(
-        output=max(known.sigma or 0.01 * reach, floor),
-        relative=known.jitter if repeated else 0.0,
+        output=max(raw_noise.sigma or 0.01 * reach, floor),
+        relative=raw_noise.jitter if repeated else 0.0,
         misfit=_FIRST_MISFIT,
-        resolution=known.resolution,
+        resolution=raw_noise.resolution,
     )
     families = families or families_of(curve)
     residuals, signal = np.zeros_like(curve.output), curve.output
@@ -158,7 +158,7 @@ def find_noise(
         signal = np.exp(np.minimum(family.log_output(x[:3], curve.distance), 300.0))
         residuals = curve.output - (x[3] if value is None else value) - signal
         before = noise.misfit
-        if known.sigma is None:
+        if raw_noise.sigma is None:
             sigma, relative = two_components(
                 residuals**2 * len(residuals) / freedom, np.ones(len(residuals)), signal, usual=_USUAL
             )
@@ -171,8 +171,8 @@ def find_noise(
         noise = _separate_noise_from_misfit(curve, noise, signal, residuals)
     crossings = max(int((np.diff(np.sign(residuals)) != 0).sum()), 1)
     span = float(curve.distance[-1] - curve.distance[0])
-    source = known.source if known.sigma is not None else "residuals of the fitted curve"
-    if known.sigma is None and noise.output <= 1.01 * known.resolution / np.sqrt(12.0):
+    source = raw_noise.source if raw_noise.sigma is not None else "residuals of the fitted curve"
+    if raw_noise.sigma is None and noise.output <= 1.01 * raw_noise.resolution / np.sqrt(12.0):
         source = "quantization (the residuals are smaller)"
     return replace(
         noise,
@@ -218,7 +218,7 @@ _NEGLIGIBLE: Final = 1e-4  # smallest residual of an outlier, over the largest s
 _FEWEST: Final = 6  # distances needed to look for outliers
 
 
-def bad_distances(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
+def bad_distances(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
     """Return the indices of outlier distances: their mean is significantly off a curve fitted without it."""
     # The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
     # whatever their numbers of readings: fifty readings that are off as much as others are misfit, and are kept. The
@@ -226,7 +226,7 @@ def bad_distances(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstim
     outliers: list[int] = []
     kept = np.arange(len(curve.distance))
     while len(kept) >= _FEWEST and len(outliers) < max(1, len(curve.distance) // 8):
-        worst = _worst(curve.part(kept), known, offset)
+        worst = _worst(curve.part(kept), raw_noise, offset)
         if worst is None:
             break
         outliers.append(int(kept[worst]))
@@ -234,15 +234,15 @@ def bad_distances(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstim
     return tuple(sorted(outliers))
 
 
-def _worst(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> int | None:
+def _worst(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> int | None:
     families = quick_families(curve)
-    noise = find_noise(curve, known, offset, families)
+    noise = find_noise(curve, raw_noise, offset, families)
     value = None if offset is None else offset.value
     suspects: dict[int, None] = {}
     for family in families:
         row = np.abs(_robust(curve, family, noise, value))
         suspects |= {int(i): None for i in np.argsort(-row)[:2] if i > 0 and row[i] > _SUSPECT}
-    return next((i for i in suspects if _is_bad(curve, i, known, offset, families)), None)
+    return next((i for i in suspects if _is_bad(curve, i, raw_noise, offset, families)), None)
 
 
 def _robust(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
@@ -260,7 +260,7 @@ def _robust(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: f
 
 
 def _is_bad(
-    curve: AveragedCurve, i: int, known: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
+    curve: AveragedCurve, i: int, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
 ) -> bool:
     """Return whether one distance is an outlier from the curves of all families through the others."""
     from scipy.special import stdtr  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -270,7 +270,7 @@ def _is_bad(
     freedom = len(part.distance) - 3 - (value is None)
     if freedom < 2:
         return False
-    noise = find_noise(part, known, offset, families)
+    noise = find_noise(part, raw_noise, offset, families)
     p_value = 0.0
     for family in families:
         fit = fit_free(part, family, noise, value)

@@ -157,7 +157,7 @@ class PossibleCurves(Value):
 def fit_possible_curves(
     curve: AveragedCurve,
     noise: NoiseEstimate,
-    known: OffsetEstimate | None,
+    known_offset: OffsetEstimate | None,
     *,
     informed_by: int | None = None,
     also: float | None = None,
@@ -168,28 +168,28 @@ def fit_possible_curves(
 
     parts = []
     for family in families_of(curve):
-        free = fit_free(curve, family, noise, None if known is None else known.value)
-        offsets = _offsets(curve, free, known)
+        free = fit_free(curve, family, noise, None if known_offset is None else known_offset.value)
+        offsets = _offsets(curve, free, known_offset)
         offsets = offsets if also is None else np.unique(np.append(offsets, also))
         problem = Problem(curve=curve, family=family, noise=noise, offsets=offsets)
         fits = problem.minimize(np.repeat(free.x[:, :3], len(offsets), axis=0))
         prior = family.prior(fits.x)
-        if known is not None and known.standard_error > 0:
-            prior += ((offsets - known.value) / known.standard_error) ** 2
+        if known_offset is not None and known_offset.standard_error > 0:
+            prior += ((offsets - known_offset.value) / known_offset.standard_error) ** 2
         costs = fits.costs + prior
         parts.append(FamilyFits(family=family, offsets=offsets, x=fits.x, covariances=fits.covariances, costs=costs))
-    freedom = max((informed_by or len(curve.distance)) - 3 - (known is None), 1)
+    freedom = max((informed_by or len(curve.distance)) - 3 - (known_offset is None), 1)
     best = min(parts, key=lambda part: float(part.costs.min()))
     at = int(best.costs.argmin())
     problem = problem_at(curve, best.family, noise, best.offsets[at])
     row = problem.residuals(best.x[[at]], np.zeros(1, dtype=np.int64))[0]
     smooth = float(np.mean(noise.misfit**2 / noise.relative_of_means(curve.count) ** 2))  # share of misfit
-    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known is None), 1)) * _correlation_inflation(
+    inflation = max(1.0, float(row @ row) / max(len(row) - 3 - (known_offset is None), 1)) * _correlation_inflation(
         row, smooth
     )
     return PossibleCurves(
         parts=tuple(parts),
-        form=_FORM if known is None else 1.0,
+        form=_FORM if known_offset is None else 1.0,
         inflation=inflation,
         rise=float(stdtrit(freedom, 0.975)) ** 2 * inflation,
     )
@@ -211,10 +211,12 @@ def _correlation_inflation(residuals: FloatArray, smooth: float) -> float:
     return max(bends, (1 + correlation) / (1 - correlation))
 
 
-def _offsets(curve: AveragedCurve, free: Fits, known: OffsetEstimate | None) -> FloatArray:
+def _offsets(curve: AveragedCurve, free: Fits, known_offset: OffsetEstimate | None) -> FloatArray:
     """Return the offsets at which a family is fitted."""
-    if known is not None:
-        return known.value + known.standard_error * (_NARROW if known.standard_error > 0 else np.zeros(1))
+    if known_offset is not None:
+        return known_offset.value + known_offset.standard_error * (
+            _NARROW if known_offset.standard_error > 0 else np.zeros(1)
+        )
     reach = float(np.ptp(curve.output))
     error = np.sqrt(float(free.covariances[0, 3, 3])) or 0.1 * reach  # zero where it is at a bound
     error = float(np.clip(error, 1e-9 * reach, 0.3 * reach))

@@ -99,7 +99,7 @@ def _prepared(
     calibration: Calibration,
     curve: AveragedCurve,
     raw: ReadingNoise,
-    given: OffsetEstimate | None,
+    fixed: OffsetEstimate | None,
     *,
     near: NearEnd,
     end: int,
@@ -108,19 +108,19 @@ def _prepared(
     """Prepare the part of the curve that falls, from its near end to its far end."""
     place = np.arange(len(curve.distance))
     good = (place >= near.index) & (place < end)
-    ceilings = fit_under_ceilings(curve.part(good), raw, given)
-    steep, flattens = _steep_end(curve, raw, given, near=near, good=good, ceilings=ceilings)
-    bad = tuple(steep.index + i for i in bad_distances(curve.part(slice(steep.index, end)), raw, given))
+    ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
+    steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
+    bad = tuple(steep.index + i for i in bad_distances(curve.part(slice(steep.index, end)), raw, fixed))
     good &= ~np.isin(place, bad)
     if bad and good.sum() >= _FEWEST_DISTANCES:  # an outlier may have looked like a ceiling
-        ceilings = fit_under_ceilings(curve.part(good), raw, given)
-        steep, flattens = _steep_end(curve, raw, given, near=near, good=good, ceilings=ceilings)
+        ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
+        steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
     near = steep
     good &= place >= near.index
     tail = curve.part(good)
-    noise, given, free = _level(calibration, tail, raw, given)
-    offset = given if given is not None or free is None else free.offset("fitted")
-    if offset is None:  # impossible: without a given offset, `free` exists
+    noise, fixed, free = _level(calibration, tail, raw, fixed)
+    offset = fixed if fixed is not None or free is None else free.offset("fitted")
+    if offset is None:  # impossible: without a fixed offset, `free` exists
         raise AssertionError
     if offset.kind == "fitted":  # no family is exact, so the interval covers both kinds of fits
         low, high = ceilings.offset_interval()
@@ -134,7 +134,7 @@ def _prepared(
     used = curve.part(np.isin(curve.distance, window.distances))
     curves = None
     if len(used.distance) >= _FEWEST_POINTS:
-        curves = free if given is None else fit_possible_curves(used, noise, offset, informed_by=len(tail.distance))
+        curves = free if fixed is None else fit_possible_curves(used, noise, offset, informed_by=len(tail.distance))
     at_bad = tuple(float(curve.distance[i]) for i in bad)
     readings = np.flatnonzero(np.isin(calibration.distances, at_bad))
     return Prepared(
@@ -149,7 +149,7 @@ def _prepared(
         flattens=flattens,
         outliers=tuple(sorted({*curve.bad_readings, *(int(i) for i in readings)})),
         outlier_distances=at_bad,
-        free=None if given is None else free,
+        free=None if fixed is None else free,
         witness=witness_of(curve, offset, noise, ceilings, window.l_max) if window.distances else None,
         no_signal=_why_no_signal(tail, window, offset, noise, calibration.unit),
     )

@@ -59,8 +59,8 @@ def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeKnowledg
             used = prepared.used.output - offset.value
             remedy = "record the output with no object, or measure out to where it no longer changes"
             if prepared.reaches_last:
-                share = f"{100 * used[-1] / used[0]:.2g} %"
-                remedy += f" (at the last distance the signal is still {share} of its largest value)"
+                remaining = f"{100 * used[-1] / used[0]:.2g} %"
+                remedy += f" (at the last distance the signal is still {remaining} of its largest value)"
         elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
             remedy = "record the output with no object more often, because its uncertainty changes the slope"
         size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"

@@ -70,13 +70,13 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
     if distance is not None and distance == output:
         raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
     if distance is None or output is None:
-        found = listed([f"{i}: {shortened(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
+        columns = listed([f"{i}: {shortened(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
         distance_or_first = 0 if distance is None else distance
         free = [i for i in range(len(table.header)) if i != distance_or_first]
-        other = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
+        output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
-            f"{table.place}: found the columns {found}, expected one named distance and one named output; or name "
-            f"them with {columns_hint(f'distance={distance_or_first + 1},output={other + 1}')}",
+            f"{table.place}: found the columns {columns}, expected one named distance and one named output; or name "
+            f"them with {columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
             problem=f"{table.place}: found no columns that are named as distance and output",
         )
     return distance, [output]

@@ -34,7 +34,7 @@ _TURN: Final = 0.2  # rad between two neighbors: with less change of phase, no c
 _POINTS: Final = 20_000  # largest number of angles
 _SILENT: Final = 1e-12  # of the largest response: below, near zeros of a low-pass, the phase is only rounding error
 _UNDAMPED: Final = 1e-12  # of the fastest mode of the plant: rounding error of its eigenvalues
-_BESIDE: Final = 1e-7  # relative angle around an undamped mode that is excluded, because P is unbounded there
+_NEAR: Final = 1e-7  # relative angle around an undamped mode that is excluded, because P is unbounded there
 _NUDGE: Final = 1e-6  # relative change of an eigenvalue: its second order, 1e-12, is above rounding
 _FLAT: Final = 1e-9  # of P: a smaller imaginary part is rounding error
 _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
@@ -213,18 +213,18 @@ def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Cro
     return min(tried.values(), key=_damping)
 
 
-def _damping(found: tuple[LinearLoop, Crossover | None]) -> float:
-    return math.inf if found[1] is None else found[1].damping
+def _damping(candidate: tuple[LinearLoop, Crossover | None]) -> float:
+    return math.inf if candidate[1] is None else candidate[1].damping
 
 
-def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, beside: float) -> float:
+def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float) -> float:
     """Return the spectral radius at a damping d [N s/m], without the eigenvalue 1 of a `free` position.
 
     If forces act for more than 300 periods after their readings, the matrix is too large. Then it is the modulus of the
-    eigenvalue near the crossover at the angle `beside`, or NaN without a crossover.
+    eigenvalue near the crossover at the angle `near`, or NaN without a crossover.
     """
     if loop.remembered > _DENSE:
-        return math.nan if math.isnan(beside) else _moved(loop, beside, damping)
+        return math.nan if math.isnan(near) else _moved(loop, near, damping)
     values = np.linalg.eigvals(loop.closed(damping))
     if free:
         values = np.delete(values, np.argmin(np.abs(values - 1)))
@@ -286,10 +286,10 @@ def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Comple
     Angles at which P is too small for the smallest damping are not refined.
     """
     lowest = _LOWEST / (1 + loop.remembered)
-    angle = np.unique([*np.geomspace(lowest, math.pi, 400), *np.linspace(0, math.pi, 400)[1:], math.pi * (1 - _BESIDE)])
+    angle = np.unique([*np.geomspace(lowest, math.pi, 400), *np.linspace(0, math.pi, 400)[1:], math.pi * (1 - _NEAR)])
     for pole in poles:
-        beside = [w for w in (pole * (1 - _BESIDE), pole * (1 + _BESIDE)) if w <= math.pi]
-        angle = np.unique([*angle[np.abs(angle - pole) > _BESIDE * pole], *beside])
+        around = [w for w in (pole * (1 - _NEAR), pole * (1 + _NEAR)) if w <= math.pi]
+        angle = np.unique([*angle[np.abs(angle - pole) > _NEAR * pole], *around])
     response = loop.response(angle)
     while len(angle) < _POINTS:
         with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 where the response is zero
@@ -326,12 +326,12 @@ def _holds_any(angle: FloatArray, poles: list[float]) -> BoolArray:
 
 
 def zero_between(
-    function: Callable[[float], float], one: tuple[float, float], other: tuple[float, float], tolerance: float
+    function: Callable[[float], float], first: tuple[float, float], second: tuple[float, float], tolerance: float
 ) -> float:
     """Find a zero between two points with values of opposite signs, to a tolerance; the function may jump."""
     # Chandrupatla's method: inverse quadratic interpolation, or bisection if it is unreliable (T. R. Chandrupatla,
     # Advances in Engineering Software 28 (1997) 145). SciPy's brentq would take 0.1 s to load.
-    (b, at_b), (a, at_a), part = one, other, 0.5
+    (b, at_b), (a, at_a), part = first, second, 0.5
     while True:
         x = a + part * (b - a)
         value = function(x)

@@ -164,7 +164,7 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
     free = admittance.stiffness == 0  # the position is then a free integrator that does not affect any force
     delay = loop.timing.delay
     if first is None:
-        below = spectral_radius(loop, 0.0, free=free, beside=math.nan)
+        below = spectral_radius(loop, 0.0, free=free, near=math.nan)
         return DampingLimit(
             damping=math.inf, frequency=math.nan, radius_below=below, radius_above=math.nan, delay=delay
         )
@@ -172,8 +172,8 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
     return DampingLimit(
         damping=d,
         frequency=angle * timing.rate / (2 * math.pi),
-        radius_below=spectral_radius(loop, 0.999 * d, free=free, beside=angle) if d > 0 else math.nan,
-        radius_above=spectral_radius(loop, 1.001 * d, free=free, beside=angle) if d > 0 else grown,
+        radius_below=spectral_radius(loop, 0.999 * d, free=free, near=angle) if d > 0 else math.nan,
+        radius_above=spectral_radius(loop, 1.001 * d, free=free, near=angle) if d > 0 else grown,
         delay=delay,
     )
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 _DECISIVE: Final = 0.05  # largest share of the impulse that may be given beyond the data without a warning
-_EFFECTS: Final = {1: "impulse of the virtual force", 2: "effect of the drag, ln(1/\u03c1),"}
+_EFFECTS: Final = {1: "impulse of the virtual force", 2: "effect of the drag, ln(1/\u03c1)"}
 _PLACES: Final = 2001
 _ROUNDING: Final = 1e-9  # smaller shares of the impulse are rounding errors
 _NO_DISTANCE: Final = 1e-9  # [m], far below any calibration, far above the rounding of l_min - recess
@@ -117,8 +117,8 @@ class Reservations(Value):
                 "amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
-            share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]} are given"
-            parts.append(f"from the start at {start} to {far}{farthest}, where {share}")
+            share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
+            parts.append(f"from the start at {start} to {far}{farthest}, which gives {share}")
             remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
         if self.left:
             remedy = "; ".join(remedies) or "calibrate farther out"
@@ -188,7 +188,9 @@ class Reservations(Value):
             )
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
-                lines.append(f"{100 * share:.2g} % of the {_EFFECTS[self.degree]} are given {where}")
+                lines.append(
+                    f"{where}, the extrapolated curve gives {100 * share:.2g} % of the {_EFFECTS[self.degree]}"
+                )
         if self.witness is not None and self.witness.is_supported:
             lines.append(self.witness.text)
         lines += [f"left out: {text}" for text in self.report.left_out]

@@ -147,7 +147,7 @@ def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     assert code == 1
     assert out.startswith(
         "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
-        "Not supported by data: before contact the motion leaves the distances at which data support"
+        "Not supported by data: the motion leaves the range of the data before contact. Data support the fitted "
     )
 
 

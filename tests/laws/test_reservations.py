@@ -135,7 +135,7 @@ def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
     found = reservations_of(report(0.008, 0.06), Answer(encounter(), sensor))
     assert found.left
     assert not found.recedes
-    assert found.headline.startswith("Not supported by data: before contact the motion leaves the distances")
+    assert found.headline.startswith("Not supported by data: the motion leaves the range of the data before contact. ")
     assert "recedes" not in found.headline
 
 

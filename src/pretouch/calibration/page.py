@@ -116,7 +116,7 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
             Measured(n.output, unit),
             f"standard deviation without signal, from {n.output_source}",
         )
-        relative = f"additional standard deviation of one reading, over the signal; from {n.relative_source}"
+        relative = f"standard deviation of one reading, proportional to the signal; from {n.relative_source}"
         yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
         length = f"; it stays similar over {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
         yield (

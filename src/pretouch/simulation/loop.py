@@ -29,7 +29,7 @@ def simulate(
     horizon: float = HORIZON,
     follow: float = FOLLOW,
 ) -> SimulationResult:
-    """Run encounters of the sampled loop: L(1) with L(2) as a controller computes them from readings.
+    """Run encounters of the sampled loop: admittance L(1) and virtual force L(2), computed from readings.
 
     Obstacle, plant and reference start as in the scenario; its admittance is ignored, because the law has its own.
     Contact is the first zero of the distance. Within a step the distance is a cubic through both ends. A smallest

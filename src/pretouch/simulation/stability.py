@@ -134,7 +134,7 @@ def passage(
 
 @check_arguments
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
-    """Find the largest damping d, as D_p g, for which the loop is stable: L(1) behind a sampler, a delay and a hold.
+    """Find the largest damping d, as D_p g, for which the loop of admittance L(1), sampler, delay and hold is stable.
 
     The linear loop is discretized exactly. Its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
     negative. The phase crossover of P with the smallest d is the limit, and the eigenvalues of the closed loop below
@@ -215,11 +215,11 @@ def gain_limit(
         >>> round(limit.strongest, 2), limit.critical_distance
         (-0.57, 0.0)
     """
-    where, damping_of_one, free = _frozen(law, sensor, admittance, distance, relative_velocity)
+    distances, damping_of_one, free = _frozen(law, sensor, admittance, distance, relative_velocity)
     limit = largest_damping(free, timing, plant=plant)
-    gain = np.full(where.shape, math.inf)
+    gain = np.full(distances.shape, math.inf)
     np.divide(limit.damping, damping_of_one, out=gain, where=damping_of_one > 0)
-    return GainLimit(distance=where, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
+    return GainLimit(distance=distances, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
 
 
 def _frozen(

@@ -33,9 +33,9 @@ _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 class Reservations(Value):
     """Distances of one encounter at which no calibration data support the curve; counted from the contact surface.
 
-    The virtual force is F_p = D_p d(ln xi)/dt, L(2). So its impulse between two distances is D_p times the change of
-    ln xi, whatever the motion. The decisive part of the motion gives all but 5 % of the impulse. Under a virtual drag,
-    ln l' changes by an integral of g^2, which does not depend on the motion either.
+    The letter's virtual force is F_p = D_p d(ln xi)/dt, L(2). So its impulse between two distances is D_p times the
+    change of ln xi, whatever the motion. The decisive part of the motion gives all but 5 % of the impulse. Under a
+    virtual drag, ln l' changes by an integral of g^2, which does not depend on the motion either.
 
     Args:
         report: the report of the fit.
@@ -124,8 +124,8 @@ class Reservations(Value):
             remedy = "; ".join(remedies) or "calibrate farther out"
             advice = "" if self.recedes else f" To fix this, {remedy}."
             return (
-                f"Not supported by data: before contact the motion leaves the distances at which data support the "
-                f"fitted {self._model} curve, from {near}{nearest} to {far}{farthest}.{self._zero}{advice}"
+                "Not supported by data: the motion leaves the range of the data before contact. Data support the "
+                f"fitted {self._model} curve from {near}{nearest} to {far}{farthest}.{self._zero}{advice}"
             )
         if not parts:
             return None

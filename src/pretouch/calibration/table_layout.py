@@ -94,8 +94,8 @@ def _refuse_no_header(table: TextTable) -> None:
     if all(is_number(cell) for cell in table.header):
         wide = ', or --columns "distance=[mm]" if they are distances' if len(table.header) > 2 else ""
         raise CalibrationDataError(
-            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or say '
-            f"what the columns are: {columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
+            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or name '
+            f"the columns with {columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
         )
     if len(table.header) < 2:
         raise CalibrationDataError(

@@ -109,7 +109,7 @@ class CorrelatedNormal(JointDistribution):
         """Yield each name and its distribution in words, also for a deviation of 0."""
         for i, member in enumerate(self.names):
             text = normal_in_words(self.mean[i], math.sqrt(self.covariance[i][i]), units.get(member, ""))
-            yield member, f"{text}, together with the others of {name}"
+            yield member, f"{text}, jointly with the other inputs of {name}"
 
 
 @check_arguments

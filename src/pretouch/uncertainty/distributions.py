@@ -56,7 +56,7 @@ class JointDistribution(ABC):
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         """Yield the name of each input and its distribution in words; `units` has the SI units of inputs."""
         members = self.inputs(name)
-        others = f", together with the others of {name}" if len(members) > 1 else ""
+        others = f", jointly with the other inputs of {name}" if len(members) > 1 else ""
         for i, member in enumerate(members):
             yield member, self.alone(i).described(units.get(member, "")) + others
 

@@ -40,6 +40,7 @@ def rank_models(
         The report; without a usable signal, it has no fits and gives the reason.
 
     Examples:
+        >>> import numpy as np
         >>> distance = np.repeat(np.arange(12) * 0.005, 3)
         >>> outputs = 0.3 + 2.0 * np.exp(-60 * distance) + np.tile([-0.002, 0.0, 0.002], 12)
         >>> report = rank_models(Calibration(distances=distance, outputs=outputs, no_object=[0.298, 0.3, 0.302]))

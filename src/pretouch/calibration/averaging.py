@@ -193,13 +193,13 @@ def condense(calibration: Calibration) -> Calibration:
     middle = np.array([distance[part == i].mean() for i in range(count)])
     median = np.array([np.median(calibration.outputs[part == i]) for i in range(count)])
     inner = slice(1, -1)  # readings at the ends are not moved, and a single reading is too noisy for the spline
-    course = CubicSpline(middle[inner], median[inner]) if count > _ENDS + 1 else None
-    moved = calibration.outputs - (course(distance) - course(middle[part]) if course else 0.0)
+    spline = CubicSpline(middle[inner], median[inner]) if count > _ENDS + 1 else None
+    moved = calibration.outputs - (spline(distance) - spline(middle[part]) if spline else 0.0)
     at_top = calibration.outputs == calibration.outputs.max()
     kept = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))
     widths = [format_quantity(float(w), "m", 3) for w in (np.diff(places).min(), np.diff(places).max())]
-    many, source = len(calibration.distinct_distances), calibration.source
-    note = f"{many} distances were condensed into {count} groups, {widths[0]} to {widths[1]} wide, along the curve."
+    distinct, source = len(calibration.distinct_distances), calibration.source
+    note = f"{distinct} distances were condensed into {count} groups, {widths[0]} to {widths[1]} wide, along the curve."
     return replace(
         calibration,
         distances=middle[part],
@@ -215,8 +215,8 @@ def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArr
     level = np.array([np.median(output[b]) for b in blocks])
     noise = np.median(np.abs(np.diff(output))) + 1e-3 * float(np.ptp(level)) + 1e-300
     far = float(level.min())
-    course = np.arcsinh((np.minimum.accumulate(level) - far) / noise)
-    fallen = (course[0] - course) / max(float(np.ptp(course)), 1e-300)
+    log_level = np.arcsinh((np.minimum.accumulate(level) - far) / noise)
+    fallen = (log_level[0] - log_level) / max(float(np.ptp(log_level)), 1e-300)
     advanced = (at - distance[0]) / max(float(distance[-1] - distance[0]), 1e-300)
     progress = np.maximum.accumulate(fallen + advanced)
     marks = np.interp(np.linspace(0.0, progress[-1], _FEW - 1)[1:-1], progress, at)

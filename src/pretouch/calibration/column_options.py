@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pretouch._core.errors import CalibrationDataError
 
-from .headers import TextTable, is_length, listed, shortened, split_title
+from .headers import TextTable, is_length, join_first, quoted, split_title
 
 _SHOWN = 20  # headers that a message lists
 _KEYS = ("distance", "output")
@@ -141,5 +141,5 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], message:
             )
         if at:
             return at[0]
-    titles = [shortened(title) for title in table.header]
-    raise CalibrationDataError(f"{message}, expected one of {listed(titles, _SHOWN)}")
+    titles = [quoted(title) for title in table.header]
+    raise CalibrationDataError(f"{message}, expected one of {join_first(titles, _SHOWN)}")

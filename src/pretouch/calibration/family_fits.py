@@ -218,7 +218,7 @@ _NEGLIGIBLE: Final = 1e-4  # smallest residual of an outlier, over the largest s
 _FEWEST: Final = 6  # distances needed to look for outliers
 
 
-def bad_distances(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
+def outlier_indices(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> tuple[int, ...]:
     """Return the indices of outlier distances: their mean is significantly off a curve fitted without it."""
     # The test is Student's t with Bonferroni's correction. A mean is compared with the residuals of the other means,
     # whatever their numbers of readings: fifty readings that are off as much as others are misfit, and are kept. The
@@ -226,7 +226,7 @@ def bad_distances(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetE
     outliers: list[int] = []
     kept = np.arange(len(curve.distance))
     while len(kept) >= _FEWEST and len(outliers) < max(1, len(curve.distance) // 8):
-        worst = _worst(curve.part(kept), raw_noise, offset)
+        worst = _worst_outlier(curve.part(kept), raw_noise, offset)
         if worst is None:
             break
         outliers.append(int(kept[worst]))
@@ -234,18 +234,18 @@ def bad_distances(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetE
     return tuple(sorted(outliers))
 
 
-def _worst(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> int | None:
+def _worst_outlier(curve: AveragedCurve, raw_noise: ReadingNoise, offset: OffsetEstimate | None) -> int | None:
     families = quick_families(curve)
     noise = find_noise(curve, raw_noise, offset, families)
     value = None if offset is None else offset.value
     suspects: dict[int, None] = {}
     for family in families:
-        row = np.abs(_robust(curve, family, noise, value))
+        row = np.abs(_robust_residuals(curve, family, noise, value))
         suspects |= {int(i): None for i in np.argsort(-row)[:2] if i > 0 and row[i] > _SUSPECT}
-    return next((i for i in suspects if _is_bad(curve, i, raw_noise, offset, families)), None)
+    return next((i for i in suspects if _is_outlier(curve, i, raw_noise, offset, families)), None)
 
 
-def _robust(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
+def _robust_residuals(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: float | None) -> FloatArray:
     """Return the residuals of a robust fit, over their robust standard deviation."""
     row = weight = np.ones(len(curve.distance))
     x = fit_free(curve, family, noise, value).x
@@ -259,7 +259,7 @@ def _robust(curve: AveragedCurve, family: Family, noise: NoiseEstimate, value: f
     return row
 
 
-def _is_bad(
+def _is_outlier(
     curve: AveragedCurve, i: int, raw_noise: ReadingNoise, offset: OffsetEstimate | None, families: tuple[Family, ...]
 ) -> bool:
     """Return whether one distance is an outlier from the curves of all families through the others."""

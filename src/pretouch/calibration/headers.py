@@ -46,7 +46,7 @@ class TextTable:
     def title(self, index: int) -> str:
         """Return the name of a column for messages: its header, with its number if the header is not unique."""
         title = self.header[index]
-        return shortened(title) if title and self.header.count(title) == 1 else f"{index + 1} ({shortened(title)})"
+        return quoted(title) if title and self.header.count(title) == 1 else f"{index + 1} ({quoted(title)})"
 
     def name(self, index: int) -> str:
         """Return the name of a label column: its header, or its number if the header is empty."""
@@ -109,12 +109,12 @@ def uses_commas(cells: Sequence[str]) -> bool:
     return any("," in cell and _COMMAED.fullmatch(cell) for cell in cells)
 
 
-def shortened(text: str) -> str:
-    """Quote a text for a message, shortened if it is long."""
+def quoted(text: str) -> str:
+    """Return a text in quotes for a message, shortened if it is long."""
     return repr(text if len(text) <= _LONGEST_LINE else f"{text[: _LONGEST_LINE - 3]}...")
 
 
-def listed(items: Sequence[str], most: int) -> str:
+def join_first(items: Sequence[str], most: int) -> str:
     """Join the first items for a message."""
     return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
@@ -141,7 +141,7 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
     else:
         expected, problem = f"expected a number such as 12{table.decimal_mark}5", "a cell that is not a number"
     raise CalibrationDataError(
-        f"{place}: found {shortened(cell)} in column {table.title(column.index)}, {expected}",
+        f"{place}: found {quoted(cell)} in column {table.title(column.index)}, {expected}",
         problem=f"{place}: found {problem}",
     )
 

@@ -89,7 +89,7 @@ def minimize_many(
         if len(improved):
             slope[improved] = _derivative(residuals, x[improved], residual[improved], improved, high[improved])
         active = active[~converged & (damping[active] < _LARGEST_DAMPING)]
-    at_bound = _held(x, np.einsum("bnp,bn->bp", slope, residual), low, high)
+    at_bound = _at_bound(x, np.einsum("bnp,bn->bp", slope, residual), low, high)
     return Fits(x=x, residuals=residual, jacobian=np.where(at_bound[:, None, :], 0.0, slope), costs=cost)
 
 
@@ -97,7 +97,7 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), np.clip(values, -_HUGE, _HUGE), _HUGE)
 
 
-def _held(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
+def _at_bound(x: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
     """Return which parameters are at a bound that the cost pushes them against."""
     return np.asarray(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
@@ -132,7 +132,7 @@ def _newton_step(
     gradient = np.einsum("bnp,bn->bp", slope, value)
     square = np.einsum("bnp,bnq->bpq", slope, slope)
     diagonal = np.maximum(np.einsum("bpp->bp", square), 1e-30)
-    held = _held(x, gradient, *bounds)
+    held = _at_bound(x, gradient, *bounds)
     free = ~held
     square = np.where(free[:, :, None] & free[:, None, :], square, 0.0)
     square[:, np.arange(size), np.arange(size)] += np.where(free, damping[:, None] * diagonal, 1.0)

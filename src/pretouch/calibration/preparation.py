@@ -14,7 +14,7 @@ from pretouch._core.units import format_quantity
 from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, condense, reading_noise
 from .ceilings import CeilingFits, fit_under_ceilings
 from .data import Calibration
-from .family_fits import bad_distances, find_noise
+from .family_fits import find_noise, outlier_indices
 from .headers import is_length
 from .possible_curves import PossibleCurves, fit_possible_curves
 from .result import NoiseEstimate, OffsetEstimate, UsableWindow
@@ -110,7 +110,7 @@ def _prepared(
     good = (place >= near.index) & (place < end)
     ceilings = fit_under_ceilings(curve.part(good), raw, fixed)
     steep, flattens = _steep_end(curve, raw, fixed, near=near, good=good, ceilings=ceilings)
-    bad = tuple(steep.index + i for i in bad_distances(curve.part(slice(steep.index, end)), raw, fixed))
+    bad = tuple(steep.index + i for i in outlier_indices(curve.part(slice(steep.index, end)), raw, fixed))
     good &= ~np.isin(place, bad)
     if bad and good.sum() >= _FEWEST_DISTANCES:  # an outlier may have looked like a ceiling
         ceilings = fit_under_ceilings(curve.part(good), raw, fixed)

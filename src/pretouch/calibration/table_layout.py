@@ -25,10 +25,10 @@ from .headers import (
     is_no_object,
     is_number,
     is_output_unit,
-    listed,
+    join_first,
     looks_wide,
     output_unit,
-    shortened,
+    quoted,
     split_title,
 )
 
@@ -70,7 +70,7 @@ def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
     if distance is not None and distance == output:
         raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
     if distance is None or output is None:
-        columns = listed([f"{i}: {shortened(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
+        columns = join_first([f"{i}: {quoted(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
         distance_or_first = 0 if distance is None else distance
         free = [i for i in range(len(table.header)) if i != distance_or_first]
         output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
@@ -99,7 +99,7 @@ def _refuse_no_header(table: TextTable) -> None:
         )
     if len(table.header) < 2:
         raise CalibrationDataError(
-            f"{table.place}: found one column ({shortened(table.header[0])}), expected two or more, separated by "
+            f"{table.place}: found one column ({quoted(table.header[0])}), expected two or more, separated by "
             "comma, semicolon, tab or blanks",
             problem=f"{table.place}: found one column, expected two or more",
         )
@@ -118,7 +118,7 @@ def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int
         or [i for i in lengths if not is_named(table.header[i], "setting")]
         or named
     )
-    return _only(table, matches, "distance")
+    return _single_match(table, matches, "distance")
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
@@ -132,7 +132,7 @@ def _output(table: TextTable, distance: int | None) -> int | None:
     moving = {i for i in free if len(set(table.columns[i])) > 1}  # a bias voltage is constant, a photocurrent changes
     first = ([i for i in group if i in moving] for group in (named, with_unit, either if named or with_unit else []))
     matches = next((group for group in (*first, named, with_unit, remaining, either) if group), [])
-    return _only(table, matches, "output")
+    return _single_match(table, matches, "output")
 
 
 def _may_be_label(table: TextTable, index: int) -> bool:
@@ -141,11 +141,11 @@ def _may_be_label(table: TextTable, index: int) -> bool:
     return not all(map(is_number, counts)) or len(counts) < max(_FEW, sum(counts.values()) / 2)
 
 
-def _only(table: TextTable, matches: Sequence[int], what: str) -> int | None:
+def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | None:
     """Return the only match; None without a match; refuse two matches."""
     if len(matches) < 2:
         return matches[0] if matches else None
-    first, second = (f"{i + 1}: {shortened(table.header[i])}" for i in matches[:2])
+    first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
     raise CalibrationDataError(
         f"{table.place}: found two columns that may be the {what} ({first}, {second}), expected one; select one with "
         f"{columns_hint(f'{what}={matches[0] + 1}')}"
@@ -157,7 +157,7 @@ def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Colu
     how = f'write it into the header, such as "distance [mm]", or use {columns_hint(f"distance={index + 1} [mm]")}'
     if not unit:
         raise CalibrationDataError(
-            f"{table.place}: found {shortened(title)}, a distance without a unit: {how}",
+            f"{table.place}: found {quoted(title)}, a distance without a unit: {how}",
             problem=f"{table.place}: found a distance without a unit",
         )
     if not is_length(unit):
@@ -170,7 +170,7 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
     unit = option.unit_with(title)
     symbol, factor = output_unit(unit)
     if unit is None:
-        symbol, meaning = taken_as(set().union(*(table.columns[i] for i in outputs)))
+        symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in outputs)))
         notes.append(f"The output column {title!r} has no unit; its values are taken as {meaning}.")
     if is_named(title, "setting") and not option.names_a_column:
         notes.append(
@@ -179,7 +179,7 @@ def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOptio
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
 
-def taken_as(cells: Collection[str]) -> tuple[str, str]:
+def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
     """Return the unit of outputs without a stated unit, and its description for a sentence."""
     filled = [cell for cell in cells if not is_missing(cell)]
     if filled and all(re.fullmatch(r"\+?\d+", cell) for cell in filled):
@@ -227,7 +227,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
     marks = {i: mark for i, title in enumerate(table.header) if (mark := distance_mark(title))}
     others = [i for i in range(len(table.header)) if i not in marks]
     if not options.declares_distances:
-        _refuse_doubt(table, marks, others)
+        _refuse_ambiguity(table, marks, others)
     unit = _distance_unit(table, options, marks, others)
     symbol, factor, notes = _output_unit(table, options, marks, others)
     counts = [i for i in others if _counts_rows(table, i)]
@@ -238,7 +238,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
     notes += [f"Column {title} is not used: it counts the rows." for title in filled]
     columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
-    distances = [_place(table, mark, unit) for mark in marks.values()]
+    distances = [_distance_of_header(table, mark, unit) for mark in marks.values()]
     return Layout(
         pairs=tuple(zip(distances, columns, strict=True)),
         distances=f"the headers {span}",
@@ -249,7 +249,7 @@ def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
     )
 
 
-def _refuse_doubt(table: TextTable, marks: dict[int, UnitMark], others: list[int]) -> None:
+def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list[int]) -> None:
     """Refuse headers that are bare numbers in a table with a distance column: they may be numbers of repeats."""
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
@@ -286,9 +286,9 @@ def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, Un
         return str(first)
     if option_unit is not None:
         return option_unit
-    corner = [u for i in others for name, u in _units(table.header[i]) if is_length(u) and _of_distance(name)]
+    corner = [u for i in others for name, u in _units(table.header[i]) if is_length(u) and _is_distance_name(name)]
     if not corner:
-        shown = listed([repr(table.header[i]) for i in marks], 3)
+        shown = join_first([repr(table.header[i]) for i in marks], 3)
         raise CalibrationDataError(
             f"{table.place}: found the distances {shown} without a unit: write it into them, such as "
             f'"5 mm", or use {columns_hint("distance=[mm]")}'
@@ -303,7 +303,7 @@ def _units(title: str) -> list[tuple[str, str]]:
     return units or ([(name, unit)] if unit else [("", title)])
 
 
-def _of_distance(name: str) -> bool:
+def _is_distance_name(name: str) -> bool:
     words = re.split(r"[\W_]+", name)
     return not any(words) or any(is_named(word, "distance") for word in words if word)
 
@@ -323,7 +323,7 @@ def _output_unit(
                 unit_text = unit
     if unit_text is not None:
         return (*output_unit(unit_text), [])
-    symbol, meaning = taken_as(set().union(*(table.columns[i] for i in marks)))
+    symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in marks)))
     return symbol, 1.0, [f"The outputs have no unit; they are taken as {meaning}."]
 
 
@@ -346,11 +346,11 @@ def _numbers_a_repeat(cell: str) -> bool:
     return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 
-def _place(table: TextTable, mark: UnitMark, unit: str) -> float:
+def _distance_of_header(table: TextTable, mark: UnitMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))
-    found = f"{table.place}: found the distance {shortened(f'{mark.number} {mark.unit or unit}')}"
+    found = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
     if value < 0:
         raise CalibrationDataError(f"{found}, which must not be negative")
     if not (math.isfinite(value) and has_workable_magnitude(value)):

@@ -17,7 +17,7 @@ from pretouch._core.errors import CalibrationDataError
 from pretouch._core.files import read_regular_file
 
 from .column_options import ColumnOptions, columns_hint
-from .headers import TextTable, is_length, is_number, is_row, names_a_distance, shortened, uses_commas
+from .headers import TextTable, is_length, is_number, is_row, names_a_distance, quoted, uses_commas
 
 Lines: TypeAlias = "list[tuple[int, str]]"
 _refusal = CalibrationDataError.without_content
@@ -180,7 +180,7 @@ def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -
         cells = _cells(line, delimiter)
         if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
             raise CalibrationDataError(
-                f"{file}, line {i}: found numbers ({shortened(line)}) above the header in line {header[0]}, expected "
+                f"{file}, line {i}: found numbers ({quoted(line)}) above the header in line {header[0]}, expected "
                 "them below it: put # before every line that is not to be read",
                 problem=f"{file}, line {i}: found numbers above the header in line {header[0]}",
             )
@@ -230,7 +230,7 @@ def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[
     if data < 2 or (delimiter != _BLANK and len({len(row) for row in cells}) == 1):
         return 0, lines
     raise CalibrationDataError(
-        f"{file}, line {lines[0][0]}: found {shortened(lines[0][1])} where the header is expected, such as "
+        f"{file}, line {lines[0][0]}: found {quoted(lines[0][1])} where the header is expected, such as "
         f'"distance [mm],output [V]", and the first row of numbers in line {lines[data][0]}: put # before every line '
         f"above the header, and name the distance in it, or name the columns with "
         f"{columns_hint('distance=1 [mm],output=2')}",

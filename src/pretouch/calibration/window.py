@@ -229,7 +229,7 @@ def window_of(
 ) -> UsableWindow:
     """Find the far end of the window, and return the window."""
     # Points `left_out` are skipped; `last` is the index after the last point that may be used, and the reason.
-    stop, why = last or (len(curve.distance), "last measured distance")
+    stop, reason = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]
     error = np.hypot(sigma / np.sqrt(curve.count), offset.standard_error)
     above = [bool(curve.output[i] - offset.value > floor_sigmas * error[i]) for i in indices]
@@ -240,14 +240,14 @@ def window_of(
     floor = offset.value + floor_sigmas * float(np.median(error))
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
-        why = (
+        reason = (
             f"from {beyond} on, the signal is less than {floor_sigmas:g} standard errors "
             f"({floor - offset.value:.3g}{unit}) above the offset ({offset.value:.4g}{unit})"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),
         start_reason=near.reason,
-        end_reason=why,
+        end_reason=reason,
         saturation=near.saturation,
         floor=floor,
     )

@@ -178,15 +178,15 @@ def first_crossover(loop: LinearLoop) -> Crossover | None:
     """Find the smallest damping that makes the loop unstable; None if there is none."""
     fastest = float(np.abs(loop.modes).max())
     for mode in loop.modes[loop.modes.real > _UNDAMPED * fastest]:
-        return Crossover(angle=_folded(mode), damping=0.0, growth=float(mode.real))
+        return Crossover(angle=_aliased_angle(mode), damping=0.0, growth=float(mode.real))
     undamped = loop.modes[(np.abs(loop.modes.real) <= _UNDAMPED * fastest) & (loop.modes.imag > 0)]
-    poles = sorted({_folded(mode) for mode in undamped} - {0.0})
+    poles = sorted({_aliased_angle(mode) for mode in undamped} - {0.0})
     for pole in poles:
-        growth = _departure(loop, pole)
+        growth = _growth_of_mode(loop, pole)
         if growth > 0:
             return Crossover(angle=pole, damping=0.0, growth=growth)
-    angle, response = _resolved(loop, poles)
-    angles = _departures(loop, angle, response, poles)
+    angle, response = _sample_response(loop, poles)
+    angles = _crossover_angles(loop, angle, response, poles)
     values = loop.response(np.array(angles)).real
     pairs = [(-1 / float(v), w) for w, v in zip(angles, values, strict=True) if v < 0]
     return Crossover(damping=min(pairs)[0], angle=min(pairs)[1]) if pairs else None
@@ -224,19 +224,19 @@ def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float
     eigenvalue near the crossover at the angle `near`, or NaN without a crossover.
     """
     if loop.remembered > _DENSE:
-        return math.nan if math.isnan(near) else _moved(loop, near, damping)
+        return math.nan if math.isnan(near) else _modulus_near(loop, near, damping)
     values = np.linalg.eigvals(loop.closed(damping))
     if free:
         values = np.delete(values, np.argmin(np.abs(values - 1)))
     return float(np.abs(values).max())
 
 
-def _folded(mode: complex) -> float:
+def _aliased_angle(mode: complex) -> float:
     """Return the angle in [0, pi] at which a mode appears in the readings (aliasing)."""
     return abs(math.remainder(mode.imag, 2 * math.pi))
 
 
-def _departure(loop: LinearLoop, pole: float) -> float:
+def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
     """Return ln |z| of the eigenvalue that starts at an undamped mode z_0, for a damping that moves it by 1e-6.
 
     With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 - d Q(e).
@@ -255,7 +255,7 @@ def _departure(loop: LinearLoop, pole: float) -> float:
     return -e.imag
 
 
-def _moved(loop: LinearLoop, angle: float, damping: float) -> float:
+def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
     """Return the modulus of the eigenvalue near exp(i angle), for a damping near its crossover, by Newton's method."""
     at, step = complex(angle), 1e-6 * angle
     with np.errstate(all="ignore"):  # where two eigenvalues meet, Newton's method may diverge
@@ -265,9 +265,14 @@ def _moved(loop: LinearLoop, angle: float, damping: float) -> float:
         return float(np.exp(-at.imag))
 
 
-def _departures(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
+def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
     """Return the angles at which the imaginary part of P rises through 0, at least those of the smallest dampings."""
-    rising = _changes(response) & np.signbit(response.imag[:-1]) & ~_holds_any(angle, poles) & _is_relevant(response)
+    rising = (
+        _sign_changes(response)
+        & np.signbit(response.imag[:-1])
+        & ~_contains_pole(angle, poles)
+        & _is_relevant(response)
+    )
     # at pi, P is real, and flat for a double eigenvalue: use the sign of the last angle with a clear sign
     certain = response.imag[np.abs(response.imag) > _FLAT * np.abs(response)]
     angles = [math.pi] if math.pi not in poles and (not len(certain) or certain[-1] < 0) else []
@@ -280,7 +285,7 @@ def _departures(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: 
     return angles
 
 
-def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
+def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
     """Return angles from nearly 0 to pi between which the phase of P changes little, and P at these angles.
 
     Angles at which P is too small for the smallest damping are not refined.
@@ -294,7 +299,12 @@ def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Comple
     while len(angle) < _POINTS:
         with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 where the response is zero
             turn = np.abs(np.angle(response[1:] / response[:-1]))
-        wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:]) & _is_relevant(response) & ~_holds_any(angle, poles)
+        wide = (
+            (turn > _TURN)
+            & (np.diff(angle) > 1e-9 * angle[1:])
+            & _is_relevant(response)
+            & ~_contains_pole(angle, poles)
+        )
         if not wide.any():
             break
         between = (angle[:-1] + angle[1:])[wide] / 2
@@ -304,7 +314,7 @@ def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Comple
     return angle, response
 
 
-def _changes(response: _Complex) -> BoolArray:
+def _sign_changes(response: _Complex) -> BoolArray:
     """Return between which neighbors the imaginary part changes its sign."""
     return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
 
@@ -312,12 +322,12 @@ def _changes(response: _Complex) -> BoolArray:
 def _is_relevant(response: _Complex) -> BoolArray:
     """Return between which neighbors P may be as large as at the crossover of the smallest damping."""
     size = np.abs(response)
-    crossing = _changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
+    crossing = _sign_changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
     largest = np.minimum(size[1:], size[:-1])[crossing].max(initial=0.0)
     return np.asarray(np.maximum(size[1:], size[:-1]) > max(0.5 * largest, _SILENT * size.max()))
 
 
-def _holds_any(angle: FloatArray, poles: list[float]) -> BoolArray:
+def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
     """Return between which neighbors an undamped mode lies, where P changes its sign without a crossover."""
     held = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:

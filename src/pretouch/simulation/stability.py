@@ -215,14 +215,14 @@ def gain_limit(
         >>> round(limit.strongest, 2), limit.critical_distance
         (-0.57, 0.0)
     """
-    distances, damping_of_one, free = _frozen(law, sensor, admittance, distance, relative_velocity)
+    distances, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     limit = largest_damping(free, timing, plant=plant)
     gain = np.full(distances.shape, math.inf)
     np.divide(limit.damping, damping_of_one, out=gain, where=damping_of_one > 0)
     return GainLimit(distance=distances, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
 
 
-def _frozen(
+def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
     """Return distances [m], the damping of the gain 1 there, and the active admittance; refuse unknown damping."""
@@ -294,7 +294,7 @@ def lowest_rate(
             f"gain: found {format_quantity(gain, number.unit)}, which must be {number.mitigating}; other gains do not "
             "mitigate"
         )
-    _, damping_of_one, free = _frozen(law, sensor, admittance, distance, relative_velocity)
+    _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     required = positive(margin, "margin") * abs(gain) * float(damping_of_one.max())
     timing_of_rate = timing_at or (lambda rate: LoopTiming(rate=rate))
     system = linear_plant(free, plant or IdealPlant())

@@ -112,8 +112,9 @@ class Reservations(Value):
         parts, remedies = [], []
         if not self.is_contact_supported:
             parts.append(f"from {near}{nearest} to contact at 0 mm")
+            advice = recess_advice(self.report.window.l_min, self.recess)
             remedies.append(
-                f"sink the sensor to {self._recess_advice}, or calibrate it down to contact, with a lower "
+                f"sink the sensor to {advice}, or calibrate it down to contact, with a lower "
                 "amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
@@ -122,10 +123,10 @@ class Reservations(Value):
             remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
         if self.left:
             remedy = "; ".join(remedies) or "calibrate farther out"
-            advice = "" if self.recedes else f" To fix this, {remedy}."
+            ending = "" if self.recedes else f" To fix this, {remedy}."
             return (
                 "Not supported by data: the motion leaves the range of the data before contact. Data support the "
-                f"fitted {self._model} curve from {near}{nearest} to {far}{farthest}.{self._zero}{advice}"
+                f"fitted {self._model} curve from {near}{nearest} to {far}{farthest}.{self._zero}{ending}"
             )
         if not parts:
             return None
@@ -133,12 +134,6 @@ class Reservations(Value):
             f"Not supported by data: this answer extrapolates the fitted {self._model} curve "
             f"{' and '.join(parts)}.{self._zero}{self._without_force(near)} To fix this, {'; '.join(remedies)}."
         )
-
-    @property
-    def _recess_advice(self) -> str:
-        """The recess that puts contact where the data start, with the present one."""
-        present = f" (now {format_quantity(self.recess, 'm')})" if self.recess else ""
-        return f'recess = "{recess_in_words(self.report.window.l_min)}"{present}'
 
     @property
     def _zero(self) -> str:
@@ -347,6 +342,17 @@ def recess_in_words(nearest: float) -> str:
         ('7.5 mm', '12.345 mm')
     """
     return f"{math.ceil(1e6 * nearest * (1 - 1e-12)) / 1e3:.10g} mm"
+
+
+def recess_advice(nearest: float, present: float) -> str:
+    """Return the setting of the recess that puts contact where a curve starts, and the present recess [m].
+
+    Examples:
+        >>> recess_advice(0.021, 0.015)
+        'recess = "21 mm" (now 15 mm)'
+    """
+    now = f" (now {format_quantity(present, 'm')})" if present else ""
+    return f'recess = "{recess_in_words(nearest)}"{now}'
 
 
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:

@@ -171,8 +171,8 @@ def test_gathered_distances_are_told_once(run):
     rows = [f"{0.2 * i:.1f},{3 * 2.718281828 ** (-0.012 * i):.3f}" for i in range(400)]
     Path("dense.csv").write_text("\n".join(["distance [mm],output [V]", *rows]) + "\n")
     out = run("fit", "dense.csv", "--no-report")[1]
-    assert [line for line in out.splitlines() if "gathered" in line] == [
-        "note: 400 distances were gathered into 50, 0.793 mm to 2.08 mm wide, along the curve."
+    assert [line for line in out.splitlines() if "condensed" in line] == [
+        "note: 400 distances were condensed into 50 groups, 0.793 mm to 2.08 mm wide, along the curve."
     ]
 
 

@@ -96,7 +96,7 @@ def test_a_robust_gain_is_designed_for_it_and_pages_name_it(name: str, tmp_path:
     assert (price.loss > -1e-9).all()  # both objectives are right to 1e-10
     path = tmp_path / "page.html"
     write_report(found, path)
-    together = ", together with the others of approach" if name == "several" else ""
+    together = ", jointly with the other inputs of approach" if name == "several" else ""
     expected = f"Triangular, -0.35 m/s to -0.25 m/s{together}"
     assert expected in path.read_text(encoding="utf-8")
     told = json.loads(json.dumps(found.to_dict(), allow_nan=False))["uncertainty"]

@@ -50,7 +50,7 @@ def test_the_export_holds_a_curve_for_each_setting(file):
     np.testing.assert_allclose(high.no_object, [0.091], rtol=1e-15)
     assert high.distances.tolist() == [0.0, 0.01, 0.02]
     assert (low.unit, low.source.delimiter, low.source.output_column) == ("V", " ", "sensor output [mV]")
-    assert low.source.notes == ("Lines 1 to 3 stand above the header and are not read.",)
+    assert low.source.notes == ("Lines 1 to 3 are above the header and are not read.",)
 
 
 @pytest.mark.parametrize("columns", re.findall(r"`columns=(\{.*?\})`", PAGE))

@@ -33,7 +33,7 @@ VERBS = {
 }
 CLIPPED = 'calibration = "clipped.csv"\nmodel = "exponential-1"'
 WHOLE = 'calibration = "sensor.csv"\nmodel = "exponential-1"\nmaximum_distance = "60 mm"'
-UNSUPPORTED = "Not supported by data: this answer rests on the fitted exponential-1 curve being extended from "
+UNSUPPORTED = "Not supported by data: this answer extrapolates the fitted exponential-1 curve from "
 
 
 def scenario(name: str, sensor: str, *changes: tuple[str, str]) -> str:
@@ -93,7 +93,7 @@ def test_every_verb_says_first_where_no_data_support_its_answer(run, verb):
     near, reason = near_end()
     assert f"{UNSUPPORTED}{near} ({reason}) to contact at 0 mm." in first
     assert "Not supported by the readings: " in first  # they are flat near contact, and the extended curve is not
-    assert f'To mend it, sink the sensor by recess = "{near}", or calibrate it down to contact' in first
+    assert f'To fix this, sink the sensor to recess = "{near}", or calibrate it down to contact' in first
     assert (f"With no virtual force nearer than {near}, contact is at " in first) == (verb != "pareto")
     told = strict(run(verb, file, *VERBS[verb], "--json")[1])
     assert next(iter(told)) == "headline"
@@ -133,21 +133,21 @@ def test_a_start_beyond_the_data_is_said_first_where_it_is_decisive(run):
     _, out, _ = run("design", scenario("far.toml", sensor), "--no-report")
     # of a constant slope the impulse is that of the distances: 22.2 of 42.2 mm
     assert out.startswith(
-        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), where 53 % of the impulse"
+        UNSUPPORTED + "the start at 42.2 mm to 20 mm (last measured distance), which gives 53 % of the impulse"
     )
-    assert "To mend it, calibrate out to 42.2 mm with more readings at each distance, or start at 20 mm." in out
+    assert "To fix this, calibrate out to 42.2 mm with more readings at each distance, or start at 20 mm." in out
     _, out, _ = run("design", scenario("less.toml", sensor, ("42.2 mm", "20.9 mm")), "--no-report")
     assert out.startswith("Optimal gain")
-    assert "4.3 % of the impulse of the virtual force are given beyond 20 mm" in out
+    assert "beyond 20 mm, the extrapolated curve gives 4.3 % of the impulse of the virtual force" in out
 
 
 def test_a_motion_that_leaves_the_data_names_the_calibration(run):
     file = scenario("away.toml", CLIPPED + '\nrecess = "12 mm"', ('velocity = "-0.3 m/s"', 'velocity = "0.3 m/s"'))
     code, out, _ = run("design", file, "--no-report")
     assert code == 1
-    assert out.startswith("Not supported by data: before contact the motion leaves the distances at which data support")
-    assert out.splitlines()[0].endswith(
-        "To mend it, give the obstacle a negative velocity, as of an approach: this object recedes."
+    assert out.startswith(
+        "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
+        "Not supported by data: the motion leaves the range of the data before contact. Data support the fitted "
     )
 
 
@@ -169,8 +169,8 @@ def test_the_ways_out_of_a_refusal_lead_out(run):
     assert run("design", scenario("sunk.toml", CLIPPED + '\nrecess = "12 mm"'), "--no-report")[0] == 0
     code, out, _ = run("design", scenario("both.toml", recessed + '\nminimum_distance = "0 mm"'), "--no-report")
     assert code == 0
-    assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}, counted from")
-    assert "counted from the sensor's zero 5 mm behind the contact surface) to contact" in out
+    assert out.startswith(f"{UNSUPPORTED}7 mm ({near_end()[1]}) to contact at 0 mm.")
+    assert "Distances in brackets count from the sensor's zero, 5 mm behind the contact surface." in out
     far = scenario("far.toml", WHOLE.splitlines()[0], ("42.2 mm", "70 mm"))
     assert "where the calibration ceases to support the curve (last measured distance)" in run("design", far)[2]
 

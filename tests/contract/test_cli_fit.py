@@ -161,7 +161,7 @@ def test_what_was_assumed_is_told(run, pages):
     code, out, err = run("fit", "wide.csv", "--columns", "output=[V]")
     assert (code, err) == (0, "")
     assert out.splitlines()[:2] == [
-        "note: Line 1 stands above the header and is not read.",
+        "note: Line 1 is above the header and is not read.",
         f"note: The headers 0 mm to {heads[-2]} are read as distances, each row as a repeat.",
     ]
     assert run("fit", "wide.csv", "--json")[0] == 0
@@ -171,8 +171,8 @@ def test_gathered_distances_are_told_once(run):
     rows = [f"{0.2 * i:.1f},{3 * 2.718281828 ** (-0.012 * i):.3f}" for i in range(400)]
     Path("dense.csv").write_text("\n".join(["distance [mm],output [V]", *rows]) + "\n")
     out = run("fit", "dense.csv", "--no-report")[1]
-    assert [line for line in out.splitlines() if "gathered" in line] == [
-        "note: 400 distances were gathered into 50, 0.793 mm to 2.08 mm wide, along the curve."
+    assert [line for line in out.splitlines() if "condensed" in line] == [
+        "note: 400 distances were condensed into 50 groups, 0.793 mm to 2.08 mm wide, along the curve."
     ]
 
 

@@ -286,9 +286,9 @@ def test_rows_of_a_chain_name_what_can_go_wrong_in_it() -> None:
     rows = shown(chain.rows())
     assert rows["readings that are missing"] == "10 %"
     assert rows["jitter of an exposure"] == "1 ms"
-    assert rows["drift"] == "0.5 [unit of \u03be per s]"
+    assert rows["drift"] == "0.5 per s, in the sensor's output unit"
     assert rows["noise relative to \u03be"] == "1 %"
-    assert rows["misfit of the curve relative to \u03be"] == "2 %, another in each run, alike over 5 mm of distance"
+    assert rows["misfit of the curve relative to \u03be"] == "2 %, random in each run, correlation length 5 mm"
     assert "in each run" in rows["first exposure"]
     assert {"ambient offset", "crosstalk"} <= set(rows)
 

@@ -103,7 +103,7 @@ def test_the_units_of_a_wide_table_are_said_or_stand_in_its_corner(file, text, c
 
 def test_numbered_columns_beside_a_distance_are_repeats_where_that_is_said(file):
     text = "distance [mm],1,2,3\n0,9,5,3\n10,8,4,\n"
-    with pytest.raises(CalibrationDataError, match=r'"distance=1" where .* repeats, or --columns "distance=\[mm\]"'):
+    with pytest.raises(CalibrationDataError, match=r'"distance=1" if .* repeats, or --columns "distance=\[mm\]"'):
         read_calibration(file(text))
     curve = read_calibration(file(text), columns={"distance": 1})
     assert curve.distances.tolist() == [0, 0, 0, 0.01, 0.01]
@@ -156,11 +156,11 @@ TABLE = "distance [mm];output [V]\n0;2,5\n5;1,5\ninf;0,1\n"
 @pytest.mark.parametrize(
     ("above", "lines"),
     [
-        ("Instrument: GP2Y0A21\n", "Line 1 stands"),
-        ("sep=;\n", "Line 1 stands"),
-        ("Sensor X\n\nOperator;Smith\nDate;2024-05-01\nRange;80 cm\n", "Lines 1 to 5 stand"),
-        ("Distance sensor, serial 0042\nGap 5 mm, gain 8\n", "Lines 1 to 2 stand"),
-        ("Range;80\nGain;8\n", "Lines 1 to 2 stand"),
+        ("Instrument: GP2Y0A21\n", "Line 1 is"),
+        ("sep=;\n", "Line 1 is"),
+        ("Sensor X\n\nOperator;Smith\nDate;2024-05-01\nRange;80 cm\n", "Lines 1 to 5 are"),
+        ("Distance sensor, serial 0042\nGap 5 mm, gain 8\n", "Lines 1 to 2 are"),
+        ("Range;80\nGain;8\n", "Lines 1 to 2 are"),
     ],
 )
 def test_text_above_a_certain_header_is_skipped_and_told(file, above, lines):
@@ -238,7 +238,7 @@ EQUAL = "distance [mm],output,output\n0,9,8\n1,8,6\n2,7,4\n3,6,2\n"
 def test_of_two_equal_headers_one_is_chosen_by_its_number(file):
     with pytest.raises(CalibrationDataError, match=r"\(2: 'output', 3: 'output'\)") as error:
         read_calibration(file(EQUAL))
-    assert str(error.value).endswith(f'say which with --columns "output=2" {REMEDY}')
+    assert str(error.value).endswith(f'select one with --columns "output=2" {REMEDY}')
     for columns in (
         {"output": 3},
         {"output": "3"},
@@ -284,10 +284,10 @@ def test_columns_are_chosen_by_header_number_and_unit(file, text, columns):
         ),
         (
             {"output": "output"},
-            "columns: found 'output' for the output, which columns 2 and 3 of sensor.csv are called",
+            "columns: found 'output' for the output, the name of columns 2 and 3 of sensor.csv",
         ),
         ({"distance": "[V]"}, "columns: found the unit 'V' for the distance, expected a length such as mm"),
-        ({"distance": "1 [cm]", "output": 2}, "whose header 'distance [mm]' says 'mm': leave one of them out"),
+        ({"distance": "1 [cm]", "output": 2}, "but 'mm' in its header 'distance [mm]'; give only one of them"),
         ({"distance": 2, "output": 2}, "columns: found column 2 for the distance and for the output"),
     ],
 )
@@ -305,8 +305,8 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("0,5,10,inf\n9,5,3,1\n", f'--columns "distance=[mm]" {REMEDY}'),
         ("sensor,0,5,10\na,9,5,3\n", "line 1: found the distances '0', '5', '10' without a unit"),
         ("0,5,10,20\n9,5,3,1\n", 'line 1: found numbers where the header is expected, such as "distance [mm],'),
-        ("0,5,10,20\n9,5,3,1\n", '--columns "distance=[mm]" where they are distances'),
-        ("1,1cm,2mm\n9,5,3\n", "line 1: found the header '1' beside several units, expected a unit on it"),
+        ("0,5,10,20\n9,5,3,1\n", '--columns "distance=[mm]" if they are distances'),
+        ("1,1cm,2mm\n9,5,3\n", "line 1: found the header '1' without a unit among several units, expected a unit"),
         ("-1cm,2cm\n9,5\n", "line 1: found the distance '-1 cm', which must not be negative"),
         ("0cm,1e400cm\n9,5\n", "line 1: found the distance '1e400 cm', expected a number of a magnitude"),
         ("0cm,1e99cm\n9,5\n", "line 1: found the distance '1e99 cm', expected a number of a magnitude"),
@@ -325,9 +325,9 @@ def test_a_choice_that_cannot_be_is_refused(file, columns, message):
         ("Bench 4\nSerial 5\n0 2\n5 1\n", "line 1: found 'Bench 4' where the header is expected"),
         ("1,2\n2,3\ndistance [mm],output [V]\n0,2\n", "line 1: found numbers ('1,2') above the header in line 3"),
         ("Bench 4\ndistance,output [V]\n0,2\n", "line 2: found 'distance', a distance without a unit"),
-        ("distance,output [V]\n0,2\n", f'or say it: --columns "distance=1 [mm]" {REMEDY}'),
+        ("distance,output [V]\n0,2\n", f'or use --columns "distance=1 [mm]" {REMEDY}'),
         ("distance [mm],drive current [mA],gain\n0,8,2\n", f'--columns "distance=1,output=2" {REMEDY}'),
-        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "say --labels none (in a scenario file"),
+        ("distance [mm],output [V],time [s]\n0,1,0\n1,1,1\n2,1,2\n3,1,3\n", "use --labels none (in a scenario file"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_sentence_with_its_line(file, text, message):

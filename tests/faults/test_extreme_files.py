@@ -139,7 +139,7 @@ def test_one_distance_far_beyond_all_others_is_a_typing_error_or_means_no_object
     code, out, err = run("fit", "sensor.csv")
     assert (code, out) == (2, "")
     assert "sensor.csv: found the distance 99.999 m, 1,111 times as far as the next one (0.09 m)" in err
-    assert "write inf where it means that no object was there" in err
+    assert "write inf if it means that no object was there" in err
 
 
 def test_a_person_who_waits_is_told_how_far_the_work_is(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,7 +76,7 @@ def simulate(**changed: Any) -> pt.simulation.SimulationResult:
         ),
         (
             lambda: simulate(chain=pt.SensorChain(rate=1e5, delay=1e3)),
-            "chain delay: found up to 1e+08 readings on their way",
+            "chain delay: found up to 1e+08 undelivered readings",
         ),
         (lambda: simulate(horizon=0.0), "horizon: found 0 s"),
         (lambda: simulate(contact=pt.simulation.SpringDamper(stiffness=1e5)), "an ideal plant has no mass"),

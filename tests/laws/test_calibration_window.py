@@ -12,7 +12,7 @@ from pretouch._core.errors import CalibrationDataError, InvalidInputError, Resul
 from pretouch.calibration import Calibration, find_window, fit_sensor, rank_models
 from pretouch.calibration.averaging import average, reading_noise, resolution
 from pretouch.calibration.fit import runs_p_value
-from pretouch.calibration.many_fits import intervals, minimize_many
+from pretouch.calibration.least_squares import intervals, minimize_many
 from pretouch.calibration.preparation import chance_of_falling
 
 STEPS = np.arange(8) * 0.01

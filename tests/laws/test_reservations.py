@@ -134,7 +134,65 @@ def test_a_motion_that_leaves_the_curve_is_said_to() -> None:
     sensor = report(0.008, 0.06).best.sensor
     found = reservations_of(report(0.008, 0.06), Answer(encounter(), sensor))
     assert found.left
-    assert found.headline.startswith("Not supported by data: before contact the motion leaves the distances")
+    assert not found.recedes
+    assert found.headline.startswith("Not supported by data: the motion leaves the range of the data before contact. ")
+    assert "recedes" not in found.headline
+
+
+@pytest.mark.parametrize("gain", [None, -0.75, np.array([-0.5, -1.0])], ids=["none", "one", "several"])
+@pytest.mark.parametrize("velocity", [0.1, np.array([0.1, 0.2])], ids=["one", "array"])
+@pytest.mark.parametrize("near", [0.0, 0.008])
+def test_an_object_that_recedes_is_named_before_anything_else(gain: Any, velocity: Any, near: float) -> None:
+    """Whatever else is wrong with the answer, and in headlines of arrays, too: no contact comes without an approach."""
+    sensor = replace(report(near, 0.03).best.sensor, minimum_distance=0.0)
+    scene = encounter(obstacle=pt.Obstacle(position=0.04, velocity=velocity))
+    found = reservations_of(report(near, 0.03), Answer(scene, replace(sensor, maximum_distance=0.2), gain))
+    assert found.recedes
+    assert found.headline.startswith("The object recedes at the start. ")
+    assert "Not supported by data: " in found.headline
+
+
+def test_a_receding_object_asks_for_an_approach() -> None:
+    sensor = report(0.008, 0.06).best.sensor
+    scene = encounter(obstacle=pt.Obstacle(position=0.04, velocity=0.1))
+    headline = reservations_of(report(0.008, 0.06), Answer(scene, sensor, -0.75)).headline
+    start = "The object recedes at the start. For an approach, give the obstacle a negative velocity. "
+    assert headline.startswith(f"{start}Not supported by data: ")
+
+
+def test_a_contact_harder_than_without_mitigation_is_compared_with_it() -> None:
+    """A drawn-back admittance springs forward where the force ends: softer at first, and then harder than without."""
+    found = answer(0.008, 0.06)
+    assert found.speed_without_force < found.speed_without_mitigation
+    assert "harder than without mitigation" not in found.headline.partition("Not supported by the readings")[0]
+    harder = replace(found, speed_without_force=1.01 * found.speed_without_mitigation)
+    assert f"instead of {pt_speed(found.speed)}. That is harder than without mitigation (0.3 m/s)." in harder.headline
+
+
+def pt_speed(speed: float) -> str:
+    return f"{speed:.4g} m/s"
+
+
+def test_distances_count_from_the_contact_surface_and_those_in_brackets_from_the_zero_of_the_sensor() -> None:
+    found = answer(0.008, 0.06, recess=0.005)
+    zero = "the sensor's zero, 5 mm behind the contact surface"
+    assert "from 3 mm (first measured distance) to contact at 0 mm. Distances in brackets count from" in found.headline
+    assert f"Distances in brackets count from {zero}." in found.headline
+    assert 'sink the sensor to recess = "8 mm" (now 5 mm), or ' in found.headline
+    assert any(zero in line and "all others count from the contact surface" in line for line in found.lines)
+    bare = answer(0.008, 0.06)
+    assert zero not in str(bare)
+    assert "Distances in brackets" not in bare.headline
+    assert "(now " not in bare.headline
+
+
+def test_an_offset_with_a_wide_interval_has_no_standard_error() -> None:
+    found = answer(0.008, 0.06)
+    offset = pt.calibration.OffsetEstimate(value=180.0, standard_error=1.2, low=140.0, high=220.0, kind="fitted")
+    wide = replace(found, report=replace(found.report, offset=offset))
+    assert "the offset 180 V (fitted; 95 % interval 140 to 220) from each reading" in str(wide)
+    narrow = replace(wide, report=replace(found.report, offset=replace(offset, low=177.6, high=182.4)))
+    assert "the offset 180 ± 1.2 V (fitted; 95 % interval 177.6 to 182.4) from each reading" in str(narrow)
 
 
 @pytest.mark.parametrize("near", np.random.default_rng(6).uniform(1e-4, 0.3, 20))
@@ -164,6 +222,7 @@ def test_what_a_drag_does_where_no_data_are_is_its_share_of_the_logarithm_of_the
     contact = pt.find_contact(task.scenario, sensor, 0.0144, law="virtual-drag").contact
     assert found.speed == pytest.approx(-contact.relative_velocity, rel=1e-12)
     assert found.speed_without_force > found.speed
-    assert "% of the effect of the drag, ln(1/\u03c1), are given nearer than 8 mm" in str(found)
+    assert "nearer than 8 mm, the extrapolated curve gives " in str(found)
+    assert "% of the effect of the drag, ln(1/\u03c1)\n" in str(found)
     design = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15)))
     assert reservations_of(report(0.008, 0.06), design).speed == pytest.approx(0.15 * 0.3, rel=1e-9)

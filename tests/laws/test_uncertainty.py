@@ -96,8 +96,11 @@ def test_a_distribution_says_what_it_is(known: Distribution, words: str) -> None
 def test_inputs_that_go_together_are_told_one_by_one() -> None:
     known = CorrelatedNormal(names=("sensor.exponent", "b"), mean=(3.3, 0.04), covariance=((0.04, 0.0), (0.0, 0.0)))
     assert list(known.rows("calibration", {"b": "m"})) == [
-        ("sensor.exponent", "normal, 3.3 with a standard deviation of 0.2, together with the others of calibration"),
-        ("b", "normal, 40 mm with a standard deviation of 0 mm, together with the others of calibration"),
+        (
+            "sensor.exponent",
+            "normal, 3.3 with a standard deviation of 0.2, jointly with the other inputs of calibration",
+        ),
+        ("b", "normal, 40 mm with a standard deviation of 0 mm, jointly with the other inputs of calibration"),
     ]
     assert known.to_dict()["kind"] == "CorrelatedNormal"
 

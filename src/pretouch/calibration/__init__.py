@@ -1,6 +1,7 @@
-"""From readings at known distances to a sensor curve, with its uncertainty and a verdict on the sensor."""
+"""Fit a sensor curve to readings at known distances, with its uncertainty and a verdict on the sensor."""
 
-from .data import Calibration, Provenance, read_calibration, read_calibrations
+from .data import Calibration, Provenance
+from .file_reading import read_calibration, read_calibrations
 from .fit import fit_sensor
 from .ranking import rank_models
 from .result import CalibrationReport, Estimate, NoiseEstimate, OffsetEstimate, SensorFit, UsableWindow

@@ -1,4 +1,4 @@
-"""Readings to one averaged curve, many distances gathered into few; and what they say about the noise of a reading."""
+"""Average the readings at each distance, condense many distances into few, and estimate the noise of one reading."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from pretouch._core.units import format_quantity
 
 from .data import Calibration
 
-MAD_TO_SIGMA = 1.4826  # of a normal distribution
-_BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or a doubled reading is far beyond
-_CLEAR_OF_ZERO = 5  # in steps of the converter
-_USUAL_SPREAD = 0.5  # of the logarithm of a relative part that is larger than usual
-_FEWEST_REPEATS = 3  # degrees of freedom from which a scatter is taken as known
+MAD_TO_SIGMA = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
+_BAD_READING_SIGMAS = 6.0  # one false alarm in 5e8 normal readings; a lost or doubled reading is far beyond
+_CLEAR_OF_ZERO = 5  # converter steps
+_USUAL_SPREAD = 0.5  # standard deviation of the prior of ln c above its usual value
+_FEWEST_REPEATS = 3  # degrees of freedom from which a standard deviation is trusted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AveragedCurve:
     """The mean `output` of `count` readings at each distinct distance [m], increasing, all of shape (N,).
 
-    `bad_readings` are indices of single readings, among repeats, that were left out of the means.
+    `bad_readings` are the indices of outliers among repeats, which the means do not include.
     """
 
     distance: FloatArray
@@ -32,12 +32,12 @@ class AveragedCurve:
     bad_readings: tuple[int, ...] = ()
 
     def part(self, which: BoolArray | IntArray | slice) -> AveragedCurve:
-        """Return some of the points."""
+        """Return the selected points."""
         return AveragedCurve(distance=self.distance[which], output=self.output[which], count=self.count[which])
 
     @property
     def steady(self) -> FloatArray:
-        """The output without single points that stick out: medians of three neighbors, but for the ends."""
+        """The output without isolated outliers: medians of three neighbors, except at the ends."""
         y = self.output.copy()
         if len(y) > 2:
             y[1:-1] = np.median([self.output[:-2], self.output[1:-1], self.output[2:]], axis=0)
@@ -46,9 +46,10 @@ class AveragedCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingNoise:
-    """Standard deviation of one reading far from the object; `sigma` is None where the readings do not tell.
+    """Standard deviation of one reading without a signal; `sigma` is None if the readings do not determine it.
 
-    `freedom` counts the degrees of freedom that tell it; `jitter` is what repeats scatter relative to the signal.
+    `freedom` is its number of degrees of freedom; `jitter` is the additional standard deviation of repeats relative to
+    the signal.
     """
 
     sigma: float | None
@@ -59,7 +60,7 @@ class ReadingNoise:
 
 
 def resolution(calibration: Calibration) -> float:
-    """Find the step in which the outputs come (LSB), an approximate common divisor of all differences; 0 for none."""
+    """Return the step between outputs (LSB), an approximate common divisor of all differences; 0 for none."""
     values = np.unique(np.concatenate([calibration.outputs, calibration.no_object]))
     if len(values) < 4:
         return 0.0
@@ -76,7 +77,7 @@ def resolution(calibration: Calibration) -> float:
 
 
 def average(calibration: Calibration) -> AveragedCurve:
-    """Average repeats; a reading that was lost (0) or lies far off its repeats is left out."""
+    """Average repeats, without lost readings (0) and outliers among the repeats."""
     keep = ~_lost(calibration)
     distance, place = np.unique(calibration.distances[keep], return_inverse=True)
     groups = [np.flatnonzero(keep)[place == i] for i in range(len(distance))]
@@ -99,7 +100,7 @@ def average(calibration: Calibration) -> AveragedCurve:
 
 
 def _lost(calibration: Calibration) -> BoolArray:
-    """Find readings of exactly zero on a sensor whose other readings all stand clear of zero: they were lost."""
+    """Find lost readings: exact zeros of a sensor whose other readings are all clearly above zero."""
     zero = calibration.outputs == 0
     others = np.concatenate([calibration.outputs[~zero], calibration.no_object])
     step = resolution(calibration)
@@ -110,9 +111,9 @@ def _lost(calibration: Calibration) -> BoolArray:
 
 def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNoise:
     """Estimate the noise of one reading from repeats and no-object readings, never below the quantization."""
-    # The variance of a reading is taken as sigma^2 + (c xi)^2, the two parts by maximum likelihood over the groups of
-    # repeats; a strong signal that jitters does not raise the noise of the far field. Fewer than three degrees of
-    # freedom tell nothing.
+    # The variance of a reading is modeled as sigma^2 + (c xi)^2, and both parts are estimated by maximum likelihood
+    # over the groups of repeats. So jitter of a strong signal does not raise the noise of the far field. Fewer than
+    # three degrees of freedom are not used.
     step = resolution(calibration)
     floor = step / np.sqrt(12.0)
     keep = np.ones(len(calibration.outputs), dtype=bool)
@@ -130,7 +131,7 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
     sigma, jitter = two_components(variance, dof, np.array([signal[i] for i in used]))
     source = "no-object readings" if used == [len(groups) - 1] else "repeats"
     if sigma < floor:
-        sigma, source = float(floor), f"quantization ({source} scatter less)"
+        sigma, source = float(floor), f"quantization ({source} vary less)"
     if sigma <= 0:
         return ReadingNoise(sigma=None, source="", resolution=step)
     return ReadingNoise(sigma=sigma, source=source, resolution=step, freedom=float(dof.sum()), jitter=jitter)
@@ -139,9 +140,9 @@ def reading_noise(calibration: Calibration, curve: AveragedCurve) -> ReadingNois
 def two_components(
     variance: FloatArray, dof: FloatArray, signal: FloatArray, *, usual: float | None = None
 ) -> tuple[float, float]:
-    """Find the likeliest sigma and c of variance = sigma^2 + (c xi)^2 from groups' variances and degrees of freedom."""
-    # Sigma has a closed form for each ratio. Up to c = `usual` nothing is held against c; beyond, its logarithm has a
-    # normal prior.
+    """Return the maximum-likelihood sigma and c of variance = sigma^2 + (c xi)^2, from groups of repeats."""
+    # Sigma has a closed form for each ratio c / sigma. The prior of c is flat up to `usual`; beyond, ln c has a normal
+    # prior.
     top = float(signal.max())
     ratios = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 61) / top]) if top > 0 else np.array([0.0])
     shape = 1 + (ratios[:, None] * signal) ** 2
@@ -157,26 +158,26 @@ def two_components(
 
 
 def slope_weights(distance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return what a weighted straight line through values at distances [m] multiplies each by, to give its slope."""
+    """Return the weights of values at distances [m] whose weighted sum is the slope of a fitted straight line."""
     weight = 1 / variance
     away = distance - float(weight @ distance) / float(weight.sum())
     return np.asarray(weight * away / float(weight @ away**2))
 
 
-_MANY: Final = 100  # distinct distances from which on they are gathered
-_FEW: Final = 50  # two of them are the ends
-_BLOCKS: Final = 100
+_MANY: Final = 100  # distinct distances above which they are condensed
+_FEW: Final = 50  # condensed distances, including both ends
+_BLOCKS: Final = 100  # groups of readings from which the shape of the curve is estimated
 _ENDS: Final = 2
 
 
 def condense(calibration: Calibration) -> Calibration:
-    """Gather readings at many distances into at most fifty, so that neighbors become repeats of each other."""
-    # The range is cut into parts, along which the signal falls, and the distance grows, by equal steps of asinh((y -
-    # y_far) / tau), which is ln xi above the scatter tau, and of l, half by half: where the curve is steep, parts are
-    # narrow. The first and the last distance are parts of their own. Every reading is moved to the mean distance of its
-    # part along a cubic spline through the medians of the parts; what that leaves is of fourth order in the width of a
-    # part. Readings of exactly 0 (lost) and at a largest value that is met more than once (clipped) are not moved, so
-    # that they are known for what they are. Their order stays.
+    """Condense readings at many distances into at most fifty, so that neighbors become repeats."""
+    # The range is divided into parts with equal steps of the sum of two terms: the decrease of asinh((y - y_far) /
+    # tau), which is ln xi above the noise tau, and the increase of l. So parts are narrow where the curve is steep.
+    # The first and the last distance are separate parts. Each reading is moved to the mean distance of its part, along
+    # a cubic spline through the medians of the parts; the error is of fourth order in the width of a part. Readings of
+    # exactly 0 (lost) and at a repeated largest value (clipped) are not moved, so that they are still recognized. The
+    # order stays.
     distance = calibration.distances
     if len(calibration.distinct_distances) <= _MANY:
         return calibration
@@ -185,20 +186,20 @@ def condense(calibration: Calibration) -> Calibration:
     order = np.argsort(distance, kind="stable")
     places, part = _parts(distance[order], calibration.outputs[order])
     part = part[np.argsort(order, kind="stable")]
-    part[distance == distance.min()] = -1  # the ends are places of their own: they support the curve there
+    part[distance == distance.min()] = -1  # the ends are separate parts: they support the curve there
     part[distance == distance.max()] = len(places)
     _, part = np.unique(part, return_inverse=True)
     count = int(part.max()) + 1
     middle = np.array([distance[part == i].mean() for i in range(count)])
     median = np.array([np.median(calibration.outputs[part == i]) for i in range(count)])
-    inner = slice(1, -1)  # at an end nothing is moved, and one reading is no anchor
-    course = CubicSpline(middle[inner], median[inner]) if count > _ENDS + 1 else None
-    moved = calibration.outputs - (course(distance) - course(middle[part]) if course else 0.0)
+    inner = slice(1, -1)  # readings at the ends are not moved, and a single reading is too noisy for the spline
+    spline = CubicSpline(middle[inner], median[inner]) if count > _ENDS + 1 else None
+    moved = calibration.outputs - (spline(distance) - spline(middle[part]) if spline else 0.0)
     at_top = calibration.outputs == calibration.outputs.max()
     kept = (calibration.outputs == 0) | (at_top & (at_top.sum() > 1))
     widths = [format_quantity(float(w), "m", 3) for w in (np.diff(places).min(), np.diff(places).max())]
-    many, source = len(calibration.distinct_distances), calibration.source
-    note = f"{many} distances were gathered into {count}, {widths[0]} to {widths[1]} wide, along the curve."
+    distinct, source = len(calibration.distinct_distances), calibration.source
+    note = f"{distinct} distances were condensed into {count} groups, {widths[0]} to {widths[1]} wide, along the curve."
     return replace(
         calibration,
         distances=middle[part],
@@ -208,16 +209,16 @@ def condense(calibration: Calibration) -> Calibration:
 
 
 def _parts(distance: FloatArray, output: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return the borders of the parts, and the part of each reading, of readings in order of distance."""
+    """Return the borders of the parts, and the part of each reading, for readings sorted by distance."""
     blocks = np.array_split(np.arange(len(distance)), _BLOCKS)
     at = np.array([distance[b].mean() for b in blocks])
     level = np.array([np.median(output[b]) for b in blocks])
-    rest = np.median(np.abs(np.diff(output))) + 1e-3 * float(np.ptp(level)) + 1e-300
+    noise = np.median(np.abs(np.diff(output))) + 1e-3 * float(np.ptp(level)) + 1e-300
     far = float(level.min())
-    course = np.arcsinh((np.minimum.accumulate(level) - far) / rest)
-    fallen = (course[0] - course) / max(float(np.ptp(course)), 1e-300)
-    gone = (at - distance[0]) / max(float(distance[-1] - distance[0]), 1e-300)
-    way = np.maximum.accumulate(fallen + gone)
-    marks = np.interp(np.linspace(0.0, way[-1], _FEW - 1)[1:-1], way, at)
+    log_level = np.arcsinh((np.minimum.accumulate(level) - far) / noise)
+    fallen = (log_level[0] - log_level) / max(float(np.ptp(log_level)), 1e-300)
+    advanced = (at - distance[0]) / max(float(distance[-1] - distance[0]), 1e-300)
+    progress = np.maximum.accumulate(fallen + advanced)
+    marks = np.interp(np.linspace(0.0, progress[-1], _FEW - 1)[1:-1], progress, at)
     borders = np.unique(np.concatenate([[distance[0]], marks, [distance[-1]]]))
     return borders, np.clip(np.searchsorted(borders, distance, side="right") - 1, 0, len(borders) - 2)

@@ -1,9 +1,9 @@
-"""Fit curves under a soft ceiling: find where the output flattens toward the sensor, and draw what readings allow.
+"""Fit curves with soft saturation, find where the output flattens near the sensor, and sample possible curves.
 
 An amplifier or converter that saturates softly turns the ideal output xi into xi / (1 + (xi / C)^p)^(1/p) with a
-ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid, the infinite one
-included, and at every offset in question. Each fit has a weight: its posterior probability, with the scale of the
-errors integrated out. The weights tell how probably a reading lies in the flattened part, with 6 readings as with 50.
+ceiling C and a sharpness p. Each family of ideal curves is fitted under every ceiling of a grid (the infinite one
+included) and at every plausible offset. The weight of a fit is its posterior probability, with the scale of the errors
+integrated out. The weights give the probability that a reading lies in the flattened part, with 6 readings or with 50.
 """
 
 from __future__ import annotations
@@ -20,31 +20,33 @@ from pretouch.sensors import Family, PiecewiseCubic
 
 from .averaging import AveragedCurve, ReadingNoise
 from .family_fits import families_of, lowest_offset
-from .many_fits import Fits, minimize_many
+from .least_squares import Fits, minimize_many
 from .result import DrawnCurve, OffsetEstimate
 
 _ABOVE: Final = (0.003, 0.01, 0.03, 0.08, 0.15, 0.3, 0.5, 0.8, 1.2)  # ln of the ceiling over the largest signal
 _SHARPNESS: Final = (2.0, 3.5, 7.0)
 _CEILING: Final = 0.5  # prior probability that the output has a ceiling near the readings
 _ERROR: Final = 0.01  # usual error of a reading relative to the signal: noise, positioning and the family together
-_ERROR_FREEDOM: Final = 3.0  # degrees of freedom by which that is known beforehand
-_FULL_WEIGHT: Final = 18  # readings from which on more of them no longer sharpen the posterior: families are not exact
-_FLAT: Final = 0.85  # of the ideal slope: below, a reading counts as flattened
+_ERROR_FREEDOM: Final = 3.0  # degrees of freedom of the prior of this error
+_FULL_WEIGHT: Final = 18  # most readings that sharpen the posterior, because families are not exact
+_FLAT: Final = 0.85  # of the ideal slope: a reading with less slope counts as flattened
 _PROBABLY: Final = 0.35  # probability of flattening from which on a reading is not used
 _KNOWN_OFFSETS: Final = np.linspace(-2.0, 2.0, 5)  # standard errors around a known offset
 _INTERVAL: Final = (0.025, 0.975)
-_FITTED_OFFSETS: Final = np.sinh(np.linspace(-2.0, 2.0, 11)) / np.sinh(2.0) * 5.0  # the same around a fitted one
+_FITTED_OFFSETS: Final = (
+    np.sinh(np.linspace(-2.0, 2.0, 11)) / np.sinh(2.0) * 5.0
+)  # standard errors around a fitted offset
 _STEEPEST: Final = (0.7, 1.5, 3.0)  # times the steepest slope of the readings: where fits start
-_BENDS: Final = (0.1, 0.6)
-_KNOTS: Final = 60
+_BENDS: Final = (0.1, 0.6)  # curvature of ln xi where fits start, over the squared slope
+_KNOTS: Final = 60  # points of a drawn curve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Lanes(Value):
     """Fits of one family: offsets, ln of the ceilings (inf for none) and their sharpness, shape (b,) each.
 
-    Parameters x have the shape (b, p), their `covariances` at unit variance of the residuals (b, p, p); `costs` are
-    sums of squares in units of the usual error, `priors` what is held against an offset or a curve beforehand.
+    Parameters x have the shape (b, p), their `covariances` at unit variance of the residuals (b, p, p). `costs` are
+    sums of squares in units of the usual error; `priors` are -2 ln of the prior of the offset and of the curve.
     """
 
     family: Family
@@ -59,12 +61,12 @@ class _Lanes(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingFits(Value):
-    """Curves under a soft ceiling that a calibration allows, each with its probability.
+    """Fits of curves under soft ceilings, with their posterior probabilities.
 
     Args:
         lanes: the fits, one element for each family.
-        weights: the probability of each fit, shape (b,) each; all together one.
-        readings: how many distances they were fitted to.
+        weights: the probability of each fit, shape (b,) each; all add up to 1.
+        readings: the number of distances that they were fitted to.
     """
 
     lanes: tuple[_Lanes, ...]
@@ -73,21 +75,21 @@ class CeilingFits(Value):
 
     @property
     def error(self) -> float:
-        """The standard error of a reading relative to the signal, of the most probable fit."""
+        """The standard error of a reading relative to the signal, according to the most probable fit."""
         lanes, weight = max(zip(self.lanes, self.weights, strict=True), key=lambda pair: float(pair[1].max()))
         cost = float(lanes.costs[int(weight.argmax())])
         return _ERROR * float(np.sqrt((_ERROR_FREEDOM + cost) / (_ERROR_FREEDOM + max(self.readings - 3, 1))))
 
     def flattened(self, distance: FloatArray) -> FloatArray:
         """Return the probability that the slope at distances [m] is below 85 % of the ideal curve's, shape (N,)."""
-        found = np.zeros(len(distance))
+        probability = np.zeros(len(distance))
         for lanes, weight in zip(self.lanes, self.weights, strict=True):
             level = lanes.family.log_output(lanes.x, distance)
-            found += weight @ (_under(level, lanes.ceilings[:, None], lanes.sharpness[:, None])[1] < _FLAT)
-        return found
+            probability += weight @ (_under(level, lanes.ceilings[:, None], lanes.sharpness[:, None])[1] < _FLAT)
+        return probability
 
     def offset_interval(self) -> tuple[float, float]:
-        """Return the offsets between which 95 % of the probability lies, in the unit of the outputs."""
+        """Return the 95 % interval of the offset, in the unit of the outputs."""
         offsets = np.concatenate([lanes.offsets for lanes in self.lanes])
         order = np.argsort(offsets)
         reached = np.cumsum(np.concatenate(self.weights)[order])
@@ -95,19 +97,19 @@ class CeilingFits(Value):
         return float(offsets[order][low]), float(offsets[order][high])
 
     def first_steep(self, distance: FloatArray) -> int:
-        """Return the index of the first of increasing distances that is probably not flattened, or of the last."""
+        """Return the index of the first distance that is probably not flattened, or of the last one."""
         steep = np.flatnonzero(self.flattened(distance) < _PROBABLY)
         return int(steep[0]) if len(steep) else len(distance) - 1
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves by their probability, each with its offset; they are valid where there are readings."""
+        """Draw curves by their probabilities, each with its offset; they are valid over the range of the readings."""
         rng = np.random.default_rng(seed)
-        at = [(lanes, i) for lanes in self.lanes for i in range(len(lanes.costs))]
+        fits = [(lanes, i) for lanes in self.lanes for i in range(len(lanes.costs))]
         freedom = max(self.readings - 3 + _ERROR_FREEDOM, 1.0)
         places = np.linspace(self.lanes[0].family.first, self.lanes[0].family.last, _KNOTS)
-        found = []
-        for number in rng.choice(len(at), count, p=np.concatenate(self.weights)):
-            lanes, i = at[number]
+        curves = []
+        for number in rng.choice(len(fits), count, p=np.concatenate(self.weights)):
+            lanes, i = fits[number]
             scale = (_ERROR_FREEDOM + lanes.costs[i]) / rng.chisquare(freedom)
             with np.errstate(all="ignore"):
                 x = rng.multivariate_normal(
@@ -116,8 +118,8 @@ class CeilingFits(Value):
             x = np.clip(np.where(np.isfinite(x), x, lanes.x[i]), *lanes.family.easing(*lanes.family.bounds))
             level, slope = lanes.family.log_output(x, places), lanes.family.slope(x, places)
             level, share = _under(level, lanes.ceilings[i], lanes.sharpness[i])
-            found.append(drawn_curve(places, level, slope * share, float(lanes.offsets[i])))
-        return tuple(found)
+            curves.append(drawn_curve(places, level, slope * share, float(lanes.offsets[i])))
+        return tuple(curves)
 
 
 def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray, offset: float) -> DrawnCurve:
@@ -130,15 +132,15 @@ def drawn_curve(distance: FloatArray, log_output: FloatArray, slope: FloatArray,
     return DrawnCurve(sensor=sensor, offset=offset)
 
 
-def fit_under_ceilings(curve: AveragedCurve, known: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
-    """Fit ideal curves under soft ceilings to four readings or more; the offset is fitted as well where it is None."""
+def fit_under_ceilings(curve: AveragedCurve, noise: ReadingNoise, offset: OffsetEstimate | None) -> CeilingFits:
+    """Fit ideal curves under soft ceilings to four readings or more; if the offset is None, it is fitted as well."""
     ceilings = [(above, p) for above in _ABOVE for p in _SHARPNESS]
     lanes = []
-    for family in families_of(curve):  # a slow family takes part as it is, without ceilings
+    for family in families_of(curve):  # a slow family is fitted without ceilings only
         above, sharpness = np.array([(np.inf, 2.0), *(ceilings if family.quick else [])]).T
-        problem = _Problem(curve=curve, known=known, family=family, above=above, sharpness=sharpness)
+        problem = _Problem(curve=curve, noise=noise, family=family, above=above, sharpness=sharpness)
         lanes.append(problem.lanes(offset))
-    # the scale of the errors is unknown: integrated out, it leaves a power of the sum of squares
+    # integrating over the unknown scale of the errors gives a power of the sum of squares
     power = 0.5 * (min(len(curve.distance), _FULL_WEIGHT) - 3 + _ERROR_FREEDOM)
     logs = []
     for lane in lanes:
@@ -152,33 +154,33 @@ def fit_under_ceilings(curve: AveragedCurve, known: ReadingNoise, offset: Offset
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Problem:
-    """One family under ceilings, fitted many times; each fit has an offset, or finds its own as a last parameter.
+    """One family under many ceilings; each fit has a given offset, or fits it as a last parameter.
 
     Args:
-        curve: the readings.
-        known: their noise.
+        curve: the averaged readings.
+        noise: their noise.
         family: the ideal curves.
         above: ln of the ceilings over the largest signal, shape (b,).
         sharpness: p, shape (b,).
-        offsets: shape (b,); None where each fit finds its own.
+        offsets: shape (b,); None if each fit determines its own.
     """
 
     curve: AveragedCurve
-    known: ReadingNoise
+    noise: ReadingNoise
     family: Family
     above: FloatArray
     sharpness: FloatArray
     offsets: FloatArray | None = None
 
     def ceilings(self, offsets: FloatArray, above: FloatArray) -> FloatArray:
-        """Return ln of the ceilings at offsets."""
+        """Return ln of the ceilings for given offsets."""
         return np.asarray(np.log(np.maximum(float(self.curve.output.max()) - offsets, 1e-300)) + above)
 
     def residuals(self, u: FloatArray, which: IntArray) -> FloatArray:
-        """Return the differences of asinh(signal / tau), in units of the usual error, as `family_fits.Problem` does."""
+        """Return the differences of asinh(signal / tau) in units of the usual error, as in `family_fits.Problem`."""
         curve, reach = self.curve, float(np.ptp(self.curve.output))
-        sigma = self.known.sigma or 1e-3 * reach
-        sigma = max(sigma, self.known.resolution / np.sqrt(12.0), 1e-9 * reach)
+        sigma = self.noise.sigma or 1e-3 * reach
+        sigma = max(sigma, self.noise.resolution / np.sqrt(12.0), 1e-9 * reach)
         tau = sigma / np.sqrt(curve.count) / _ERROR
         offset = u[:, -1] if self.offsets is None else self.offsets[which]
         level = self.family.log_output(u[:, : self.family.size], curve.distance)
@@ -188,14 +190,14 @@ class _Problem:
         return np.asarray((measured - np.arcsinh(np.exp(np.minimum(level, 300.0)) / tau)) / _ERROR)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds of the parameters: -g never grows with the distance."""
+        """Return the bounds of the parameters, for which -g never grows with the distance."""
         low, high = self.family.easing(*self.family.bounds)
         if self.offsets is not None:
             return low, high
         return np.append(low, lowest_offset(self.curve)), np.append(high, float(self.curve.output.max()))
 
     def fit(self) -> Fits:
-        """Fit each from several starts, and follow the best to its end."""
+        """Fit each problem roughly from several starts, then the best of them to convergence."""
         distance, output, count = self.curve.distance, self.curve.output, len(self.above)
         reach = float(np.ptp(output))
         offset = np.full(count, float(output.min()) - 0.02 * reach) if self.offsets is None else self.offsets
@@ -218,37 +220,37 @@ class _Problem:
         start = rough.x.reshape(len(starts), count, -1)[best, np.arange(count)]
         return minimize_many(self.residuals, start, self.bounds(), tolerance=1e-8, most=40)
 
-    def lanes(self, known: OffsetEstimate | None) -> _Lanes:
-        """Fit under each ceiling at each offset in question: around a known one, or around those that fits find."""
-        if known is None:
-            first = self.fit()
-            offsets, against = self._offsets_around(first)
+    def lanes(self, known_offset: OffsetEstimate | None) -> _Lanes:
+        """Fit under each ceiling at several offsets around the known offset, or around the fitted one."""
+        if known_offset is None:
+            first_fits = self.fit()
+            offsets, priors = self._offsets_around(first_fits)
         else:
-            first = replace(self, offsets=np.full(len(self.above), known.value)).fit()
-            steps = _KNOWN_OFFSETS if known.standard_error > 0 else np.zeros(1)
-            offsets, against = known.value + abs(known.standard_error) * steps, steps**2
+            first_fits = replace(self, offsets=np.full(len(self.above), known_offset.value)).fit()
+            steps = _KNOWN_OFFSETS if known_offset.standard_error > 0 else np.zeros(1)
+            offsets, priors = known_offset.value + abs(known_offset.standard_error) * steps, steps**2
         ceilings = len(self.above)
-        every = replace(
+        problems = replace(
             self,
             above=np.tile(self.above, len(offsets)),
             sharpness=np.tile(self.sharpness, len(offsets)),
             offsets=(own := np.repeat(offsets, ceilings)),
         )
-        start = np.tile(first.x[:, : self.family.size], (len(offsets), 1))
-        fits = minimize_many(every.residuals, start, every.bounds(), tolerance=1e-8, most=40)
+        start = np.tile(first_fits.x[:, : self.family.size], (len(offsets), 1))
+        fits = minimize_many(problems.residuals, start, problems.bounds(), tolerance=1e-8, most=40)
         return _Lanes(
             family=self.family,
             offsets=own,
-            ceilings=every.ceilings(own, every.above),
-            sharpness=every.sharpness,
+            ceilings=problems.ceilings(own, problems.above),
+            sharpness=problems.sharpness,
             x=fits.x,
             covariances=fits.covariances,
             costs=fits.costs,
-            priors=np.repeat(against, ceilings) + self.family.prior(fits.x),
+            priors=np.repeat(priors, ceilings) + self.family.prior(fits.x),
         )
 
     def _offsets_around(self, fits: Fits) -> tuple[FloatArray, FloatArray]:
-        """Return offsets around that of the best fit, and what is held against each beforehand."""
+        """Return offsets around that of the best fit, and -2 ln of the prior of each."""
         best, reach = int(fits.costs.argmin()), float(np.ptp(self.curve.output))
         scale = (_ERROR_FREEDOM + float(fits.costs[best])) / _ERROR_FREEDOM
         error = float(np.sqrt(scale * fits.covariances[best, -1, -1])) or 0.1 * reach  # zero at a bound
@@ -256,11 +258,11 @@ class _Problem:
         low, high = self.bounds()
         offsets = np.unique(np.clip(offsets, low[-1], high[-1] - 1e-3 * reach))
         width = np.gradient(offsets) if len(offsets) > 1 else np.ones(1)
-        return offsets, -2 * np.log(width / width.max())  # each stands for the offsets around it
+        return offsets, -2 * np.log(width / width.max())  # each offset represents those around it
 
 
 def _under(level: FloatArray, ceiling: Any, sharpness: Any) -> tuple[FloatArray, FloatArray]:
-    """Return ln of ideal signals under a ceiling, both as logarithms, and what is left of the ideal slope."""
+    """Return ln of ideal signals under a ceiling (both as logarithms), and the slope relative to the ideal one."""
     above = np.where(np.isinf(ceiling), -np.inf, sharpness * (level - np.where(np.isinf(ceiling), 0.0, ceiling)))
     return np.asarray(level - np.logaddexp(0.0, above) / sharpness), np.asarray(
         1 / (1 + np.exp(np.minimum(above, 700.0)))

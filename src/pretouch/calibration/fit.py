@@ -1,4 +1,4 @@
-"""One model on one calibration: the curve, its parameters with their uncertainty, and how well it fits."""
+"""Fit one model to one calibration: the curve, its parameters with confidence intervals, and its goodness of fit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pretouch.sensors.model import is_built_in
 from .averaging import AveragedCurve
 from .data import Calibration
 from .family_fits import Problem, fit_free, problem_at
-from .many_fits import Fits, gradient, intervals
+from .least_squares import Fits, gradient, intervals
 from .preparation import OffsetChoice, Prepared, prepare
 from .result import Estimate, NoiseEstimate, OffsetEstimate, SensorFit
 
@@ -34,7 +34,7 @@ def root_mean_square(values: FloatArray) -> float:
 
 
 def r_squared(measured: FloatArray, modelled: FloatArray) -> float:
-    """Return 1 - (residual / total sum of squares) of xi, as the letter reports it."""
+    """Return the coefficient of determination of xi, 1 - (residual / total sum of squares), as in the letter."""
     total = float(np.sum((measured - measured.mean()) ** 2))
     return 1 - float(np.sum((measured - modelled) ** 2)) / total if total > 0 else 0.0
 
@@ -45,15 +45,15 @@ def slope_error(distance: FloatArray, residuals: FloatArray) -> float:
 
 
 def corrected_akaike(deviance: float, points: int, parameters: int) -> float | None:
-    """Return AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1); None where N is too small for it."""
+    """Return AICc = -2 ln L + 2 k + 2 k (k + 1) / (N - k - 1); None if N is too small."""
     free = points - parameters - 1
     return None if free <= 0 else deviance + 2 * parameters + 2 * parameters * (parameters + 1) / free
 
 
 def runs_p_value(residuals: FloatArray) -> float | None:
-    """Return the one-sided chance of as few runs of equal signs or fewer in a random order; None without two signs.
+    """Return the one-sided p-value of the runs test by Wald and Wolfowitz (exact); None if all have one sign.
 
-    Wald & Wolfowitz, exact. Zeros have no sign and are passed over.
+    It is the probability of at most as many runs of equal signs in a random order. Zeros are ignored.
     """
     signs = np.sign(residuals[residuals != 0])
     plus, minus = int((signs > 0).sum()), int((signs < 0).sum())
@@ -61,7 +61,7 @@ def runs_p_value(residuals: FloatArray) -> float | None:
         return None
     runs = 1 + int((signs[1:] != signs[:-1]).sum())
     ways = 0
-    for r in range(2, runs + 1):  # one sign has as many runs as the other, or one more
+    for r in range(2, runs + 1):  # both signs have equally many runs, or one of them has one more
         for first, second in ((r // 2, (r + 1) // 2), ((r + 1) // 2, r // 2)):
             ways += math.comb(plus - 1, first - 1) * math.comb(minus - 1, second - 1)
     return ways / math.comb(plus + minus, plus)
@@ -70,41 +70,45 @@ def runs_p_value(residuals: FloatArray) -> float | None:
 def estimates(
     problem: Problem, best: Fits, sensor: SensorModel, *, offset: OffsetEstimate, output_unit: str, informed_by: int
 ) -> dict[str, Any]:
-    """Work out what a fit, b = 1, at its offset knows about its parameters and the slope in the middle of a window."""
-    # The parameters, their covariance, and what else a `SensorFit` says of them. Its offset, if it is not exact, moves
-    # the parameters to those fitted at either end of its interval; `informed_by` points told the noise.
+    """Return parameters, covariance and middle slope of a fit (b = 1), by names of fields of `SensorFit`."""
+    # If the offset is uncertain, the curve is also fitted with the offsets at both ends of its interval, and the
+    # changes of the parameters enter the intervals. The noise was estimated from `informed_by` points.
     from scipy.special import stdtrit  # noqa: PLC0415 - SciPy is loaded only for fits
 
     family, x = problem.family, best.x[0]
     _check_identifiable(best, [item.name for item in sensor._declared()])
     dof = max(best.residuals.shape[1] - len(x), 1)
-    inflation = max(1.0, float(best.costs[0]) / dof)  # a model that does not fit does not know its parameters better
-    known = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
-    rise = float(stdtrit(max(dof, known), 0.975)) ** 2 * inflation
-    outer = np.array([o for o in (offset.low, offset.high) if o != offset.value])
-    shifted = replace(problem, offsets=outer).minimize(np.repeat(best.x, len(outer), axis=0)).x
+    inflation = max(1.0, float(best.costs[0]) / dof)  # a bad fit must not have small standard errors
+    noise_freedom = informed_by - 3 - (offset.kind == "fitted")  # degrees of freedom of the noise
+    rise = float(stdtrit(max(dof, noise_freedom), 0.975)) ** 2 * inflation
+    end_offsets = np.array([o for o in (offset.low, offset.high) if o != offset.value])
+    shifted = replace(problem, offsets=end_offsets).minimize(np.repeat(best.x, len(end_offsets), axis=0)).x
     share = offset.standard_error / (offset.high - offset.low) if len(shifted) == 2 else 0.0
     place = np.array([family.middle])
 
-    def every(u: FloatArray) -> FloatArray:
+    def coordinates(u: FloatArray) -> FloatArray:
         rows = [family.coordinates(row) for row in u]
         return np.column_stack([rows, np.log(np.maximum(-family.slope(u, place)[:, 0], 1e-9))])
 
-    center, moved = every(best.x)[0], [every(u[None])[0] for u in shifted]
-    least, most = np.min([center, *moved], axis=0), np.max([center, *moved], axis=0)
+    center, moved = coordinates(best.x)[0], [coordinates(u[None])[0] for u in shifted]
+    lowest_of_ends, highest_of_ends = np.min([center, *moved], axis=0), np.max([center, *moved], axis=0)
     ends = []
-    found = intervals(problem.residuals, best, problem.bounds(), every, rise)
-    for at, lowest, highest, (low, high, *reached) in zip(center, least, most, found, strict=True):
+    profile_intervals = intervals(problem.residuals, best, problem.bounds(), coordinates, rise)
+    for at, lowest, highest, (low, high, *reached) in zip(
+        center, lowest_of_ends, highest_of_ends, profile_intervals, strict=True
+    ):
         down = at - math.hypot(at - low, at - lowest) if reached[0] else low
         up = at + math.hypot(high - at, highest - at) if reached[1] else high
         ends.append((down, up, reached[0], reached[1]))
-    own = best.covariances[0]
-    covariance = _covariance(x, own, family, moved, share=share, inflation=inflation)
+    fit_covariance = best.covariances[0]
+    covariance = _covariance(x, fit_covariance, family, moved, share=share, inflation=inflation)
     slopes = [-math.exp(v) for v in (center[-1], ends[-1][1], ends[-1][0])]
     moved_slopes = [-math.exp(m[-1]) for m in moved]
     shift = share * abs(moved_slopes[1] - moved_slopes[0]) / abs(slopes[0]) if share else 0.0
-    log_slope = gradient(lambda u: every(u[None])[0, -1:], x)[0]
-    slope_error = abs(slopes[0]) * math.hypot(math.sqrt(inflation * float(log_slope @ own @ log_slope)), shift)
+    log_slope = gradient(lambda u: coordinates(u[None])[0, -1:], x)[0]
+    slope_error = abs(slopes[0]) * math.hypot(
+        math.sqrt(inflation * float(log_slope @ fit_covariance @ log_slope)), shift
+    )
     middle = Estimate(value=slopes[0], standard_error=slope_error, low=slopes[1], high=slopes[2], unit="1/m")
     runaway = family.runs_away(ends)
     parameters = _parameters(family, sensor, center[:-1], ends[:-1], covariance, unit=output_unit, runaway=runaway)
@@ -138,8 +142,8 @@ def _check_identifiable(best: Fits, names: list[str]) -> None:
 def _covariance(
     x: FloatArray, own: FloatArray, family: Family, moved: list[FloatArray], *, share: float, inflation: float
 ) -> FloatArray:
-    """Carry the covariance to the written parameters and add what the offset contributes."""
-    with np.errstate(over="ignore", invalid="ignore"):  # a scale that runs away has no finite variance
+    """Transform the covariance to the parameters of the curve, and add the contribution of the offset."""
+    with np.errstate(over="ignore", invalid="ignore"):  # an unbounded scale has no finite variance
         jacobian = gradient(lambda u: family.parameters(family.coordinates(u)), x)
         covariance = inflation * jacobian @ own @ jacobian.T
         if share:
@@ -158,10 +162,10 @@ def _parameters(
     unit: str,
     runaway: bool,
 ) -> dict[str, Estimate]:
-    """Map the intervals of the coordinates to those of the written parameters, which have the sensor's values."""
-    found = {}
-    for i, told in enumerate(sensor._declared()):
-        name, meta, mapped = told.name, told.metadata, []
+    """Transform the intervals of the coordinates to the parameters of the curve."""
+    parameters = {}
+    for i, declared in enumerate(sensor._declared()):
+        name, meta, mapped = declared.name, declared.metadata, []
         for k in (0, 1):
             q = center.copy()
             q[i] = ends[i][k]
@@ -173,14 +177,14 @@ def _parameters(
             low, high = first if name == "scale" else low, math.inf
         error = float(np.sqrt(max(covariance[i, i], 0.0))) if math.isfinite(high - low) else math.inf
         value, of_output = sensor.parameters[name], meta["of_output"]
-        found[name] = Estimate(
+        parameters[name] = Estimate(
             value=value,
             standard_error=error,
             low=min(max(low, first), value),
             high=max(min(high, last), value),
             unit=meta["unit"] if of_output is None else f"{unit} {of_output}".strip(),
         )
-    return found
+    return parameters
 
 
 _TABLE: Final = "table"
@@ -196,25 +200,25 @@ def fit_sensor(
     near_field_peak: float | str | None = "auto",
     floor_sigmas: float = 3.0,
 ) -> SensorFit:
-    """Fit one model of L(3), L(5), L(6) or its kin to a calibration, on ln xi.
+    """Fit one sensor model, such as the letter's curves L(3), L(5), L(6), to a calibration, on ln xi.
 
-    An option that is none of those described raises `InvalidInputError`.
+    An invalid option raises `InvalidInputError`.
 
     Args:
         calibration: the readings.
         model: "inverse-power", "exponential-1", "exponential-2", "mittag-leffler" or "table".
-        offset: output with no object: "auto" (measured where there are no-object readings, else fitted), "fit",
+        offset: output with no object: "auto" (measured if there are no-object readings, otherwise fitted), "fit",
             "zero", a number in the unit of the outputs, or a number and its standard error.
-        saturation: output from which readings are clipped; "auto" to find it, None where nothing clips.
-        near_field_peak: distance of the near-field peak [m], or text with a unit; "auto" to find it, None for none.
-        floor_sigmas: how many standard errors above the offset a signal must stand to be used.
+        saturation: output at and above which readings are clipped; "auto" to detect it, None if nothing clips.
+        near_field_peak: distance of the near-field peak [m], or text with a unit; "auto" to detect it, None for none.
+        floor_sigmas: minimum signal above the offset, in standard errors.
 
     Returns:
         The fit; its `sensor` is valid on the usable window.
 
     Raises:
-        ResultUnavailableError: there is no usable signal, or this model cannot describe it; `rank_models` returns a
-            report that says so instead.
+        ResultUnavailableError: there is no usable signal, or the model cannot be fitted; `rank_models` returns a report
+            with the reason instead.
 
     Examples:
         >>> distance = np.linspace(0.0, 0.042, 15)
@@ -232,7 +236,7 @@ def fit_sensor(
 
 
 def check_models(models: tuple[str, ...]) -> None:
-    """Refuse names that are no models, and none at all."""
+    """Refuse an empty list of models, and unknown names."""
     for model in models:
         if model not in model_names() and model not in known_curves(fitted=True, foreign=True):
             raise InvalidInputError(f"model: found {model!r}, expected one of {', '.join(model_names())}")
@@ -241,20 +245,22 @@ def check_models(models: tuple[str, ...]) -> None:
 
 
 def why_not(model: str, prepared: Prepared) -> str:
-    """Say why a model cannot be fitted to readings that do carry a signal; nothing where it can."""
+    """Return the reason why a model cannot be fitted to readings with a signal; empty if it can."""
     used = prepared.used
     if model != _TABLE:
         count, size = len(used.distance), _family(model, used).size
-        return "" if count > size else f"It has {size} parameters, and only {count} distances stand above the floor."
+        return (
+            "" if count > size else f"It has {size} parameters, but only {count} distances are above the signal floor."
+        )
     rises = np.flatnonzero(np.diff(used.output) >= 0)
     if not len(rises):
         return ""
     d = used.distance[rises[0] : rises[0] + 2] * 1e3
-    return f"The averaged output does not fall from {d[0]:g} to {d[1]:g} mm, and a table must fall strictly."
+    return f"The averaged output does not fall from {d[0]:g} to {d[1]:g} mm, but a table must fall strictly."
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of the models that are ranked where none are named."""
+    """Return the names of the models that are ranked by default."""
     return (*sorted(known_curves(fitted=True)), _TABLE)
 
 
@@ -264,7 +270,7 @@ def _family(model: str, used: AveragedCurve) -> Family:
 
 
 def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
-    """Fit one model to prepared readings that carry a signal, or say why it cannot be fitted."""
+    """Fit one model to prepared readings that carry a signal, or return the reason why it cannot be fitted."""
     reason = why_not(model, prepared)
     if reason:
         return reason
@@ -273,9 +279,9 @@ def attempt_fit(model: str, prepared: Prepared) -> SensorFit | str:
             fit = fit_prepared(model, prepared)
             if not is_built_in(fit.sensor):
                 refuse_invalid_curve(fit.sensor, fit.window.l_max)
-    except Exception as error:  # a curve that fails in one model must not cost the others their fits
-        return f"Its fit ends in {type(error).__name__}: {error}."
-    return fit if np.isfinite(fit.residuals).all() else "Its fit does not give a finite output at every distance."
+    except Exception as error:  # an error in one model must not prevent the fits of the others
+        return f"Its fit raised {type(error).__name__}: {error}."
+    return fit if np.isfinite(fit.residuals).all() else "Its fit has no finite output at some distances."
 
 
 def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
@@ -284,7 +290,7 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
     if offset is None or noise is None:
         raise AssertionError
     xi = used.output - offset.value
-    log_model, found = (_fit_table if model == _TABLE else _fit_curve)(model, prepared, offset, noise)
+    log_model, fields = (_fit_table if model == _TABLE else _fit_curve)(model, prepared, offset, noise)
     residuals = np.log(xi) - log_model
     return SensorFit(
         model=model,
@@ -298,14 +304,14 @@ def fit_prepared(model: str, prepared: Prepared) -> SensorFit:
         rmse_log_slope=slope_error(used.distance, residuals),
         runs_p_value=runs_p_value(residuals),
         outliers=prepared.outliers,
-        **found,
+        **fields,
     )
 
 
 def _fit_curve(
     model: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit a parametric curve: ln xi at the distances, and what a `SensorFit` says of it alone."""
+    """Fit a parametric curve; return ln xi at the distances and the model-specific fields of `SensorFit`."""
     used, family = prepared.used, _family(model, prepared.used)
     best = fit_free(used, family, noise, offset.value)
     problem = problem_at(used, family, noise, offset.value)
@@ -325,16 +331,16 @@ def _cross_validation(problem: Problem, best: Fits, offset: float) -> float | No
     curve, count = problem.curve, len(problem.curve.distance)
     if count - 1 < problem.family.size:
         return None
-    many = replace(problem, offsets=np.full(count, offset), weights=~np.eye(count, dtype=bool))
-    found = many.minimize(np.repeat(best.x, count, axis=0))
-    predicted = np.diagonal(problem.family.log_output(found.x, curve.distance))
+    problems = replace(problem, offsets=np.full(count, offset), weights=~np.eye(count, dtype=bool))
+    fits = problems.minimize(np.repeat(best.x, count, axis=0))
+    predicted = np.diagonal(problem.family.log_output(fits.x, curve.distance))
     return root_mean_square(np.log(curve.output - offset) - predicted)
 
 
 def _fit_table(
     _: str, prepared: Prepared, offset: OffsetEstimate, noise: NoiseEstimate
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """Take the averaged curve as it is; what is said of it as `_fit_curve` does."""
+    """Take the averaged curve as a table; return the same values as `_fit_curve`."""
     distance, xi = prepared.used.distance, prepared.used.output - offset.value
     sensor, inner = _table(distance, xi), range(1, len(xi) - 1)
     without = [_table(np.delete(distance, i), np.delete(xi, i)).log_output(float(distance[i])) for i in inner]
@@ -348,21 +354,21 @@ def _fit_table(
         "middle_slope": Estimate(value=slope, standard_error=error, low=slope - reach, high=slope + reach, unit="1/m"),
         "aicc": None,
         "cross_validation": root_mean_square(np.log(xi[1:-1]) - without) if without else None,
-        "warnings": ("A table passes through the readings with their noise; cross-validation alone judges it.",),
+        "warnings": ("A table passes through the readings with their noise; only cross-validation can judge it.",),
     }
 
 
-def _slope_error(distance: FloatArray, xi: FloatArray, own: FloatArray, at: float) -> float:
-    """Return the standard error of the slope of a table, from the standard errors `own` of ln xi at its points."""
+def _slope_error(distance: FloatArray, xi: FloatArray, errors: FloatArray, at: float) -> float:
+    """Return the standard error of the slope of a table, from the standard errors of ln xi at its points."""
     # The interpolant's slope is not the difference of two neighbors: its error is about 1.4 times as large midway
     # between two points, and 0.7 times as large at a point.
     k = int(np.searchsorted(distance, at))
-    step = 1e-3 * float(np.diff(-np.log(xi)).min())  # the outputs still fall
+    step = 1e-3 * float(np.diff(-np.log(xi)).min())  # so small that the outputs still fall
     variance = 0.0
-    for i in range(max(k - 3, 0), min(k + 3, len(xi))):  # beyond these a reading changes nothing here
+    for i in range(max(k - 3, 0), min(k + 3, len(xi))):  # readings farther away do not influence this slope
         moved = (xi * np.exp(sign * step * (np.arange(len(xi)) == i)) for sign in (1.0, -1.0))
         up, down = (float(_table(distance, outputs).log_slope(at)) for outputs in moved)
-        variance += ((up - down) / (2 * step) * float(own[i])) ** 2
+        variance += ((up - down) / (2 * step) * float(errors[i])) ** 2
     return math.sqrt(variance)
 
 

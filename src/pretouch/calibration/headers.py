@@ -1,4 +1,4 @@
-"""Words of a text table: what a cell is, and what a header says: a distance, an output, a setting or a count."""
+"""Interpret the cells and headers of a text table: numbers, missing values, names and units of columns."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LONGEST_LINE = 60  # characters of a line that a message shows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
-    """A file as cells: header, the cells of each column, the line of each row, and how they were told apart."""
+    """A parsed text file: header, cells of each column, line number of each row, and how it was parsed."""
 
     file: str
     sha256: str
@@ -36,7 +36,7 @@ class TextTable:
 
     @property
     def place(self) -> str:
-        """Where the header stands, for messages."""
+        """File and line of the header, for messages."""
         return f"{self.file}, line {self.header_line}"
 
     def row(self, index: int) -> tuple[str, ...]:
@@ -44,18 +44,18 @@ class TextTable:
         return tuple(column[index] for column in self.columns)
 
     def title(self, index: int) -> str:
-        """Name a column for messages: its header, and its number where the header does not tell it from others."""
+        """Return the name of a column for messages: its header, with its number if the header is not unique."""
         title = self.header[index]
-        return shortened(title) if title and self.header.count(title) == 1 else f"{index + 1} ({shortened(title)})"
+        return quoted(title) if title and self.header.count(title) == 1 else f"{index + 1} ({quoted(title)})"
 
     def name(self, index: int) -> str:
-        """Name a column of labels: its header, or its number where that is empty."""
+        """Return the name of a label column: its header, or its number if the header is empty."""
         return self.header[index] or f"column {index + 1}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """One column: its place, its header as written, and what its unit means."""
+    """One column: its index, its header as written, its unit, and the factor to that unit."""
 
     index: int
     title: str
@@ -65,11 +65,11 @@ class Column:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Where the readings of a table stand: one pair of columns in a long table, many in a wide one.
+    """The columns of a table that hold readings: one pair of columns in a long table, many in a wide one.
 
-    Beside a column of outputs stands that of their distances, or one distance [m] for all, infinite where no object is.
-    `distances` and `outputs` say what is taken as such, `unit` is that of the outputs, `labels` are indices of the
-    columns that tell curves apart, where nobody says which, and `notes` what had to be assumed.
+    A pair has the column of distances, or one distance [m] (infinite without an object), and the column of outputs.
+    `distances` and `outputs` describe these columns, and `unit` is that of the outputs. `labels` are the indices of the
+    columns that distinguish curves by default; `notes` are assumptions.
     """
 
     pairs: tuple[tuple[Column | float, Column], ...]
@@ -81,23 +81,23 @@ class Layout:
 
 
 def is_number(cell: str) -> bool:
-    """Tell whether a cell is a number, with either decimal mark."""
+    """Return whether a cell is a number, with either decimal mark."""
     plain = _ascii(cell)
     return bool(_DOTTED.fullmatch(plain) or _COMMAED.fullmatch(plain))
 
 
 def is_missing(cell: str) -> bool:
-    """Tell whether an output is missing: empty, NaN or a dash."""
+    """Return whether an output is missing: empty, NaN or a dash."""
     return cell.casefold() in _MISSING
 
 
 def is_no_object(cell: str) -> bool:
-    """Tell whether a distance says that no object was in range: `inf`, empty, `none`, `no object`."""
+    """Return whether a distance means that no object was in range: `inf`, empty, `none`, `no object`."""
     return cell.casefold() in _NO_OBJECT
 
 
 def is_row(cells: Sequence[str]) -> bool:
-    """Tell whether cells are a row of readings: at least a distance and an output, one of them a number."""
+    """Return whether cells are a row of readings: at least a distance and an output, one of them a number."""
     numbers = sum(is_number(cell) for cell in cells)
     special = [cell for cell in cells if is_missing(cell) or is_no_object(cell)]
     filled = sum(bool(cell) for cell in special)
@@ -105,24 +105,24 @@ def is_row(cells: Sequence[str]) -> bool:
 
 
 def uses_commas(cells: Sequence[str]) -> bool:
-    """Tell whether numbers are written with decimal commas."""
+    """Return whether numbers are written with decimal commas."""
     return any("," in cell and _COMMAED.fullmatch(cell) for cell in cells)
 
 
-def shortened(text: str) -> str:
-    """Quote a line for a message."""
+def quoted(text: str) -> str:
+    """Return a text in quotes for a message, shortened if it is long."""
     return repr(text if len(text) <= _LONGEST_LINE else f"{text[: _LONGEST_LINE - 3]}...")
 
 
-def listed(items: Sequence[str], most: int) -> str:
-    """List the first items for a message."""
+def join_first(items: Sequence[str], most: int) -> str:
+    """Join the first items for a message."""
     return ", ".join([*items[:most], *(["..."] if len(items) > most else [])])
 
 
 def number(table: TextTable, line: int, cell: str, column: Column) -> float:
-    """Read one cell as a number in the unit of the calibration, in the decimal mark of its file and no locale's."""
-    # 42.2 mm is the float nearest to 0.0422, which 42.2 * 0.001 is not. What is no finite number, or one whose products
-    # with others are none, is refused.
+    """Parse a cell as a number in the unit of the calibration, with the decimal mark of its file."""
+    # The locale is ignored. Decimal arithmetic makes 42.2 mm the float nearest to 0.0422, which 42.2 * 0.001 is not.
+    # Numbers that are not finite, or whose products with others could overflow, are refused.
     pattern = _COMMAED if table.decimal_mark == "," else _DOTTED
     plain = _ascii(cell)
     value = math.nan
@@ -134,12 +134,14 @@ def number(table: TextTable, line: int, cell: str, column: Column) -> float:
                 return scaled
     place = f"{table.file}, line {line}"
     if math.isfinite(value):
-        expected = f"expected a number {WORKABLE} (in {column.unit or 'its unit'}): the arithmetic of a fit ends there"
-        problem = "a number of a magnitude that no arithmetic goes with"
+        expected = (
+            f"expected a number {WORKABLE} (in {column.unit or 'its unit'}), the range in which fits can be computed"
+        )
+        problem = "a number that is too large or too small for the arithmetic"
     else:
-        expected, problem = f"expected a number such as 12{table.decimal_mark}5", "a cell that is no number"
+        expected, problem = f"expected a number such as 12{table.decimal_mark}5", "a cell that is not a number"
     raise CalibrationDataError(
-        f"{place}: found {shortened(cell)} in column {table.title(column.index)}, {expected}",
+        f"{place}: found {quoted(cell)} in column {table.title(column.index)}, {expected}",
         problem=f"{place}: found {problem}",
     )
 
@@ -165,7 +167,11 @@ _NAMES: dict[str, set[str] | re.Pattern[str]] = {
     "distance": _DISTANCES,
     "output": _OUTPUTS,
     "setting": _SETTING,
-    "setting or output": {"current", "power", "frequency"},  # a setting beside another output, else an output
+    "setting or output": {
+        "current",
+        "power",
+        "frequency",
+    },  # a setting if another column is the output, otherwise the output
     "count": {
         *("", "#", "no", "nr", "n", "i", "index", "idx", "row", "unnamed: 0", "trial", "repeat", "repetition", "rep"),
         *("run", "sample", "measurement", "messung", "record"),
@@ -179,20 +185,20 @@ _LONGEST = 200  # characters of a header
 _KNOWN: dict[tuple[int, ...], str] = {(0, 0, 0, 1, 0): "V", (0, 0, 0, 0, 1): "counts"}
 _AT = re.compile(
     r"(?:(?P<name>[^\W\d_]+)[\s=:@_]*)?(?P<number>[-+\N{MINUS SIGN}]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)"
-    r"(?:[\s_]*[\[(]?(?P<unit>[^\W\d_]+)[\])]?(?:\.\d+)?)?"  # pandas writes 0cm.1 for a second 0cm
+    r"(?:[\s_]*[\[(]?(?P<unit>[^\W\d_]+)[\])]?(?:\.\d+)?)?"  # pandas renames a second column 0cm to 0cm.1
 )
 _AT_INFINITY = re.compile(r"[+]?(inf|infinity|∞)\s*[\[(]?[^\W\d_]*[\])]?", re.IGNORECASE)
 
 
 class UnitMark(NamedTuple):
-    """A header that is a distance: its number as written, None where it says that no object is there, and its unit."""
+    """A header that is a distance: its number as written, or None without an object, and its unit."""
 
     number: str | None
     unit: str | None
 
 
 def split_title(title: str) -> tuple[str, str | None]:
-    """Split `output [V]`, `output (V)` and, where the name is known, `output_V` into name and unit."""
+    """Split `output [V]`, `output (V)` and, for usual names, `output_V` into name and unit."""
     if len(title) > _LONGEST:
         return title, None
     match = _TITLE.fullmatch(title)
@@ -201,28 +207,28 @@ def split_title(title: str) -> tuple[str, str | None]:
     match = _LAST_WORD.fullmatch(title.strip())
     if match:
         name, unit = match.groups()
-        known = _plain(name)
-        if (known in _DISTANCES and is_length(unit)) or (known in _OUTPUTS and _exponents(unit) in _KNOWN):
+        plain_name = _plain(name)
+        if (plain_name in _DISTANCES and is_length(unit)) or (plain_name in _OUTPUTS and _exponents(unit) in _KNOWN):
             return name, unit
     return title.strip(), None
 
 
 def is_length(unit: str | None) -> bool:
-    """Tell whether a unit is one of lengths."""
+    """Return whether a unit is a unit of length."""
     return _exponents(unit) == (1, 0, 0, 0, 0)
 
 
 def is_named(title: str, kind: str) -> bool:
-    """Tell whether a header is named as columns of a kind often are."""
-    # A `setting` is one of the sensor or its surroundings, such as `gain` or `temperature`; a `setting or output` may
-    # be an output where nothing else is, as a photocurrent is a current; a `count` numbers rows, as `trial`, `#` or an
-    # empty header do; a `repeat` is the number of one, such as `trial 3`, `run2 [V]` or `3`.
-    known, name = _NAMES[kind], _plain(split_title(title)[0])
-    return name in known if isinstance(known, set) else bool(known.fullmatch(name))
+    """Return whether a header has a usual name of a kind of column."""
+    # A `setting` is one of the sensor or its surroundings, such as `gain` or `temperature`. A `setting or output` may
+    # be the output if no other column is, such as a photocurrent. A `count` numbers the rows, such as `trial`, `#` or
+    # an empty header. A `repeat` has the number of a repeat, such as `trial 3`, `run2 [V]` or `3`.
+    names, name = _NAMES[kind], _plain(split_title(title)[0])
+    return name in names if isinstance(names, set) else bool(names.fullmatch(name))
 
 
 def output_unit(text: str | None) -> tuple[str, float]:
-    """Turn volts and counts with their prefixes into V and counts; leave every other unit as it is written."""
+    """Convert volts and counts with prefixes to V and counts; return every other unit as it is written."""
     try:
         unit = parse_unit(text or "")
     except UnitError:
@@ -233,12 +239,12 @@ def output_unit(text: str | None) -> tuple[str, float]:
 
 
 def is_output_unit(unit: str | None) -> bool:
-    """Tell whether a unit is one of volts or counts."""
+    """Return whether a unit is volts or counts."""
     return output_unit(unit)[0] in _KNOWN.values()
 
 
 def distance_mark(title: str) -> UnitMark | None:
-    """Read a header such as `5 mm`, `d=5mm`, `0.5` or `inf` as a distance; None where it is none."""
+    """Parse a header such as `5 mm`, `d=5mm`, `0.5` or `inf` as a distance; None if it is no distance."""
     if title and (is_no_object(title) or _AT_INFINITY.fullmatch(title[:_LONGEST])):
         return UnitMark(None, None)
     match = _AT.fullmatch(title) if len(title) <= _LONGEST else None
@@ -251,8 +257,8 @@ def distance_mark(title: str) -> UnitMark | None:
 
 
 def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
-    """Tell whether columns are named by distance, whose unit is `declared` where somebody said it."""
-    # They are where there are two distances with units, or bare numbers that can be nothing else.
+    """Return whether columns are named by distance; `declared` means that an option gives their unit."""
+    # They are if two headers are distances with units, or if headers are numbers that can have no other meaning.
     marks = [mark for title in header if (mark := distance_mark(title))]
     if any(mark.unit for mark in marks):
         return len(marks) > 1
@@ -265,10 +271,10 @@ def looks_wide(header: Sequence[str], *, declared: bool) -> bool:
 
 
 def names_a_distance(header: Sequence[str], *, declared: bool, in_words: bool = False) -> bool:
-    """Tell whether a line is the header of a calibration, by its words alone."""
-    # It is where a cell names a distance or has a unit of lengths and none is a number, or columns are named by
-    # distance, whose unit is `declared` where somebody said it. Where cells are the words of a line, `in_words`, they
-    # may be prose: "Sensor X" names no distance.
+    """Return whether the words of a line identify it as the header of a calibration."""
+    # It is if a cell is a name of a distance or has a unit of length, and none is a number, or if columns are named by
+    # distance (see `looks_wide`). With `in_words`, cells are the words of a line, which may be prose: "Sensor X" does
+    # not name a distance.
     if looks_wide(header, declared=declared):
         return True
     for title in header:
@@ -291,12 +297,12 @@ def _exponents(unit: str | None) -> tuple[int, ...]:
 
 
 def output_column(table: TextTable, index: int, layout: Layout) -> Column:
-    """Read the unit of a column of outputs: that of the calibration, and no other, also where its header has none."""
+    """Return the column of no-object outputs with its unit, by default that of the calibration; refuse another unit."""
     title = table.header[index]
-    found = split_title(title)[1]
-    symbol, factor = output_unit(found) if found else (layout.unit, layout.pairs[0][1].factor)
+    header_unit = split_title(title)[1]
+    symbol, factor = output_unit(header_unit) if header_unit else (layout.unit, layout.pairs[0][1].factor)
     if symbol != layout.unit:
         raise CalibrationDataError(
-            f"{table.place}: found the unit {found!r}, expected {layout.unit or 'none'!r} as in the calibration"
+            f"{table.place}: found the unit {header_unit!r}, expected {layout.unit or 'none'!r} as in the calibration"
         )
     return Column(index=index, title=title, unit=symbol, factor=factor)

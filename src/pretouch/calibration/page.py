@@ -1,4 +1,4 @@
-"""What a calibration says: whether it is usable, where, by which curve, and how well that is known."""
+"""Build the report page of a calibration: verdict, usable window, ranking, parameters and provenance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Row = tuple[Cell, ...]
 
 
 def calibration_page(report: CalibrationReport) -> Page:
-    """Describe a calibration of any verdict."""
+    """Return the report page of a calibration, whatever its verdict."""
     usable, best = report.verdict == "usable", report.best
     first = (Listing(items=report.reasons, brief=True) if report.reasons and usable else None, _readings(report))
     if best is None:
@@ -43,19 +43,19 @@ def calibration_page(report: CalibrationReport) -> Page:
 
 
 def fit_page(fit: SensorFit) -> Page:
-    """Describe one fit alone."""
+    """Return the page of a single fit."""
     low, high = (format_quantity(d, "m") for d in fit.sensor.valid_range)
     headline = f"{fit.model}, {len(fit.distances)} distances, valid from {low} to {high}"
     return Page(kind="Sensor fit", headline=headline, blocks=_parameters(fit, None))
 
 
 def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tuple[Any, ...]:
-    """Return what a page says of its sensor's calibration, and in `open_lines` what that leaves open of its answer."""
-    said = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
+    """Return the section of a page on its sensor's calibration; `open_lines` has its limits for the answer."""
+    limits = tuple(f"{line[0].upper()}{line[1:]}." for line in open_lines)
     return (
         Paragraph(text=_headline(report)),
         Listing(items=report.reasons) if report.reasons else None,
-        Listing(items=said) if said else None,
+        Listing(items=limits) if limits else None,
         _picture(report),
         *_readings(report).blocks,
         *_ranking(report).blocks,
@@ -66,22 +66,22 @@ def fitted_blocks(report: CalibrationReport, open_lines: tuple[str, ...]) -> tup
 def _headline(report: CalibrationReport) -> str:
     name = report.calibration.name
     if report.best is None:
-        return f"{name}: no usable signal; these readings do not determine a sensor curve."
+        return f"{name}: no usable signal. These readings do not determine a sensor curve."
     low, high = (format_quantity(d, "m") for d in (report.window.l_min, report.window.l_max))
     slope = report.best.middle_slope
     spread = "" if not math.isfinite(slope.standard_error) else f" \u00b1 {slope.standard_error:.2g}"
     reserve = "" if report.verdict == "usable" else ", with reservations"
     return (
-        f"{name}: usable from {low} to {high}{reserve}; the {report.best.model} curve ranks first, with a slope "
+        f"{name}: usable from {low} to {high}{reserve}. The {report.best.model} curve ranks first, with a slope "
         f"g = {slope.value:.4g}{spread} 1/m in the middle of the window."
     )
 
 
 def _picture(report: CalibrationReport) -> Picture:
     caption = (
-        "Readings with the levels that bound the signal; the signal above the offset on a logarithmic axis, which is "
-        "what the controller feels; its slope g beside differences of neighboring readings; and what the models leave "
-        "over."
+        "Readings with offset, floor and clipping level. Logarithm of the signal above the offset, from which the "
+        "virtual force follows. Its slope g, compared with differences of neighboring readings. Residuals of the "
+        "models."
     )
     name = "Readings, log signal, slope and residuals over the distance"
     if report.best is None:
@@ -90,7 +90,7 @@ def _picture(report: CalibrationReport) -> Picture:
 
 
 def _readings(report: CalibrationReport) -> Chapter:
-    head = ("", "value", "why, or from where")
+    head = ("", "value", "reason, source or meaning")
     table = Rows(head=head, rows=tuple(_reading_rows(report)), wraps=True, brief=True)
     return Chapter(title="Window, offset and noise", blocks=(table,))
 
@@ -104,36 +104,58 @@ def _reading_rows(report: CalibrationReport) -> Iterator[Row]:
     yield "it ends there because", "", window.end_reason
     if report.offset is not None:
         o = report.offset
-        spread = f"{o.value:.5g} \u00b1 {o.standard_error:.2g} {unit}".strip()
-        yield "offset (no-object level)", spread, f"{o.kind}; 95 % interval {_interval(o.low, o.high, unit)}"
+        yield (
+            "offset (no-object level)",
+            o.in_words(unit, 5),
+            f"{o.kind}; 95 % interval {_interval(o.low, o.high, unit)}",
+        )
     if report.noise is not None:
         n = report.noise
-        yield "noise of one reading", Measured(n.output, unit), n.output_source
-        yield "noise relative to the signal", f"{100 * n.relative:.3g} %", f"per reading, from {n.relative_source}"
-        length = f"of the mean, alike over {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
-        yield "misfit of the curve", f"{100 * n.misfit:.3g} %", length or "none beyond the noise"
+        yield (
+            "noise of one reading",
+            Measured(n.output, unit),
+            f"standard deviation without signal, from {n.output_source}",
+        )
+        relative = f"standard deviation of one reading, proportional to the signal; from {n.relative_source}"
+        yield "noise relative to the signal", f"{100 * n.relative:.3g} %", relative
+        length = f"; it stays similar over {format_quantity(n.misfit_length, 'm')}" if n.misfit > 0 else ""
+        yield (
+            "misfit of the curve",
+            f"{100 * n.misfit:.3g} %",
+            f"RMS deviation of averaged readings beyond their noise{length}",
+        )
     if report.slope is not None:
         near, far = (format_quantity(float(d), "m") for d in report.slope.distances[[0, -1]])
         worst = float(report.slope.uncertainty.max())
         size = f"{100 * worst:.3g} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
-        yield "g is known to", size, f"from {near} to {far}, over all curves that the readings allow"
+        yield "uncertainty of g (95 %)", size, f"from {near} to {far}, {_given_offset(report)}"
     if report.noise is not None and report.noise.resolution > 0:
         yield "resolution", Measured(report.noise.resolution, unit), "smallest step between outputs"
-    known = "below it a reading does not tell a signal from the offset"
-    yield "floor of the signal", Measured(float(window.floor), unit), known
+    meaning = "readings below it cannot be distinguished from the offset"
+    yield "floor of the signal", Measured(float(window.floor), unit), meaning
     if window.saturation is not None:
         yield "clipping level", Measured(float(window.saturation), unit), "readings there are not used"
     for text in report.left_out:
         yield "left out", "", text
 
 
+def _given_offset(report: CalibrationReport) -> str:
+    """Say for which offsets the uncertainty of g holds."""
+    offset, unit = report.offset, report.calibration.unit
+    if offset is None:
+        return "over all curves that fit the readings"
+    error = f" \u00b1 {offset.error_in_words}" if offset.standard_error else ""
+    given = f"if the offset is {offset.value:.4g}{error} {unit}".rstrip()
+    return f"{given}; larger elsewhere in its 95 % interval" if offset.is_wide else f"{given}, over all curves that fit"
+
+
 def _ranking(report: CalibrationReport) -> Chapter:
     head = ("model", "RMSE ln \u03be", "RMSE g [1/m]", "left out, ln \u03be", "AICc", "runs p", "R\u00b2 on \u03be")
     note = (
-        "Ranked by AICc. The controller feels ln \u03be and its slope, so these columns say how good a curve is; "
-        '"left out" is the error at distances that a fit had not seen. R\u00b2 on \u03be is there for comparison with '
-        "the letter and hides an offset left in. A small p of the runs test means that the residuals follow a pattern "
-        "that the curve does not."
+        "Ranked by AICc. The virtual force follows from ln \u03be and its slope, so their RMS errors show how good a "
+        'curve is. "Left out" is the cross-validation error, at distances left out of the fit one by one. R\u00b2 on '
+        "\u03be is for comparison with the letter; it hides a wrong offset. A small p of the runs test means that the "
+        "residuals have a pattern that the curve does not follow."
     )
     table = Rows(head=head, rows=tuple(map(_ranking_row, report.fits)), note=note, brief=True)
     missing = tuple(f"{model}: not fitted. {reason}" for model, reason in report.not_fitted.items())
@@ -143,8 +165,10 @@ def _ranking(report: CalibrationReport) -> Chapter:
 
 def _ranking_row(fit: SensorFit) -> Row:
     numbers = (fit.rmse_log_output, fit.rmse_log_slope, fit.cross_validation)
-    told = ("-" if v is None else form.format(v) for v, form in ((fit.aicc, "{:.2f}"), (fit.runs_p_value, "{:.2g}")))
-    return fit.model, *(Measured(v, "", 3) for v in numbers), *told, f"{fit.r_squared:.5f}"
+    criteria = (
+        "-" if v is None else form.format(v) for v, form in ((fit.aicc, "{:.2f}"), (fit.runs_p_value, "{:.2g}"))
+    )
+    return fit.model, *(Measured(v, "", 3) for v in numbers), *criteria, f"{fit.r_squared:.5f}"
 
 
 def _parameters(fit: SensorFit, report: CalibrationReport | None) -> tuple[Any, ...]:
@@ -169,7 +193,7 @@ def _interval(low: float, high: float, unit: str) -> str:
 
 
 def _scenario_text(fit: SensorFit) -> str:
-    """Write the best curve as it stands in a scenario file; the contact surface is where the window starts."""
+    """Write the best curve as the [sensor] section of a scenario file; contact is where the window starts."""
     lines = ["[sensor]", f'model = "{fit.model}"']
     if fit.model == "table":
         sensor: Any = fit.sensor
@@ -202,5 +226,6 @@ def _source_rows(report: CalibrationReport) -> Iterator[Row]:
         yield "SHA-256", s.sha256
         yield "columns", f"{s.distance_column} and {s.output_column}"
         yield "rows, of which dropped", f"{s.rows}, {s.dropped}"
-        delimiter = {"\t": "tab", " ": "space"}.get(s.delimiter, s.delimiter)
-        yield "read as", f"{s.encoding}, columns separated by {delimiter}, decimal mark {s.decimal_mark}"
+        delimiter = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}.get(s.delimiter, s.delimiter)
+        mark = {".": "point", ",": "comma"}.get(s.decimal_mark, s.decimal_mark)
+        yield "read as", f"{s.encoding}, columns separated by {delimiter}, decimal {mark}"

@@ -1,4 +1,4 @@
-"""What a calibration gives: estimates with their uncertainty, the fit of one model, the report over all."""
+"""Results of a calibration: estimates with their uncertainty, the fit of one model, and the report on all models."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .data import Calibration
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlopeKnowledge(Value):
-    """What all curves that the readings allow say about g, in the part where most of the virtual force is given.
+    """The slope g and its uncertainty over all curves that fit the readings, where most of the virtual force acts.
 
     Args:
-        distances: from the nearest usable one to where the signal is a tenth of that there [m], shape (N,).
+        distances: from the nearest usable distance to where the signal is a tenth of the signal there [m], shape (N,).
         slope: the mean of g over all curves [1/m], shape (N,).
-        uncertainty: half the width of the 95 % interval of g, relative to it, shape (N,).
-        worst_at: where that is largest [m].
+        uncertainty: half the width of the 95 % interval of g, relative to g, shape (N,).
+        worst_at: the distance at which the uncertainty is largest [m].
     """
 
     distances: FloatArray
@@ -36,11 +36,11 @@ class SlopeKnowledge(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnCurve(Value):
-    """One curve that the readings allow, with the offset that goes with it.
+    """A possible curve of the sensor, drawn from those that fit the readings, with its offset.
 
     Args:
         sensor: the curve, valid on the window.
-        offset: what would have to be subtracted for it, in the unit of the outputs.
+        offset: the output without an object that belongs to this curve, in the unit of the outputs.
     """
 
     sensor: SensorModel
@@ -48,16 +48,17 @@ class DrawnCurve(Value):
 
 
 class AllowedCurves(Protocol):
-    """Curves that the readings allow."""
+    """Interface of a source of curves that fit the readings."""
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return curves through all readings, monotone between neighbors, whatever family was fitted."""
+        """Return curves through all readings, monotone between neighbors, independent of any family."""
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves of ideal families under soft ceilings, each as probable as the readings make it."""
+        """Draw curves of ideal families under soft ceilings, by their posterior probabilities."""
 
 
-_FINEST: Final = 1e-4  # of xi: nothing is known better; exact numbers are weighed as their logarithms
+_FINEST: Final = 1e-4  # smallest relative error of a mean: no sensor is better, and exact numbers need a weight
+_WIDE: Final = 6.0  # standard errors: a 95 % interval wider than this is not described by the standard error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,9 +67,9 @@ class Estimate(Value):
 
     Args:
         value: the estimate, in SI.
-        standard_error: its standard error; infinite where the readings do not bound it.
-        low: lower end of the 95 % profile interval; -inf (0 for a positive quantity) where it has none.
-        high: upper end of the 95 % profile interval; inf where it has none.
+        standard_error: its standard error; infinite if the readings do not bound it.
+        low: lower end of the 95 % profile interval; -inf (0 for a positive quantity) if unbounded.
+        high: upper end of the 95 % profile interval; inf if unbounded.
         unit: SI unit, empty for a pure number.
     """
 
@@ -86,11 +87,11 @@ class Estimate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffsetEstimate(Value):
-    """The output with no object in range: what has to be subtracted before a logarithm is taken.
+    """The output with no object in range, which is subtracted before the logarithm is taken.
 
     Args:
         value: the offset o, in the unit of the outputs.
-        standard_error: its standard error; 0 where it was declared to be exact.
+        standard_error: its standard error; 0 if it was declared without one.
         low: lower end of its 95 % interval.
         high: upper end of its 95 % interval.
         kind: `measured` (no-object readings), `fitted` (with the curve) or `declared`.
@@ -102,21 +103,45 @@ class OffsetEstimate(Value):
     high: float
     kind: str
 
+    @property
+    def is_wide(self) -> bool:
+        """Whether the 95 % interval is so wide that the standard error alone would mislead."""
+        return self.high - self.low > _WIDE * self.standard_error
+
+    @property
+    def error_in_words(self) -> str:
+        """The standard error with two digits, without an exponent below a million."""
+        return f"{self.standard_error:.{2 if self.standard_error < 100 else 6}g}"
+
+    def in_words(self, unit: str, digits: int = 4) -> str:
+        """Return the offset with its standard error, or the offset alone if its 95 % interval is much wider.
+
+        Examples:
+            >>> offset = OffsetEstimate(value=180.0, standard_error=1.2, low=177.6, high=182.4, kind="measured")
+            >>> from dataclasses import replace
+            >>> offset.in_words("counts")
+            '180 ± 1.2 counts'
+            >>> replace(offset, low=140.0, high=220.0).in_words("counts")
+            '180 counts'
+        """
+        error = "" if self.is_wide or self.standard_error == 0 else f" ± {self.error_in_words}"
+        return f"{self.value:.{digits}g}{error} {unit}".strip()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseEstimate(Value):
-    """What lies between readings and the curve: noise, drawn anew for every reading, and misfit, which stays.
+    """Deviations of readings from the curve: noise, independent for every reading, and misfit, which stays the same.
 
     The mean of n readings has the variance (output^2 + (relative xi)^2) / n + (misfit xi)^2 about the curve.
 
     Args:
-        output: standard deviation of one reading where there is no signal, in the unit of the outputs.
-        relative: standard deviation of one reading relative to xi, on top.
-        resolution: step in which the outputs come; 0 where none was found.
-        misfit: RMS distance of the means from the best curve beyond what noise explains, relative to xi.
-        misfit_length: correlation length of the misfit [m], by its changes of sign; 0 where there is none.
-        output_source: where `output` comes from.
-        relative_source: where `relative` comes from.
+        output: standard deviation of one reading without a signal, in the unit of the outputs.
+        relative: additional standard deviation of one reading, relative to xi.
+        resolution: step between outputs (LSB); 0 if none was found.
+        misfit: RMS deviation of the means from the best curve beyond their noise, relative to xi.
+        misfit_length: correlation length of the misfit [m], estimated from its changes of sign; 0 without misfit.
+        output_source: the data from which `output` was estimated.
+        relative_source: the data from which `relative` was estimated.
     """
 
     output: float
@@ -128,7 +153,7 @@ class NoiseEstimate(Value):
     relative_source: str = ""
 
     def relative_of_means(self, count: IntArray) -> FloatArray:
-        """Return the part of the standard deviation of means of `count` readings that grows with xi, over xi."""
+        """Return the part of the standard deviation of means of `count` readings proportional to xi, relative to xi."""
         return np.asarray(np.maximum(np.sqrt(self.relative**2 / count + self.misfit**2), _FINEST))
 
     def of_means(self, count: IntArray, signal: FloatArray) -> FloatArray:
@@ -138,14 +163,14 @@ class NoiseEstimate(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsableWindow(Value):
-    """The distances at which the sensor can be used, and why they end where they do.
+    """The distances at which the sensor can be used, with the reasons for both ends.
 
     Args:
-        distances: the measured distances inside the window [m], increasing; empty where nothing stands above the floor.
-        start_reason: why the window starts where it does, in a sentence.
-        end_reason: why it ends where it does, in a sentence.
-        saturation: output from which readings count as clipped; None where no clipping was found or given.
-        floor: output below which a reading does not tell a signal from the offset.
+        distances: the measured distances inside the window [m], increasing; empty if no signal is above the floor.
+        start_reason: the reason for its start, as a clause.
+        end_reason: the reason for its end, as a clause.
+        saturation: output at and above which readings are clipped; None without clipping.
+        floor: output below which a reading cannot be distinguished from the offset.
     """
 
     distances: tuple[float, ...]
@@ -172,32 +197,32 @@ class UsableWindow(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SensorFit(Described, Value):
-    """One model fitted to one calibration. Residual quantities are over the points that were used.
+    """One model fitted to one calibration. Residuals and their statistics refer to the points that were used.
 
     Args:
         model: name of the model.
         sensor: the fitted curve, valid on the window.
         parameters: estimate of each parameter, by name.
-        covariance: covariance of the parameters, in the order of `parameters`, with the share of the offset.
-        middle_slope: g in the middle of the window [1/m], which is known even where the parameters run away.
+        covariance: covariance of the parameters, in the order of `parameters`, including the effect of the offset.
+        middle_slope: g in the middle of the window [1/m], which is determined even if the parameters are not.
         window: the usable window.
         offset: the offset that was subtracted.
-        noise: the noise that weighs the readings.
-        distances: the distances that were used [m], shape (N,).
-        residuals: ln(y - o) - ln xi at these, shape (N,).
+        noise: the noise by which the readings were weighted.
+        distances: the distances that were fitted [m], shape (N,).
+        residuals: ln(y - o) - ln xi at these distances, shape (N,).
         r_squared: share of the variance of xi that the model explains; for comparison with the letter only.
         rmse_log_output: root mean square of `residuals`.
         rmse_log_slope: root mean square difference between measured and modelled slope of ln xi, neighbor to
             neighbor [1/m]; None below two points.
-        aicc: corrected Akaike criterion; only its differences within one ranking mean anything. None for a table,
-            or too few points.
-        cross_validation: root mean square error of ln xi at distances left out one by one; None where too few.
-        slope_shift: how far one standard error of the offset moves `middle_slope`, relative to it.
-        runs_p_value: chance of as few runs of equal signs in the residuals if these were independent; None without
-            two signs.
-        outliers: indices of the readings that were left out as fitting no curve.
-        identifiable: what the readings cannot tell apart, in sentences.
-        warnings: what to mind when using this fit, in sentences.
+        aicc: corrected Akaike criterion; only differences within one ranking are meaningful. None for a table, or
+            with too few points.
+        cross_validation: root mean square error of ln xi at distances left out one by one; None with too few.
+        slope_shift: relative change of `middle_slope` for one standard error of the offset.
+        runs_p_value: p-value of the runs test: chance of as few runs of equal signs in independent residuals; None if
+            all have one sign.
+        outliers: indices of the readings that were left out as outliers.
+        identifiable: parameters that the readings cannot distinguish, in sentences.
+        warnings: cautions for using this fit, in sentences.
     """
 
     model: str
@@ -224,11 +249,11 @@ class SensorFit(Described, Value):
     page: ClassVar[str] = "pretouch.calibration.page:fit_page"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fit as one JSON object: numbers in SI, None where there is none."""
+        """Return the fit as one JSON object: numbers in SI, None for missing values."""
         estimates = self.parameters.items()
         names = ("covariance", "middle_slope", "r_squared", "rmse_log_output", "rmse_log_slope", "aicc")
         more = ("cross_validation", "runs_p_value", "slope_shift", "outliers", "identifiable", "warnings")
-        told = {
+        fields = {
             "name": self.model,
             "parameters": {name: e.value for name, e in estimates},
             "standard_errors": {name: e.standard_error for name, e in estimates},
@@ -236,7 +261,7 @@ class SensorFit(Described, Value):
             "units": {name: e.unit for name, e in estimates},
             **{name: getattr(self, name) for name in (*names, *more)},
         }
-        return dict(plain(told))
+        return dict(plain(fields))
 
     def __repr__(self) -> str:
         return (
@@ -246,20 +271,20 @@ class SensorFit(Described, Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CalibrationReport(Described, Value):
-    """All models on one calibration, ranked, and the verdict on the sensor.
+    """All models fitted to one calibration, ranked, and the verdict on the sensor.
 
     Args:
         calibration: the readings.
-        fits: the fits, best first; empty where there is no usable signal.
+        fits: the fits, best first; empty without a usable signal.
         window: the usable window.
-        offset: the offset under the signal; None where there were too few readings to know it.
+        offset: the offset; None with too few readings to determine it.
         noise: the noise of the readings; None likewise.
         verdict: `usable`, `usable with reservations` or `no usable signal`.
-        reasons: why, and what to do, in sentences.
-        not_fitted: models that were asked for and not fitted, with the reason.
-        slope: how well g is known, whatever the model; None where there are too few readings.
-        left_out: readings that no model saw, in groups, in sentences.
-        curves: curves that the readings allow, on which answers are tried; None where there is no usable signal.
+        reasons: the reasons of the verdict, and what to do, in sentences.
+        not_fitted: requested models that could not be fitted, each with the reason.
+        slope: the slope g and its uncertainty over all models; None with too few readings.
+        left_out: groups of readings that no model was fitted to, in sentences.
+        curves: source of curves that fit the readings, on which a gain is checked; None without a usable signal.
     """
 
     calibration: Calibration
@@ -278,14 +303,14 @@ class CalibrationReport(Described, Value):
 
     @property
     def best(self) -> SensorFit | None:
-        """The first of the ranked fits; None where there is no usable signal."""
+        """The first of the ranked fits; None without a usable signal."""
         return self.fits[0] if self.fits else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report as one JSON object: numbers in SI, None where there is none."""
+        """Return the report as one JSON object: numbers in SI, None for missing values."""
         calibration, slope = self.calibration, self.slope
         source = calibration.source
-        told = {
+        fields = {
             "verdict": self.verdict,
             "reasons": self.reasons,
             "best": self.best.model if self.best else None,
@@ -309,7 +334,7 @@ class CalibrationReport(Described, Value):
                 "notes": source.notes if source else (),
             },
         }
-        return dict(plain(told))
+        return dict(plain(fields))
 
     def __repr__(self) -> str:
         best = f", best {self.best.model}" if self.best else ""

@@ -1,4 +1,4 @@
-"""Where the readings of a table stand: beside a column of distances, or in columns that are named by distance."""
+"""Find the columns of a table that hold distances, outputs and labels, in long and in wide tables."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from decimal import Decimal
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit
 
-from .choice import Chosen, ColumnChoice, remedy
+from .column_options import ColumnOption, ColumnOptions, columns_hint
 from .headers import (
     Column,
     Layout,
@@ -25,65 +25,65 @@ from .headers import (
     is_no_object,
     is_number,
     is_output_unit,
-    listed,
+    join_first,
     looks_wide,
     output_unit,
-    shortened,
+    quoted,
     split_title,
 )
 
 _SHOWN = 8  # columns that a message lists
-_FEW = 3  # distances of a curve, without which a setting is no label
+_FEW = 3  # fewest distances of a curve: a setting with fewer is not a label
 
 
-def long_layout(table: TextTable, choice: ColumnChoice) -> Layout:
-    """Decide which column is the distance, which the output, or several where numbered columns are repeats."""
-    # What was said about the columns comes first; names and units decide what is open, and what tells curves apart.
+def long_layout(table: TextTable, options: ColumnOptions) -> Layout:
+    """Find the distance column, the output column (or several, if they are repeats), and the label columns."""
+    # Options come first; names and units of the columns decide the rest.
     _refuse_no_header(table)
-    distance, outputs = _columns(table, choice)
-    where = _distance_column(table, distance, choice.distance)
-    what, notes = _output_column(table, outputs, choice.output)
-    labels, further = _labels(table, distance, outputs)
-    if len(outputs) > 1:
-        further.append(f"The columns {', '.join(table.header[i] for i in outputs)} are read as repeats.")
+    distance_index, output_indices = _columns(table, options)
+    distance_column = _distance_column(table, distance_index, options.distance)
+    output_column, notes = _output_column(table, output_indices, options.output)
+    labels, more_notes = _labels(table, distance_index, output_indices)
+    if len(output_indices) > 1:
+        more_notes.append(f"The columns {', '.join(table.header[i] for i in output_indices)} are read as repeats.")
     return Layout(
-        pairs=tuple((where, replace(what, index=i, title=table.header[i])) for i in outputs),
-        distances=where.title,
-        outputs=what.title,
-        unit=what.unit,
+        pairs=tuple((distance_column, replace(output_column, index=i, title=table.header[i])) for i in output_indices),
+        distances=distance_column.title,
+        outputs=output_column.title,
+        unit=output_column.unit,
         labels=labels,
-        notes=(*notes, *further),
+        notes=(*notes, *more_notes),
     )
 
 
-def _columns(table: TextTable, choice: ColumnChoice) -> tuple[int, list[int]]:
-    """Find the distance and the output, of which there are several where their headers are numbers of repeats."""
-    said = choice.output.index(table)
-    distance = _distance(table, choice.distance, said)
+def _columns(table: TextTable, options: ColumnOptions) -> tuple[int, list[int]]:
+    """Find the distance column and the output columns, of which several are repeats."""
+    selected = options.output.index(table)
+    distance = _distance(table, options.distance, selected)
     repeats = _repeats(table, distance)
-    if said is None and distance is not None and len(repeats) > 1:
+    if selected is None and distance is not None and len(repeats) > 1:
         return distance, repeats
-    output = _output(table, distance) if said is None else said
-    if len(table.header) == 2:  # of two columns with one known, the other is the other; else distance comes first
+    output = _output(table, distance) if selected is None else selected
+    if len(table.header) == 2:  # the second of two columns follows from the first; by default the distance is the first
         distance = (0 if output is None else 1 - output) if distance is None else distance
         output = 1 - distance if output is None else output
     if distance is not None and distance == output:
         raise CalibrationDataError(f"columns: found column {distance + 1} for the distance and for the output")
     if distance is None or output is None:
-        found = listed([f"{i}: {shortened(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
-        place = 0 if distance is None else distance
-        free = [i for i in range(len(table.header)) if i != place]
-        other = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
+        columns = join_first([f"{i}: {quoted(title)}" for i, title in enumerate(table.header, start=1)], _SHOWN)
+        distance_or_first = 0 if distance is None else distance
+        free = [i for i in range(len(table.header)) if i != distance_or_first]
+        output_guess = next((i for i in free if not is_named(table.header[i], "setting")), free[0])
         raise CalibrationDataError(
-            f"{table.place}: found the columns {found}, expected one named distance and one named output; or say which "
-            f"they are: {remedy(f'distance={place + 1},output={other + 1}')}",
+            f"{table.place}: found the columns {columns}, expected one named distance and one named output; or name "
+            f"them with {columns_hint(f'distance={distance_or_first + 1},output={output_guess + 1}')}",
             problem=f"{table.place}: found no columns that are named as distance and output",
         )
     return distance, [output]
 
 
 def _repeats(table: TextTable, distance: int | None) -> list[int]:
-    """Find columns that number repeats, all in one unit, beside which no other is named as the output."""
+    """Return the columns of repeats, if they have one unit and no other column is named as the output."""
     numbered = [i for i, title in enumerate(table.header) if is_named(title, "repeat") and i != distance]
     units = {split_title(table.header[i])[1] for i in numbered}
     named = [i for i, title in enumerate(table.header) if is_named(title, "output") and i not in {*numbered, distance}]
@@ -92,72 +92,72 @@ def _repeats(table: TextTable, distance: int | None) -> list[int]:
 
 def _refuse_no_header(table: TextTable) -> None:
     if all(is_number(cell) for cell in table.header):
-        wide = ', or --columns "distance=[mm]" where they are distances' if len(table.header) > 2 else ""
+        wide = ', or --columns "distance=[mm]" if they are distances' if len(table.header) > 2 else ""
         raise CalibrationDataError(
-            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or say '
-            f"what the columns are: {remedy('distance=1 [mm],output=2 [V]')}{wide}"
+            f'{table.place}: found numbers where the header is expected, such as "distance [mm],output [V]"; or name '
+            f"the columns with {columns_hint('distance=1 [mm],output=2 [V]')}{wide}"
         )
     if len(table.header) < 2:
         raise CalibrationDataError(
-            f"{table.place}: found one column ({shortened(table.header[0])}), expected two or more, separated by "
+            f"{table.place}: found one column ({quoted(table.header[0])}), expected two or more, separated by "
             "comma, semicolon, tab or blanks",
             problem=f"{table.place}: found one column, expected two or more",
         )
 
 
-def _distance(table: TextTable, chosen: Chosen, output: int | None) -> int | None:
-    """Find the distance: what was said, else the one named so (with a length where several are), else the length."""
-    if chosen.names_a_column:
-        return chosen.index(table)
+def _distance(table: TextTable, option: ColumnOption, output: int | None) -> int | None:
+    """Find the distance column: by option, by name (with a unit of length if several match), or by unit of length."""
+    if option.names_a_column:
+        return option.index(table)
     units = [split_title(title)[1] for title in table.header]
     named = [i for i, title in enumerate(table.header) if is_named(title, "distance") and i != output]
     lengths = [i for i, unit in enumerate(units) if is_length(unit) and i != output]
-    found = (
+    matches = (
         [i for i in named if i in lengths]
         or [i for i in named if units[i] is None]
         or [i for i in lengths if not is_named(table.header[i], "setting")]
         or named
     )
-    return _only(table, found, "distance")
+    return _single_match(table, matches, "distance")
 
 
 def _output(table: TextTable, distance: int | None) -> int | None:
-    """Find the output: the one named so, else volts or counts, else what is left, else a current; one that changes."""
+    """Find the output column: by name, by unit (V, counts), as the only one left, or a current; it must change."""
     free = [i for i in range(len(table.header)) if i != distance]
     others = [i for i in free if not is_named(table.header[i], "setting")]
     named = [i for i in others if is_named(table.header[i], "output")]
-    known = [i for i in others if is_output_unit(split_title(table.header[i])[1])]
+    with_unit = [i for i in others if is_output_unit(split_title(table.header[i])[1])]
     either = [i for i in free if len(free) > 1 and is_named(table.header[i], "setting or output")]
-    left = others if len(free) > 1 and len(others) == 1 and not _tells_apart(table, others[0]) else []
-    moving = {i for i in free if len(set(table.columns[i])) > 1}  # a bias voltage stays, a photocurrent not
-    first = ([i for i in group if i in moving] for group in (named, known, either if named or known else []))
-    found = next((group for group in (*first, named, known, left, either) if group), [])
-    return _only(table, found, "output")
+    remaining = others if len(free) > 1 and len(others) == 1 and not _may_be_label(table, others[0]) else []
+    moving = {i for i in free if len(set(table.columns[i])) > 1}  # a bias voltage is constant, a photocurrent changes
+    first = ([i for i in group if i in moving] for group in (named, with_unit, either if named or with_unit else []))
+    matches = next((group for group in (*first, named, with_unit, remaining, either) if group), [])
+    return _single_match(table, matches, "output")
 
 
-def _tells_apart(table: TextTable, index: int) -> bool:
-    """Tell whether a column that nothing is known of may hold labels: text, or values that come again and again."""
+def _may_be_label(table: TextTable, index: int) -> bool:
+    """Return whether a column without a usual name may hold labels: text, or repeated values."""
     counts = {cell: count for cell, count in Counter(table.columns[index]).items() if not is_missing(cell)}
     return not all(map(is_number, counts)) or len(counts) < max(_FEW, sum(counts.values()) / 2)
 
 
-def _only(table: TextTable, found: Sequence[int], what: str) -> int | None:
-    """Return the one column that fits; None where none does."""
-    if len(found) < 2:
-        return found[0] if found else None
-    first, second = (f"{i + 1}: {shortened(table.header[i])}" for i in found[:2])
+def _single_match(table: TextTable, matches: Sequence[int], what: str) -> int | None:
+    """Return the only match; None without a match; refuse two matches."""
+    if len(matches) < 2:
+        return matches[0] if matches else None
+    first, second = (f"{i + 1}: {quoted(table.header[i])}" for i in matches[:2])
     raise CalibrationDataError(
-        f"{table.place}: found two columns that may be the {what} ({first}, {second}), expected one: say which with "
-        f"{remedy(f'{what}={found[0] + 1}')}"
+        f"{table.place}: found two columns that may be the {what} ({first}, {second}), expected one; select one with "
+        f"{columns_hint(f'{what}={matches[0] + 1}')}"
     )
 
 
-def _distance_column(table: TextTable, index: int, chosen: Chosen) -> Column:
-    title, unit = table.header[index], chosen.unit_beside(table.header[index])
-    how = f'write it into the header, such as "distance [mm]", or say it: {remedy(f"distance={index + 1} [mm]")}'
+def _distance_column(table: TextTable, index: int, option: ColumnOption) -> Column:
+    title, unit = table.header[index], option.unit_with(table.header[index])
+    how = f'write it into the header, such as "distance [mm]", or use {columns_hint(f"distance={index + 1} [mm]")}'
     if not unit:
         raise CalibrationDataError(
-            f"{table.place}: found {shortened(title)}, a distance without a unit: {how}",
+            f"{table.place}: found {quoted(title)}, a distance without a unit: {how}",
             problem=f"{table.place}: found a distance without a unit",
         )
     if not is_length(unit):
@@ -165,28 +165,30 @@ def _distance_column(table: TextTable, index: int, chosen: Chosen) -> Column:
     return Column(index=index, title=title, unit="m", factor=parse_unit(unit).factor)
 
 
-def _output_column(table: TextTable, outputs: Sequence[int], chosen: Chosen) -> tuple[Column, list[str]]:
+def _output_column(table: TextTable, outputs: Sequence[int], option: ColumnOption) -> tuple[Column, list[str]]:
     title, notes = table.header[outputs[0]], []
-    unit = chosen.unit_beside(title)
+    unit = option.unit_with(title)
     symbol, factor = output_unit(unit)
     if unit is None:
-        symbol, taken = taken_as(set().union(*(table.columns[i] for i in outputs)))
-        notes.append(f"The output column {title!r} has no unit; its values are taken as {taken}.")
-    if is_named(title, "setting") and not chosen.names_a_column:
-        notes.append(f"The column {title!r} is named as a setting; it is taken as the output, for no other can be.")
+        symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in outputs)))
+        notes.append(f"The output column {title!r} has no unit; its values are taken as {meaning}.")
+    if is_named(title, "setting") and not option.names_a_column:
+        notes.append(
+            f"The column {title!r} is named as a setting; it is taken as the output, because no other column can be."
+        )
     return Column(index=outputs[0], title=title, unit=symbol, factor=factor), notes
 
 
-def taken_as(cells: Collection[str]) -> tuple[str, str]:
-    """Decide what outputs without a unit are: their unit, and what a sentence calls it."""
+def default_output_unit(cells: Collection[str]) -> tuple[str, str]:
+    """Return the unit of outputs without a stated unit, and its description for a sentence."""
     filled = [cell for cell in cells if not is_missing(cell)]
     if filled and all(re.fullmatch(r"\+?\d+", cell) for cell in filled):
-        return "counts", "counts, for all of them are integers"
+        return "counts", "counts, because all of them are integers"
     return "", "numbers without a unit"
 
 
 def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tuple[int, ...], list[str]]:
-    """Find the columns that tell curves apart: all others but counts, other outputs, and settings that drift."""
+    """Return the label columns: all others except counters, other outputs and drifting settings."""
     labels, notes = [], []
     for i, title in enumerate(table.header):
         if i in {distance, *outputs}:
@@ -206,37 +208,37 @@ def _labels(table: TextTable, distance: int, outputs: Sequence[int]) -> tuple[tu
 
 
 def _drifts(table: TextTable, index: int, distance: int) -> bool:
-    """Tell whether most values of a column hold too few distances to be curves of their own."""
-    found: dict[str, set[str]] = {}
-    for cell, place in zip(table.columns[index], table.columns[distance], strict=True):
-        found.setdefault(cell, set()).add(place)
-    few = sum(len(distances) < _FEW for distances in found.values())
-    return len(found) > 1 and 2 * few > len(found)
+    """Return whether most values of a column have too few distances to be separate curves."""
+    distances_of: dict[str, set[str]] = {}
+    for cell, distance_cell in zip(table.columns[index], table.columns[distance], strict=True):
+        distances_of.setdefault(cell, set()).add(distance_cell)
+    few = sum(len(distances) < _FEW for distances in distances_of.values())
+    return len(distances_of) > 1 and 2 * few > len(distances_of)
 
 
 _BRACKETS = re.compile(r"([^\[\]()]*)[\[(]\s*([^\[\]()]*)\s*[\])]")
 
 
-def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
-    """Read the headers of a table as distances, with a pair for every column of outputs."""
-    # None where the table is no wide one; whoever names a column means a long table.
-    if choice.names_a_column or not looks_wide(table.header, declared=choice.declares_distances):
+def wide_layout(table: TextTable, options: ColumnOptions) -> Layout | None:
+    """Read the headers of a wide table as distances, with a pair for every column of outputs."""
+    # The result is None for a long table. An option that selects a column implies a long table.
+    if options.names_a_column or not looks_wide(table.header, declared=options.declares_distances):
         return None
     marks = {i: mark for i, title in enumerate(table.header) if (mark := distance_mark(title))}
     others = [i for i in range(len(table.header)) if i not in marks]
-    if not choice.declares_distances:
-        _refuse_doubt(table, marks, others)
-    unit = _distance_unit(table, choice, marks, others)
-    symbol, factor, notes = _output_unit(table, choice, marks, others)
+    if not options.declares_distances:
+        _refuse_ambiguity(table, marks, others)
+    unit = _distance_unit(table, options, marks, others)
+    symbol, factor, notes = _output_unit(table, options, marks, others)
     counts = [i for i in others if _counts_rows(table, i)]
     places = [table.header[i] for i, mark in marks.items() if mark.number is not None]
-    said = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
-    span = f"{places[0]} to {places[-1]}{said}" if places else "none"
+    unit_text = "" if any(mark.unit for mark in marks.values()) else f" in {unit}"
+    span = f"{places[0]} to {places[-1]}{unit_text}" if places else "none"
     filled = [table.title(i) for i in counts if any(table.columns[i])]
     notes = [f"The headers {span} are read as distances, each row as a repeat.", *notes]
     notes += [f"Column {title} is not used: it counts the rows." for title in filled]
     columns = [Column(index=i, title=table.header[i], unit=symbol, factor=factor) for i in marks]
-    distances = [_place(table, mark, unit) for mark in marks.values()]
+    distances = [_distance_of_header(table, mark, unit) for mark in marks.values()]
     return Layout(
         pairs=tuple(zip(distances, columns, strict=True)),
         distances=f"the headers {span}",
@@ -247,8 +249,8 @@ def wide_layout(table: TextTable, choice: ColumnChoice) -> Layout | None:
     )
 
 
-def _refuse_doubt(table: TextTable, marks: dict[int, UnitMark], others: list[int]) -> None:
-    """Refuse bare numbers beside a column of distances: they may number the repeats of a table turned the other way."""
+def _refuse_ambiguity(table: TextTable, marks: dict[int, UnitMark], others: list[int]) -> None:
+    """Refuse headers that are bare numbers in a table with a distance column: they may be numbers of repeats."""
     corner = next((i for i in others if is_length(split_title(table.header[i])[1])), None)
     if corner is None or any(mark.unit or mark.number is None for mark in marks.values()):
         return
@@ -257,74 +259,76 @@ def _refuse_doubt(table: TextTable, marks: dict[int, UnitMark], others: list[int
         first, last = (table.header[i] for i in (min(marks), max(marks)))
         raise CalibrationDataError(
             f"{table.place}: found a column {table.header[corner]!r} of numbers and headers {first!r} to {last!r}, "
-            "expected distances in one of them: say "
-            f'--columns "distance={corner + 1}" where the column is the distance and the headers number repeats, or '
-            f"{remedy('distance=[mm]')} where the headers are the distances"
+            "expected distances in only one of them; use "
+            f'--columns "distance={corner + 1}" if the column is the distance and the headers number repeats, or '
+            f"{columns_hint('distance=[mm]')} if the headers are the distances"
         )
 
 
-def _distance_unit(table: TextTable, choice: ColumnChoice, marks: dict[int, UnitMark], others: list[int]) -> str:
-    """Find the unit of bare numbers: that of the other headers, what was said, or what stands in the corner."""
-    own = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
+def _distance_unit(table: TextTable, options: ColumnOptions, marks: dict[int, UnitMark], others: list[int]) -> str:
+    """Return the unit of headers that are bare numbers: from other headers, the option, or the corner cell."""
+    header_units = list(dict.fromkeys(mark.unit for mark in marks.values() if mark.unit))
     bare = [i for i, mark in marks.items() if mark.unit is None and mark.number is not None and float(mark.number)]
-    said = choice.distance.unit
-    if own:
-        first = next((unit for unit in own if unit != said), said)
-        if said is not None and first != said:
+    option_unit = options.distance.unit
+    if header_units:
+        first = next((unit for unit in header_units if unit != option_unit), option_unit)
+        if option_unit is not None and first != option_unit:
             raise CalibrationDataError(
-                f"columns: found the unit {said!r} for the distance, whose headers say {first!r}: leave one of them out"
+                f"columns: found the unit {option_unit!r} for the distance, but {first!r} in the headers; give only "
+                "one of them"
             )
-        if bare and len(own) > 1:
+        if bare and len(header_units) > 1:
             raise CalibrationDataError(
-                f"{table.place}: found the header {table.header[bare[0]]!r} beside several units, expected a unit on "
-                'it, such as "5 mm"'
+                f"{table.place}: found the header {table.header[bare[0]]!r} without a unit among several units, "
+                "expected "
+                'a unit, such as "5 mm"'
             )
         return str(first)
-    if said is not None:
-        return said
-    corner = [u for i in others for name, u in _units(table.header[i]) if is_length(u) and _of_distance(name)]
+    if option_unit is not None:
+        return option_unit
+    corner = [u for i in others for name, u in _units(table.header[i]) if is_length(u) and _is_distance_name(name)]
     if not corner:
-        shown = listed([repr(table.header[i]) for i in marks], 3)
+        shown = join_first([repr(table.header[i]) for i in marks], 3)
         raise CalibrationDataError(
             f"{table.place}: found the distances {shown} without a unit: write it into them, such as "
-            f'"5 mm", or say it: {remedy("distance=[mm]")}'
+            f'"5 mm", or use {columns_hint("distance=[mm]")}'
         )
     return corner[0]
 
 
 def _units(title: str) -> list[tuple[str, str]]:
-    """Find every name with a unit in a header; a corner may hold two, and a bare unit is one."""
-    found = [(name, unit.strip()) for name, unit in _BRACKETS.findall(title)]
+    """Return all names with units in a header; a corner cell may have two, or a unit without a name."""
+    units = [(name, unit.strip()) for name, unit in _BRACKETS.findall(title)]
     name, unit = split_title(title)
-    return found or ([(name, unit)] if unit else [("", title)])
+    return units or ([(name, unit)] if unit else [("", title)])
 
 
-def _of_distance(name: str) -> bool:
+def _is_distance_name(name: str) -> bool:
     words = re.split(r"[\W_]+", name)
     return not any(words) or any(is_named(word, "distance") for word in words if word)
 
 
 def _output_unit(
-    table: TextTable, choice: ColumnChoice, marks: dict[int, UnitMark], others: list[int]
+    table: TextTable, options: ColumnOptions, marks: dict[int, UnitMark], others: list[int]
 ) -> tuple[str, float, list[str]]:
-    """Find the unit of the cells: what was said, or what stands in the corner; else integers are counts."""
-    said = choice.output.unit
+    """Return the unit of the cells: from the option or from the corner cell; otherwise, integers are counts."""
+    unit_text = options.output.unit
     for i in others:
         for name, unit in _units(table.header[i]):
             if (
-                said is None
+                unit_text is None
                 and is_output_unit(unit)
                 and (not name.strip() or is_named(name.strip(" \\/|,;"), "output"))
             ):
-                said = unit
-    if said is not None:
-        return (*output_unit(said), [])
-    symbol, taken = taken_as(set().union(*(table.columns[i] for i in marks)))
-    return symbol, 1.0, [f"The outputs have no unit; they are taken as {taken}."]
+                unit_text = unit
+    if unit_text is not None:
+        return (*output_unit(unit_text), [])
+    symbol, meaning = default_output_unit(set().union(*(table.columns[i] for i in marks)))
+    return symbol, 1.0, [f"The outputs have no unit; they are taken as {meaning}."]
 
 
 def _counts_rows(table: TextTable, index: int) -> bool:
-    """Tell whether a column numbers or times the repeats, or is the empty one below a corner."""
+    """Return whether a column has numbers or times of the repeats, or is the empty column below a corner cell."""
     title = table.header[index]
     cells = table.columns[index]
     distinct = len(set(cells)) == len(cells)
@@ -338,15 +342,15 @@ def _counts_rows(table: TextTable, index: int) -> bool:
 
 
 def _numbers_a_repeat(cell: str) -> bool:
-    """Tell whether a cell is a number, or one after a word for repeats, such as `trial 3`."""
+    """Return whether a cell is a number, or a number after a word for repeats, such as `trial 3`."""
     return is_number(cell) or is_missing(cell) or is_named(re.sub(r"\d+$", "", cell), "count")
 
 
-def _place(table: TextTable, mark: UnitMark, unit: str) -> float:
+def _distance_of_header(table: TextTable, mark: UnitMark, unit: str) -> float:
     if mark.number is None:
         return math.inf
     value = float(Decimal(mark.number) * Decimal(repr(parse_unit(mark.unit or unit).factor)))
-    found = f"{table.place}: found the distance {shortened(f'{mark.number} {mark.unit or unit}')}"
+    found = f"{table.place}: found the distance {quoted(f'{mark.number} {mark.unit or unit}')}"
     if value < 0:
         raise CalibrationDataError(f"{found}, which must not be negative")
     if not (math.isfinite(value) and has_workable_magnitude(value)):

@@ -1,4 +1,4 @@
-"""The distances at which a sensor can be used: beyond clipping and the near-field peak, above the noise floor."""
+"""Find the usable window of a sensor: beyond clipping and the near-field peak, and above the noise floor."""
 
 from __future__ import annotations
 
@@ -16,65 +16,65 @@ from .averaging import MAD_TO_SIGMA, AveragedCurve, ReadingNoise, average, conde
 from .data import Calibration
 from .result import OffsetEstimate, UsableWindow
 
-_RISEN: Final = 2.0  # times as much as it falls afterwards
-_SURE: Final = 5.0  # standard deviations
-_SMALL: Final = 0.01  # of the range of the output: a rise that is no second object
-_SHARE: Final = 0.2  # of the rise: what is nearer to the lowest output than that may be part of it
+_RISEN: Final = 2.0  # ratio of rise to later fall from which on the output counts as rising
+_SURE: Final = 5.0  # standard deviations of a significant rise
+_SMALL: Final = 0.01  # share of the output's range below which a rise is ignored
+_SHARE: Final = 0.2  # share of the rise above the lowest output that may already belong to the rise
 
 
-def is_rising(curve: AveragedCurve, known: ReadingNoise) -> bool:
-    """Tell whether the output grows with distance, rather than fall."""
-    # A near-field peak is also risen to, but what follows it falls farther.
+def is_rising(curve: AveragedCurve, noise: ReadingNoise) -> bool:
+    """Return whether the output grows with distance instead of falling."""
+    # Toward a near-field peak the output rises, too, but then it falls farther.
     steady = curve.steady
     peak = int(np.argmax(steady))
     risen, fallen = float(steady[peak] - steady[0]), float(steady[peak] - steady[-1])
     beyond_middle = curve.distance[peak] > 0.5 * (curve.distance[0] + curve.distance[-1])
-    if risen <= _SURE * _error(curve, known) or risen <= 0.3 * float(np.ptp(steady)):
+    if risen <= _SURE * _error(curve, noise) or risen <= 0.3 * float(np.ptp(steady)):
         return False
     return risen > _RISEN * fallen or (risen > fallen and bool(beyond_middle))
 
 
-def end_of_falling(curve: AveragedCurve, known: ReadingNoise) -> int:
-    """Return the index after the last point before the output rises again; all of them where it does not.
+def end_of_falling(curve: AveragedCurve, noise: ReadingNoise) -> int:
+    """Return the index after the last point before the output rises again; the number of points if it does not.
 
-    What comes before it is free of most of the rise, too.
+    Points that may already include a part of the rise are excluded as well.
     """
     steady = curve.steady
-    steady[-1] = max(steady[-1], np.median(curve.output[-3:]))  # one low reading at the end is no trend
+    steady[-1] = max(steady[-1], np.median(curve.output[-3:]))  # a single low reading at the end is no trend
     lowest = int(np.argmin(steady))
     later = steady[lowest + 1 :]
     if len(later) < 2:
         return len(steady)
     ahead = np.convolve(later, np.ones(2) / 2, mode="valid")
     rise = float(ahead.max() - steady[lowest])
-    if rise <= max(_SURE * _error(curve, known), _SMALL * float(np.ptp(steady))):
+    if rise <= max(_SURE * _error(curve, noise), _SMALL * float(np.ptp(steady))):
         return len(steady)
     return int(np.argmax(steady <= steady[lowest] + _SHARE * rise)) + 1
 
 
-def _error(curve: AveragedCurve, known: ReadingNoise) -> float:
+def _error(curve: AveragedCurve, noise: ReadingNoise) -> float:
     """Return the standard deviation of a mean in the flat part of the curve."""
-    if known.sigma is not None:
-        own = known.sigma / np.sqrt(float(np.median(curve.count)))
-        return float(np.hypot(own, known.resolution / np.sqrt(12.0)))
+    if noise.sigma is not None:
+        error = noise.sigma / np.sqrt(float(np.median(curve.count)))
+        return float(np.hypot(error, noise.resolution / np.sqrt(12.0)))
     bend = np.abs(np.diff(curve.output, 2))
     flat = np.sort(bend)[: max(len(bend) // 2, 1)]
     return (
-        float(MAD_TO_SIGMA * np.median(flat) / np.sqrt(6.0) * 2 + known.resolution / np.sqrt(12.0))
+        float(MAD_TO_SIGMA * np.median(flat) / np.sqrt(6.0) * 2 + noise.resolution / np.sqrt(12.0))
         if len(bend)
         else 0.0
     )
 
 
 _CONVERTER_BITS: Final = (8, 10, 12, 14, 16)
-_CLIPPED_SHARE: Final = 0.99  # of full scale: converters and their front ends clip a little below it
+_CLIPPED_SHARE: Final = 0.99  # of full scale: converters and amplifiers clip a little below it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearEnd:
-    """Where the usable part of a curve starts: index into the averaged curve, why, and the clipping level.
+    """Where the usable part of a curve starts: its index in the averaged curve, the reason, and the clipping level.
 
-    `flat` tells that the output has no slope there, as at a peak that was found.
+    `flat` is true if the output has no slope there, as at a detected peak.
     """
 
     index: int
@@ -94,22 +94,23 @@ def find_window(
 ) -> UsableWindow:
     """Find the distances at which a sensor can be used.
 
-    The window starts beyond the last clipped distance and at the near-field peak; it ends before the first distance
-    at which the averaged signal is not `floor_sigmas` standard errors above the offset, unless the next one is.
+    The window starts beyond the last clipped distance, at the near-field peak or farther. It ends before the first
+    distance at which the averaged signal is less than `floor_sigmas` standard errors above the offset, unless the next
+    signal is above it again.
 
     Args:
         calibration: the readings.
-        offset: output with no object, or it and its standard error.
-        noise: standard deviation of one reading, in the unit of the outputs; from the readings where None.
-        saturation: output from which readings are clipped; "auto" to find it, None where nothing clips.
-        near_field_peak: distance of the peak [m], or text such as "5 mm"; "auto" to find it, None where there is none.
-        floor_sigmas: how many standard errors the signal must stand above the offset.
+        offset: output with no object, or that output and its standard error.
+        noise: standard deviation of one reading, in the unit of the outputs; by default, estimated from the readings.
+        saturation: output at and above which readings are clipped; "auto" to detect it, None if nothing clips.
+        near_field_peak: distance of the peak [m], or text such as "5 mm"; "auto" to detect it, None for no peak.
+        floor_sigmas: minimum signal above the offset, in standard errors.
 
     Returns:
-        The window, with the reasons for both its ends.
+        The window, with the reasons for both ends.
 
     Raises:
-        InvalidInputError: a number is out of its range, or neither the readings nor `noise` tell the noise.
+        InvalidInputError: a number is out of its range, or `noise` is None and too few readings are repeated.
         CalibrationDataError: every distance is clipped.
 
     Examples:
@@ -119,22 +120,22 @@ def find_window(
         (0.01, 0.02)
     """
     positive(floor_sigmas, "floor_sigmas")
-    known = offset if isinstance(offset, OffsetEstimate) else declared_offset(offset)
+    offset_estimate = offset if isinstance(offset, OffsetEstimate) else declared_offset(offset)
     calibration = condense(calibration)
     curve = average(calibration)
     sigma = reading_noise(calibration, curve).sigma if noise is None else float(nonnegative(noise, "noise"))
     if sigma is None:
         raise InvalidInputError(
-            "noise: found None, and too few repeats or no-object readings to estimate it; give the standard deviation "
-            "of one reading"
+            "noise: found None and too few repeated or no-object readings to estimate it, expected the standard "
+            "deviation of one reading"
         )
     near = find_near_end(calibration, curve, saturation, near_field_peak)
     if near.index == len(curve.distance):
         raise CalibrationDataError(
-            f"saturation: found every distance clipped; {near.reason}: measure farther away, lower the gain of the "
-            "sensor, or declare saturation=None"
+            f"saturation: found every distance clipped ({near.reason}); measure farther away, lower the gain of the "
+            "sensor, or set saturation=None"
         )
-    return window_of(calibration, curve, near, offset=known, sigma=sigma, floor_sigmas=floor_sigmas)
+    return window_of(calibration, curve, near, offset=offset_estimate, sigma=sigma, floor_sigmas=floor_sigmas)
 
 
 def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
@@ -148,40 +149,40 @@ def declared_offset(offset: float | tuple[float, float]) -> OffsetEstimate:
 def find_near_end(
     calibration: Calibration, curve: AveragedCurve, saturation: float | str | None, near_field_peak: float | str | None
 ) -> NearEnd:
-    """Find the first usable distance and the reason; the index is the number of distances where all are clipped."""
-    level, found = _saturation(calibration, curve, saturation)
+    """Find the first usable distance and the reason; if all are clipped, the index is the number of distances."""
+    level, source = _saturation(calibration, curve, saturation)
     saturated = calibration.outputs >= (np.inf if level is None else level)
     index = _end_of_clipping(np.isin(curve.distance, calibration.distances[saturated]))
     reason = "first measured distance"
     if index:
         last = format_quantity(float(curve.distance[index - 1]), "m")
-        reason = f"the output clips at {level:g} {calibration.unit} up to {last} ({found})".replace("  ", " ")
+        reason = f"the output clips at {level:g} {calibration.unit} up to {last} ({source})".replace("  ", " ")
     if index == len(curve.distance):
         return NearEnd(index=index, reason=reason, saturation=level)
-    peak, how = _peak(curve, index, near_field_peak)
-    flat = peak > index and how == "found"
+    peak, source_of_peak = _peak(curve, index, near_field_peak)
+    flat = peak > index and source_of_peak == "detected"
     if peak > index:
         index = peak
-        reason = f"the output peaks at {format_quantity(float(curve.distance[peak]), 'm')} ({how})"
+        reason = f"the output peaks at {format_quantity(float(curve.distance[peak]), 'm')} ({source_of_peak})"
     return NearEnd(index=index, reason=reason, saturation=level, flat=flat)
 
 
 def _end_of_clipping(clipped: BoolArray) -> int:
-    """Return the index after the last clipped point; one that stands alone inside the curve is a bad reading."""
+    """Return the index after the last clipped point; an isolated one inside the curve is an outlier."""
     supported = [
         i for i in np.flatnonzero(clipped) if i == 0 or clipped[i - 1] or (i + 1 < len(clipped) and clipped[i + 1])
     ]
     return int(supported[-1]) + 1 if supported else 0
 
 
-def _saturation(calibration: Calibration, curve: AveragedCurve, given: float | str | None) -> tuple[float | None, str]:
-    """Return the clipping level and how it is known."""
-    if given is None:
+def _saturation(calibration: Calibration, curve: AveragedCurve, option: float | str | None) -> tuple[float | None, str]:
+    """Return the clipping level and its source."""
+    if option is None:
         return None, ""
-    if not isinstance(given, str):
-        return float(finite(given, "saturation", calibration.unit)), "declared"
-    if given != "auto":
-        raise InvalidInputError(f"saturation: found {given!r}, expected a number, None or 'auto'")
+    if not isinstance(option, str):
+        return float(finite(option, "saturation", calibration.unit)), "declared"
+    if option != "auto":
+        raise InvalidInputError(f"saturation: found {option!r}, expected a number, None or 'auto'")
     top = float(calibration.outputs.max())
     if calibration.unit == "counts":
         for bits in _CONVERTER_BITS:
@@ -191,28 +192,28 @@ def _saturation(calibration: Calibration, curve: AveragedCurve, given: float | s
                 return float(clipped.min()), f"within 1 % of the full scale of a {bits}-bit converter"
     step = resolution(calibration)
     plateau = curve.distance[np.isclose(curve.output, top, rtol=1e-9, atol=0.0)]
-    fine = step < 0.02 * float(np.ptp(calibration.outputs))  # else equal readings are no surprise
+    fine = step < 0.02 * float(np.ptp(calibration.outputs))  # with a coarse converter, equal readings are common
     if len(plateau) >= 2 and fine:
         return top, f"the same highest output at {len(plateau)} distances"
     return None, ""
 
 
-def _peak(curve: AveragedCurve, start: int, given: float | str | None) -> tuple[int, str]:
-    """Return the index at which the curve begins to fall, and how it is known."""
-    if given is None:
+def _peak(curve: AveragedCurve, start: int, option: float | str | None) -> tuple[int, str]:
+    """Return the index at which the curve begins to fall, and its source."""
+    if option is None:
         return start, ""
-    if given != "auto":
-        distance = to_si(given, "m", name="near_field_peak")
+    if option != "auto":
+        distance = to_si(option, "m", name="near_field_peak")
         index = int(np.searchsorted(curve.distance, distance * (1 - 1e-12)))
         if index >= len(curve.distance) or not math.isfinite(distance):
             raise InvalidInputError(
-                f"near_field_peak: found {distance:g} m, which must lie below the last measured distance "
+                f"near_field_peak: found {distance:g} m, expected less than the last measured distance "
                 f"({curve.distance[-1]:g} m)"
             )
         return index, "declared"
     part = curve.part(slice(start, None))
     near = max(int(np.argmax(part.steady)) - 1, 0)
-    return start + near + int(np.argmax(part.output[near : near + 3])), "found"
+    return start + near + int(np.argmax(part.output[near : near + 3])), "detected"
 
 
 def window_of(
@@ -226,27 +227,27 @@ def window_of(
     left_out: tuple[int, ...] = (),
     last: tuple[int, str] | None = None,
 ) -> UsableWindow:
-    """Find the far end of the window and put both ends together."""
-    # Points `left_out` are passed over; `last` is the index after the last point that may be used, and why.
-    stop, why = last or (len(curve.distance), "last measured distance")
+    """Find the far end of the window, and return the window."""
+    # Points `left_out` are skipped; `last` is the index after the last point that may be used, and the reason.
+    stop, reason = last or (len(curve.distance), "last measured distance")
     indices = [i for i in range(near.index, stop) if i not in left_out]
     error = np.hypot(sigma / np.sqrt(curve.count), offset.standard_error)
     above = [bool(curve.output[i] - offset.value > floor_sigmas * error[i]) for i in indices]
-    # one low reading between two good ones is no floor
+    # a single low reading between two good ones does not end the window
     end = next((k for k in range(len(above)) if not any(above[k : k + 2])), len(above))
     used = [i for i, holds in zip(indices[:end], above[:end], strict=True) if holds]
     unit = f" {calibration.unit}" if calibration.unit else ""
     floor = offset.value + floor_sigmas * float(np.median(error))
     if end < len(indices):
         beyond = format_quantity(float(curve.distance[indices[end]]), "m")
-        why = (
-            f"from {beyond} the signal is not {floor_sigmas:g} standard errors ({floor - offset.value:.3g}{unit}) "
-            f"above the offset ({offset.value:.4g}{unit})"
+        reason = (
+            f"from {beyond} on, the signal is less than {floor_sigmas:g} standard errors "
+            f"({floor - offset.value:.3g}{unit}) above the offset ({offset.value:.4g}{unit})"
         )
     return UsableWindow(
         distances=tuple(float(curve.distance[i]) for i in used),
         start_reason=near.reason,
-        end_reason=why,
+        end_reason=reason,
         saturation=near.saturation,
         floor=floor,
     )

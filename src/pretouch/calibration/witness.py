@@ -1,8 +1,8 @@
-"""Curves on which an answer is tried: through all readings without any family, and under the ceilings they allow.
+"""Curves for testing a gain on the readings: curves through the readings, and curves under soft ceilings.
 
-The controller subtracts one offset o from every output y. What it feels between two readings is D_p times the change
-of ln(y - o), L(2), whatever the curve does in between and whatever the true offset is. So the readings themselves
-contradict a fit that is wrong between them.
+The controller subtracts one offset o from every output y. Between two readings, the impulse of the letter's
+virtual force, L(2), is D_p times the change of ln(y - o), whatever the curve does in between and whatever the true
+offset is. So the readings themselves contradict a fit that is wrong between them.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from .averaging import AveragedCurve
 from .ceilings import CeilingFits
 from .result import DrawnCurve, NoiseEstimate, OffsetEstimate
 
-_LARGEST_ERROR: Final = 0.05  # of a reading relative to its signal: larger scatter would hide what readings say
+_LARGEST_ERROR: Final = 0.05  # relative error of a signal that the fits may contribute: more would hide contradictions
 _SMALLEST_ERROR: Final = 1e-4
-_SMALLEST_SIGNAL: Final = 0.3  # of what was read: no error moves a reading below it
-_SURE: Final = 3.0  # standard errors: what a rise exceeds that noise does not explain
+_SMALLEST_SIGNAL: Final = 0.3  # of the signal that was read: random errors do not reduce it further
+_SURE: Final = 3.0  # standard errors of a rise that noise does not explain
 _BENDING: Final = 0.35  # standard deviation of ln of a random slope at a reading
-_STEEPEST: Final = 3.0  # times the flatter of both neighboring secants: beyond, a cubic is not monotone (Fritsch 1980)
+_STEEPEST: Final = 3.0  # times the flatter neighboring secant: with more, a cubic is not monotone (Fritsch 1980)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Witness(Value):
-    """What the readings of a calibration say, whatever curve was fitted.
+    """The readings of a calibration as a source of curves that do not depend on the fitted model.
 
     Args:
-        distances: where the signal stands above the offset [m], increasing, shape (N,).
+        distances: distances with a signal above the offset [m], increasing, shape (N,).
         signals: mean output minus the offset that the controller subtracts, positive, shape (N,).
-        errors: standard error of each signal relative to it, shape (N,).
-        offset: that offset, in the unit of the outputs.
+        errors: relative standard error of each signal, shape (N,).
+        offset: the offset that the controller subtracts, in the unit of the outputs.
         ceilings: the fits under soft ceilings.
     """
 
@@ -48,14 +48,14 @@ class Witness(Value):
     ceilings: CeilingFits
 
     def through_readings(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Return curves through the readings, monotone between neighbors, valid from the first to the last of them.
+        """Return curves through the readings, monotone between neighbors, valid from the first to the last reading.
 
         The first is linear in ln xi between neighbors, the second SciPy's PCHIP; the others alternate between linear
         and random slopes, and move each reading within its error.
         """
         rng = np.random.default_rng(seed)
         level, width = np.log(self.signals), np.diff(self.distances)
-        found = []
+        curves = []
         for number in range(count):
             moved = level
             if number > 1:
@@ -70,18 +70,18 @@ class Witness(Value):
                     bent = _bounded(bent * np.exp(_BENDING * rng.standard_normal(len(bent))), secants)
                 slopes = list(pairwise(bent))
             curve = PiecewiseCubic(distances=tuple(self.distances), log_outputs=tuple(moved), slopes=tuple(slopes))
-            found.append(DrawnCurve(sensor=curve, offset=self.offset))
-        return tuple(found)
+            curves.append(DrawnCurve(sensor=curve, offset=self.offset))
+        return tuple(curves)
 
     def draw(self, count: int, seed: int) -> tuple[DrawnCurve, ...]:
-        """Draw curves under soft ceilings, each as probable as the readings make it, with its own offset."""
+        """Draw curves under soft ceilings by their posterior probabilities, each with its offset."""
         return self.ceilings.draw(count, seed)
 
 
 def witness_of(
     curve: AveragedCurve, offset: OffsetEstimate, noise: NoiseEstimate, ceilings: CeilingFits, farthest: float
 ) -> Witness | None:
-    """Return the witness of all readings up to the end of the window; None where fewer than two carry a signal."""
+    """Return the witness of all readings up to the end of the window; None if fewer than two carry a signal."""
     part = curve.part((curve.output > offset.value) & (curve.distance <= farthest))
     if len(part.distance) < 2:
         return None
@@ -99,7 +99,7 @@ def witness_of(
 
 
 def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
-    """Return the falling sequence nearest to ln xi; what it was where it surely rises."""
+    """Return the falling sequence nearest to ln xi; unchanged if the readings rise significantly."""
     if (np.diff(level) <= 0).all():
         return level
     from scipy.optimize import isotonic_regression  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -109,7 +109,7 @@ def _without_noisy_rises(level: FloatArray, errors: FloatArray) -> FloatArray:
 
 
 def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray) -> FloatArray:
-    """Return the slopes of the piecewise cubic that keeps the shape of the points."""
+    """Return the slopes of the shape-preserving piecewise cubic (PCHIP)."""
     if len(distance) == 2:
         return np.repeat(secants, 2)
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - SciPy is loaded only for fits
@@ -118,7 +118,7 @@ def _smooth_slopes(distance: FloatArray, level: FloatArray, secants: FloatArray)
 
 
 def _bounded(slopes: FloatArray, secants: FloatArray) -> FloatArray:
-    """Bring slopes at points into the range in which the cubic is monotone on both sides."""
+    """Limit slopes at points to the range in which the cubic is monotone on both sides."""
     near, far = np.concatenate([secants[:1], secants]), np.concatenate([secants, secants[-1:]])
     size = _STEEPEST * np.minimum(np.abs(near), np.abs(far))
     same = np.sign(near) == np.sign(far)

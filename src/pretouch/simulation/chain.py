@@ -1,6 +1,6 @@
-"""The sensor chain: what lies between the distance and the number that the controller is handed, and when it comes.
+"""The sensor chain, which turns distances into delayed and noisy readings, and the timing of a sampled loop.
 
-When a loop samples, when its force acts and for how long is all that its stability depends on beside the motion.
+The stability of a loop depends on the motion and on its timing: when it samples, when its force acts, and for how long.
 """
 
 from __future__ import annotations
@@ -21,45 +21,44 @@ from pretouch.control.components import design_low_pass, format_output
 
 Row = tuple[str, Cell]
 
-_LOCKED: Final = 1e-6  # of a period: the two clocks keep their phase for a million readings
-_DRIFT: Final = 0.01  # of a period, by which the phase moves per reading: in an encounter of some 100 it stays alike
-_LONGEST_BEAT: Final = 102  # readings: by Dirichlet's theorem a ratio meets one of at most 1 / _DRIFT
+_LOCKED: Final = 1e-6  # of a period: with less phase drift, both clocks keep their phase for a million readings
+_DRIFT: Final = 0.01  # of a period: with less phase drift per reading, the phase stays similar in an encounter
+_LONGEST_BEAT: Final = 102  # readings: by Dirichlet's theorem, a beat of at most 1 / _DRIFT exists for any ratio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorChain:
-    """From distance to reading: exposure, pedestal, noise, clipping, quantization, dropouts, delay, in this order.
+    """Model of a sensor: exposure, offset, noise, clipping, quantization, dropouts and delay, in this order.
 
-    The k-th exposure starts at phase + k / rate, shifted by its jitter, and the output is averaged over it. That is xi
-    but for the misfit of the curve: ln xi + h(l), where h is a smooth function of distance, drawn once per run, that
-    has the covariance misfit^2 exp(-d^2 / (2 misfit_length^2)) over runs. A reading is
+    The k-th exposure starts at phase + k / rate, shifted by its jitter, and the output is averaged over it. The output
+    is xi with the misfit of the curve, ln xi + h(l): h is a smooth function of distance, drawn once per run, with the
+    covariance misfit^2 exp(-d^2 / (2 misfit_length^2)) over runs. A reading is
 
         y = quantize(clip(mean xi + offset + crosstalk + drift t + noise)),
 
-    handed over `delay` after the end of the exposure. Outputs are in the unit of the sensor curve's xi.
+    available `delay` after the end of the exposure. Outputs are in the sensor's output unit, that of xi.
 
     Args:
         rate: readings per second [Hz], > 0.
         phase: start of the first exposure [s].
-        random_phase: whether it is another one in each run, equally likely over a period: nobody tells an object when
-            to come.
-        exposure: over which time a reading averages [s], at most one period.
-        delay: from the end of an exposure until the controller can have the reading [s]: conversion and transfer.
+        random_phase: whether the phase is random in each run, uniformly over a period, because objects do not come in
+            step with the sensor.
+        exposure: time over which a reading is averaged [s], at most one period.
+        delay: time from the end of an exposure until the reading is available [s]: conversion and transfer.
         jitter: standard deviation of the start of an exposure [s], at most a quarter of the period.
-        noise: standard deviation of a reading where there is no signal [unit of xi].
-        relative_noise: standard deviation relative to xi, on top; as `noise`, drawn anew for every reading.
-        misfit: standard deviation of h: how far the sensor lies off its curve, relative to xi, in every reading of a
-            run alike.
-        misfit_length: correlation length of h [m]; it changes its sign every pi of these, on average.
-        offset: ambient pedestal [unit of xi].
-        crosstalk: light from emitter to receiver without an object, such as from a cover [unit of xi].
-        drift: change of the pedestal [unit of xi per s].
-        lowest: where readings clip below [unit of xi].
-        highest: where readings saturate [unit of xi].
-        resolution: step of the readings [unit of xi]; 0 for none.
-        dropout: chance that a reading is missing, below 1.
-        reports_distance: whether the part measures a distance, as one by time of flight does; its driver turns that
-            into xi by the sensor curve. Exposure, noise and resolution of the distance then come before xi.
+        noise: standard deviation of a reading without a signal [output unit].
+        relative_noise: additional standard deviation relative to xi; like `noise`, independent for every reading.
+        misfit: standard deviation of h: relative deviation of the sensor from its curve, fixed during a run.
+        misfit_length: correlation length of h [m]; on average, h changes its sign every pi misfit_length.
+        offset: output from ambient light [output unit].
+        crosstalk: output from emitter light without an object, such as reflections in a cover [output unit].
+        drift: change of the offset [output unit per s].
+        lowest: lower limit at which readings clip [output unit].
+        highest: upper limit at which readings saturate [output unit].
+        resolution: step of the readings [output unit]; 0 for none.
+        dropout: probability that a reading is missing, below 1.
+        reports_distance: whether the part measures a distance, such as a time-of-flight sensor; its driver converts the
+            distance to xi by the sensor curve. Exposure, noise and resolution of the distance are applied before that.
         distance_noise: standard deviation of such a distance [m].
         distance_resolution: step of such distances [m]; 0 for none.
 
@@ -93,27 +92,35 @@ class SensorChain:
         check_declared(self)
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
+                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} "
+                "Hz, expected at most one period"
             )
         if self.random_phase and self.phase:
-            raise InvalidInputError(f"phase: found {self.phase:g} s beside a random phase, expected one of the two")
+            raise InvalidInputError(f"phase: found {self.phase:g} s and random_phase = true, expected only one of them")
         if self.jitter > self.period / 4:
             raise InvalidInputError(
-                f"jitter: found {self.jitter:g} s, more than a quarter of the period of {self.period:g} s"
+                f"jitter: found {self.jitter:g} s, more than a quarter of the period of {self.period:g} s, expected "
+                "less"
             )
         if not self.lowest < self.highest:
             raise InvalidInputError(
                 f"highest: found {self.highest:g}, which must exceed the lowest reading ({self.lowest:g})"
             )
         if not self.dropout < 1:
-            raise InvalidInputError(f"dropout: found {self.dropout:g}, which must be below 1: no reading would come")
+            raise InvalidInputError(
+                f"dropout: found {self.dropout:g}, which must be below 1, or no reading would arrive"
+            )
         if self.misfit and not self.misfit_length:
             raise InvalidInputError(
-                f"misfit_length: found 0 m beside a misfit of {self.misfit:g} of xi, expected the distance over which "
-                'it is alike, such as "5 mm"'
+                f"misfit_length: found 0 m with a misfit of {self.misfit:g}, expected the correlation length of the "
+                "misfit, "
+                'such as "5 mm"'
             )
         if (self.distance_noise or self.distance_resolution) and not self.reports_distance:
-            raise InvalidInputError("distance_noise, distance_resolution: only for a part that reports_distance")
+            raise InvalidInputError(
+                "distance_noise, distance_resolution: only for a part that reports_distance; set it to true, or leave "
+                "them out"
+            )
 
     @property
     def period(self) -> float:
@@ -122,11 +129,11 @@ class SensorChain:
 
     @property
     def latency(self) -> float:
-        """The time from the middle of an exposure until its reading can be had [s]."""
+        """The sensor latency: time from the middle of an exposure until its reading is available [s]."""
         return self.exposure / 2 + self.delay
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the fields of pretouch_chain in native/core/pretouch.h; truth values are 0 or 1."""
+        """Return the fields of pretouch_chain in native/core/pretouch.h; booleans are 0 or 1."""
         return (
             *(self.rate, self.phase, self.exposure, self.delay, self.jitter, self.noise, self.relative_noise),
             *(self.offset + self.crosstalk, self.drift, self.lowest, self.highest, self.resolution, self.dropout),
@@ -135,27 +142,27 @@ class SensorChain:
         )
 
     def rows(self) -> Iterator[Row]:
-        """Yield what a page says of the chain: its parameters, those that are zero and need not be left out."""
+        """Yield the rows of a report: names and values of the parameters, without optional ones that are zero."""
         yield "readings", f"{format_quantity(self.rate, 'Hz')}, one every {format_quantity(self.period, 's')}"
         start = f"after {format_quantity(self.phase, 's')} in every run"
-        yield "first exposure", "at another instant of the period in each run" if self.random_phase else start
+        yield "first exposure", "at a random time within the period, in each run" if self.random_phase else start
         yield "exposure", Measured(self.exposure, "s")
         yield "delay after the exposure", Measured(self.delay, "s")
-        yield "age of a new reading", f"{format_quantity(self.latency, 's')}, from the middle of its exposure"
+        yield "latency of a reading", f"{format_quantity(self.latency, 's')}, from the middle of its exposure"
         if self.reports_distance:
-            yield "reports", "a distance, which its driver turns into \u03be by the curve"
+            yield "reports", "a distance, which its driver converts to \u03be by the curve"
             yield "noise of the distance", Measured(self.distance_noise, "m")
             yield "step of the distance", Measured(self.distance_resolution, "m")
         yield "noise without a signal", format_output(self.noise)
         yield "noise relative to \u03be", _percent(self.relative_noise)
         if self.misfit:
-            alike = f"alike over {format_quantity(self.misfit_length, 'm')} of distance"
-            yield "misfit of the curve relative to \u03be", f"{_percent(self.misfit)}, another in each run, {alike}"
+            length = f"correlation length {format_quantity(self.misfit_length, 'm')}"
+            yield "misfit of the curve relative to \u03be", f"{_percent(self.misfit)}, random in each run, {length}"
         for label, value in (("ambient offset", self.offset), ("crosstalk", self.crosstalk), ("step", self.resolution)):
             if value:
                 yield label, format_output(value)
         if self.drift:
-            yield "drift", f"{self.drift:.4g} [unit of \u03be per s]"
+            yield "drift", f"{self.drift:.4g} per s, in the sensor's output unit"
         if math.isfinite(self.lowest) or math.isfinite(self.highest):
             yield "clips", f"below {self.lowest:.6g} and above {format_output(self.highest)}"
         if self.jitter:
@@ -166,16 +173,17 @@ class SensorChain:
 
 @check_arguments
 def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: float = 0.0) -> SensorChain:
-    """Make a chain whose noise, misfit, offset, resolution and saturation are those of a fitted calibration.
+    """Return a chain with the noise, misfit, offset, resolution and saturation of a fitted calibration.
 
     Args:
-        fit: what `fit_sensor` or `rank_models` gave; its noise is that of a single reading.
-        rate: readings per second [Hz], which a static calibration does not tell.
-        exposure: over which time a reading averages [s].
-        delay: from the end of an exposure until the reading can be had [s].
+        fit: a fit by `fit_sensor` or `rank_models`; its noise is that of a single reading.
+        rate: readings per second [Hz], which is unknown from a static calibration.
+        exposure: time over which a reading is averaged [s].
+        delay: time from the end of an exposure until the reading is available [s].
 
     Returns:
-        The chain. Its noise is how readings at one distance scatter, its misfit how far their means lie off the curve.
+        The chain. Its noise is the scatter of readings at one distance; its misfit is the deviation of their means from
+        the curve.
     """
     saturation = fit.window.saturation
     return SensorChain(
@@ -194,22 +202,22 @@ def chain_of_fit(fit: SensorFit, *, rate: float, exposure: float = 0.0, delay: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """The timing of a sampled loop: a reading per period, and a force that follows it after a delay.
+    """The timing of a sampled loop: one reading per period, and a force that follows it after a delay.
 
     Args:
         rate: readings per second 1/T > 0 [Hz].
-        delay: from the middle of an exposure until its force begins to act, tau >= 0 [s]: half of the exposure,
+        delay: time from the middle of an exposure until its force begins to act, tau >= 0 [s]: half of the exposure,
             processing, transfer, and waiting for the controller's next step. A median over N readings adds
             (N - 1) / 2 periods.
-        hold: for how long the force of one difference acts [s]; one period where not given. The impulse
-            D_p (ln xi_k - ln xi_k-1) is the same for any: a force that acts for a shorter time is larger.
-        exposure: over which time a reading averages [s], at most one period.
-        sections: second-order sections of a digital filter that runs at `rate`, as SciPy gives them, one tuple of six
+        hold: time for which the force of one difference acts [s]; by default one period. The impulse
+            D_p (ln xi_k - ln xi_k-1) does not depend on it: a force that acts for a shorter time is larger.
+        exposure: time over which a reading is averaged [s], at most one period.
+        sections: second-order sections of a digital filter that runs at `rate`, in SciPy's format, one tuple of six
             numbers each; none by default.
-        smoothing: time constant tau_s [s] of a first-order low-pass behind them, which takes in 1 - exp(-hold/tau_s) of
-            every reading; 0 for none.
-        delay_range: by how much the delay can be shorter [s]. It stays the same in a run and differs from run to run,
-            as the phase between a sensor and a controller does. Limits are those of the worst delay of the range.
+        smoothing: time constant tau_s [s] of a first-order low-pass after these sections, with the weight
+            1 - exp(-hold/tau_s) of a new reading; 0 for none.
+        delay_range: largest reduction of the delay [s]. The delay is constant in a run and differs between runs, like
+            the phase between sensor and controller. Limits are computed for the worst delay of the range.
 
     Examples:
         >>> LoopTiming(rate=100.0, delay=0.005).period
@@ -229,18 +237,19 @@ class LoopTiming:
         object.__setattr__(self, "sections", _sections(self.sections))
         if self.exposure > self.period * (1 + 1e-9):
             raise InvalidInputError(
-                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} Hz"
+                f"exposure: found {self.exposure:g} s, longer than the period of {self.period:g} s at {self.rate:g} "
+                "Hz, expected at most one period"
             )
         if self.delay_range > self.delay * (1 + 1e-9):
             raise InvalidInputError(
-                f"delay_range: found {self.delay_range:g} s, more than the delay of {self.delay:g} s: no force acts "
-                "before its reading"
+                f"delay_range: found {self.delay_range:g} s, more than the delay of {self.delay:g} s, expected at "
+                "most the delay"
             )
         shortest = self.delay - self.delay_range
         if shortest < self.exposure / 2 * (1 - 1e-9):
             raise InvalidInputError(
-                f"delay: found {shortest:g} s, less than half of the exposure of {self.exposure:g} s: it counts from "
-                "the middle of the exposure"
+                f"delay: found {shortest:g} s, less than half of the exposure of {self.exposure:g} s, expected at "
+                "least that, because the delay counts from the middle of the exposure"
             )
 
     @property
@@ -250,12 +259,12 @@ class LoopTiming:
 
     @property
     def holding(self) -> float:
-        """For how long the force of one difference acts [s]."""
+        """The time for which the force of one difference acts [s]."""
         return self.period if self.hold is None else self.hold
 
     @property
     def filters(self) -> tuple[tuple[float, ...], ...]:
-        """All sections that a reading passes, the smoothing as the last of them."""
+        """All filter sections that a reading passes, including the smoothing as the last one."""
         if self.smoothing == 0:
             return tuple(self.sections)
         kept = math.exp(-self.holding / self.smoothing)
@@ -264,21 +273,21 @@ class LoopTiming:
 
 @check_arguments
 def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool = False) -> LoopTiming:
-    """Tell when a loop of this chain and this controller samples and acts.
+    """Return the timing of a loop with this chain and this controller.
 
-    A reading that is ready waits for the next step of the controller. Where both rates have a whole ratio this wait is
-    the same for all readings of a run: that of the chain's phase, or with a random phase any up to a period. Of other
-    ratios the mean wait counts, at the worst phase. The force of a difference acts for the sensor period that the
-    controller was told. A controller that is slower than its sensor takes the newest reading: the loop then has the
-    controller's rate. A median over N readings counts as a delay of (N - 1) / 2 periods, which it is for every signal
-    that only rises.
+    A new reading waits for the next step of the controller. If the ratio of both rates is an integer, this wait is the
+    same for all readings of a run: it follows from the chain's phase, or with a random phase it is any time up to a
+    period. For other ratios, the mean wait at the worst phase is used. The force of a difference acts for the sensor
+    period in the controller's settings. A controller that is slower than its sensor uses the newest reading, so the
+    loop has the controller's rate. A median over N readings is a delay of (N - 1) / 2 periods, which is exact for
+    signals that only rise.
 
     Args:
-        chain: the sensor chain; its jitter, noise and dropouts are left out.
-        controller: the controller; its limits and what its law does beside the gain are left out, but for a
-            `smoothing_time`, see `pretouch.control.laws.Law`.
-        worst_ratio: whether readings wait as they may at the worst ratio of the two rates, which is a whole one, and at
-            any phase, whatever the chain says: for what is to hold at all rates from one on.
+        chain: the sensor chain; its jitter, noise and dropouts are ignored.
+        controller: the controller; its limits and all other parts of its law than the gain and a `smoothing_time` are
+            ignored, see `pretouch.control.laws.Law`.
+        worst_ratio: whether to assume the longest wait, as with an integer ratio of rates at the worst phase. This is
+            needed for statements about all rates above a limit.
 
     Returns:
         The timing, with the Butterworth filter of the controller and the smoothing of its law.
@@ -313,26 +322,28 @@ def timing_of(chain: SensorChain, controller: Controller, *, worst_ratio: bool =
 
 
 def _waits(chain: SensorChain, period: float) -> tuple[float, float]:
-    """Return the longest and the shortest time for which readings wait for the next step of a controller [s]."""
-    step = min(period, chain.period)  # a newer reading takes the place of one that still waits
+    """Return the longest and the shortest time that readings wait for the next step of the controller [s]."""
+    step = min(period, chain.period)  # a newer reading replaces one that still waits
     ratio = max(chain.period, period) / step
-    whole = abs(ratio - round(ratio))
-    if whole < _LOCKED and not chain.random_phase:
+    deviation = abs(ratio - round(ratio))
+    if deviation < _LOCKED and not chain.random_phase:
         ready = (chain.phase + chain.exposure + chain.delay) / step
         wait = (math.ceil(ready - _LOCKED) - ready) * step
         return max(wait, 0.0), max(wait, 0.0)
-    if whole <= _DRIFT or chain.rate > 1 / period:
+    if deviation <= _DRIFT or chain.rate > 1 / period:
         return step, 0.0
-    # after `beat` readings the wait is the same again; before, it takes values that are period / beat apart
+    # the wait repeats after `beat` readings and takes values in steps of period / beat
     beat = next(q for q in range(2, _LONGEST_BEAT) if abs(q * ratio - round(q * ratio)) <= _DRIFT)
     return period / 2 * (1 + 1 / beat), period / 2 * (1 - 1 / beat)
 
 
-def _sections(given: Any) -> tuple[tuple[float, ...], ...]:
-    rows = tuple(tuple(map(float, row)) for row in given)
+def _sections(sections: Any) -> tuple[tuple[float, ...], ...]:
+    rows = tuple(tuple(map(float, row)) for row in sections)
     for row in rows:
         if len(row) != 6 or not all(map(math.isfinite, row)) or row[3] == 0:
-            raise InvalidInputError(f"sections: found the row {row}, expected b0, b1, b2, a0, a1, a2 with a0 not 0")
+            raise InvalidInputError(
+                f"sections: found the row {row}, expected finite b0, b1, b2, a0, a1, a2 with a0 not 0"
+            )
     return tuple(tuple(v / row[3] for v in row) for row in rows)
 
 

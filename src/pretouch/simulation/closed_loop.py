@@ -1,4 +1,4 @@
-"""A loop without its encounter and its gain, and what pages say of it."""
+"""A sampled loop that runs encounters with any gain, and the report sections that describe it."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ from .result import FOLLOW, HORIZON, SimulationResult, check_loop, result_of, ru
 from .robot import ContactModel, IdealPlant, PlantModel
 from .stability import GainLimit, gain_limit, passage
 
-_OWN: Final = ("mass", "damping", "stiffness")
-_ROUNDS: Final = 100  # toward the strongest drag that is stable with its own motion
-_ALIKE: Final = 1e-6  # of it
+_ADMITTANCE: Final = ("mass", "damping", "stiffness")
+_ROUNDS: Final = 100  # iterations toward the strongest drag that is stable for its own motion
+_TOLERANCE: Final = 1e-6  # relative change of the drag at which this iteration ends
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
-    """A sampled loop, all but the encounter and the gain: sensor chain, law, robot and contact.
+    """A sampled loop without its encounter and gain: sensor chain, law, robot and contact.
 
-    Called with a scenario, a sensor and gains it solves encounters as `find_contact` does, so that `design_gain` and
-    `design_robust_gain` take it as their `evaluate`. With the law and the chain of the example of `simulate`,
-    `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` is what `simulate` returns.
+    Called with a scenario, a sensor and gains, it solves encounters like `find_contact`. So `design_gain` and
+    `design_robust_gain` accept it as `evaluate`. With the law and the chain of the example of `simulate`,
+    `ClosedLoop(law=law, chain=chain).run(scenario, sensor, -0.7)` returns the same as `simulate`.
 
     Args:
-        law: the controller; its gain is replaced by whichever is tried: of another law than the damper its one number.
-        chain: what lies between xi and the law's readings.
+        law: the controller; each tried gain replaces its gain (for a law other than the damper, its parameter).
+        chain: the sensor chain between xi and the law's readings.
         plant: the robot; ideal by default.
         contact: the contact force, for a plant with a mass.
-        seed: of the noise; every gain is tried with the same random numbers.
-        first_run: which run's noise the first encounter meets; the others meet those that follow.
-        horizon: how long to wait for contact [s].
-        follow: how long to go on after the first contact [s].
+        seed: seed of the noise; every gain is tried with the same random numbers.
+        first_run: index of the run whose noise the first encounter has; the next encounters have those that follow.
+        horizon: longest time to wait for contact [s].
+        follow: time to continue after the first contact [s].
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
@@ -74,7 +74,7 @@ class ClosedLoop:
         array([-0.082, -0.069])
     """
 
-    law: TunableLaw = field(metadata={"takes": SampledLaw})  # for one run no other value of its number is needed
+    law: TunableLaw = field(metadata={"takes": SampledLaw})  # a single run does not need another gain
     chain: SensorChain
     plant: PlantModel = field(default_factory=IdealPlant)
     contact: ContactModel | None = None
@@ -90,22 +90,22 @@ class ClosedLoop:
     def __call__(self, scenario: Scenario, sensor: SensorModel, gain: ArrayLike) -> ContactResult:
         """Run encounters until contact.
 
-        The i-th encounter of the scenario meets the noise of run `first_run` + i, the same with every gain.
+        The i-th encounter of the scenario has the noise of run `first_run` + i, the same with every gain.
 
         Args:
-            scenario: the encounter, or an array of them; any other admittance than that of the law is refused.
+            scenario: the encounter, or an array of them; an admittance other than that of the law is refused.
             sensor: the sensor curve.
             gain: D_p [N s], broadcast with the scenario.
 
         Returns:
-            The state at the first contact, or in which each run ended. Largest values are those until then, the
-            acceleration is the mean over a step. There are no gradients and no impulse balance: the loop does not know
-            its law.
+            The state at the first contact, or at the end of a run without contact. Largest values are those until then;
+            the acceleration is the mean over a step. There are no gradients and no impulse balance, because the loop
+            does not know the equations of its law.
         """
         return self._until_contact(scenario, (sensor,), gain)
 
     def with_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> ContactResult:
-        """Run encounters until contact, those along the last axis with n curves of their own; see `__call__`."""
+        """Run encounters until contact, with a different curve for each along the last axis; see `__call__`."""
         return self._until_contact(scenario, tuple(sensors), gain, each=True)
 
     def _until_contact(
@@ -117,21 +117,21 @@ class ClosedLoop:
         columns = {name: out[:, i].reshape(loop.shape) for i, name in enumerate(RESULT_COLUMNS)}
         columns["gain"] = np.array(np.broadcast_to(np.asarray(gain, dtype=np.float64), loop.shape))
         columns["status"] = columns["status"].astype(np.int64)
-        # a body with a mass presses into the other: that comes after the contact
+        # the bodies press into each other only after contact
         reached = columns["status"] == ContactStatus.CONTACT
         columns["closest_distance"] = np.where(reached, 0.0, columns["closest_distance"])
-        for name in ("settling_distance", "impulse_residual"):  # a loop that does not know its law knows neither
+        for name in ("settling_distance", "impulse_residual"):  # both need the equations of the law
             columns[name] = np.full(loop.shape, np.nan)
         return ContactResult(KnownColumns(columns), "loop")
 
     @property
     def continuous(self) -> ContinuousLaw | None:
-        """The law in continuous time that its controller samples; None where that tells none."""
+        """The law in continuous time that its controller samples; None if the controller has none."""
         own = getattr(getattr(self.law, "law", self.law), "continuous", None)
         return None if own is None else continuous_law(own)
 
     def after(self, runs: int) -> ClosedLoop:
-        """Return the same loop, whose first encounter meets the noise of so many runs later."""
+        """Return the same loop with the noise of its first encounter shifted by a number of runs."""
         return replace(self, first_run=self.first_run + runs)
 
     def run(
@@ -142,69 +142,72 @@ class ClosedLoop:
         Args:
             scenario: the encounter, or an array of them.
             sensor: the sensor curve.
-            gain: D_p [N s], broadcast with the scenario; every gain meets the same noise.
-            runs: repeat every encounter so often, each with noise of its own: a first axis of the results.
+            gain: D_p [N s], broadcast with the scenario; every gain has the same noise.
+            runs: number of repetitions of every encounter with independent noise, the first axis of the results.
 
         Returns:
-            What `simulate` returns.
+            The result, as from `simulate`.
         """
         return result_of(self.encounters(scenario, (sensor,), gain, runs))
 
     def run_each(self, scenario: Scenario, sensors: Sequence[SensorModel], gain: ArrayLike) -> SimulationResult:
-        """Run encounters, those along the last axis with n curves of their own; see `run`."""
+        """Run encounters, with a different curve for each along the last axis; see `run`."""
         return result_of(self.encounters(scenario, tuple(sensors), gain, None, each=True))
 
     def stability_limit(self, scenario: Scenario, sensor: SensorModel, value: float | None = None) -> GainLimit:
-        """Find the strongest number of the law that is stable from the start of an encounter to its contact.
+        """Find the strongest gain of the law that is stable from the start of an encounter to its contact.
 
         Args:
             scenario: the encounter.
             sensor: the sensor curve.
-            value: where the damping of the law follows the speed, as that of a drag, the number with whose predicted
-                motion the object comes; by default that of the loop's law. A number up to the limit that its own motion
-                has is stable; a weaker one comes faster, so that its motion has a smaller limit.
+            value: for a law whose damping depends on the speed, such as a drag, the gain whose predicted motion is
+                assumed; by default that of the loop's law. A gain up to the limit for its own motion is stable. With a
+                weaker gain the object approaches faster, so the limit is smaller.
 
         Returns:
-            The limit; some milliseconds of work.
+            The limit; takes some milliseconds.
 
         Raises:
-            InvalidInputError: nothing is known of the timing of the law, or of its damping.
+            InvalidInputError: the timing or the damping of the law is unknown.
         """
         law: Any = self.law
         if not isinstance(law, Controller):
             raise InvalidInputError(
-                f"stability: found a law ({type(law).__name__}) that is no Controller, whose timing is not known"
+                f"stability: found a law of the class {type(law).__name__}, expected a Controller, whose timing is "
+                "known"
             )
-        known, number = continuous_law(law.law), law.law.value if value is None else value
-        distance, velocity = passage(known, scenario, sensor, number, float(scenario.distance))
+        continuous, assumed = continuous_law(law.law), law.law.value if value is None else value
+        distance, velocity = passage(continuous, scenario, sensor, assumed, float(scenario.distance))
         return gain_limit(
             sensor,
             scenario.admittance,
             timing_of(self.chain, law),
             distance=distance,
             plant=self.plant,
-            law=known,
+            law=continuous,
             relative_velocity=velocity,
         )
 
     def stable_bounds(
         self, bounds: tuple[float, float], scenario: Scenario, sensor: SensorModel, margin: float
     ) -> tuple[float, float]:
-        """Cut bounds of the number so that it can grow by a factor until the loop is unstable; refuse none left."""
+        """Restrict bounds of the gain to keep a gain margin to instability; refuse bounds without such a gain."""
         strongest = 0.0
-        for _ in range(_ROUNDS):  # an object comes slower with a stronger one, which allows more: each found is stable
+        for _ in range(
+            _ROUNDS
+        ):  # with a stronger drag the approach is slower, which allows a stronger drag: each of them is stable
             limit = self.stability_limit(scenario, sensor, strongest)
-            n, found = limit.law.number, limit.strongest / margin
-            stronger = abs(strongest) * (1 + _ALIKE) < abs(found)
-            strongest = found if stronger else strongest
-            if not stronger or limit.law.degree == 1:  # whose limit follows no motion
+            n, allowed = limit.law.number, limit.strongest / margin
+            stronger = abs(strongest) * (1 + _TOLERANCE) < abs(allowed)
+            strongest = allowed if stronger else strongest
+            if not stronger or limit.law.degree == 1:  # its limit does not depend on the motion
                 break
         low, high = max(bounds[0], -abs(strongest)), min(bounds[1], abs(strongest))
         if not low < high:
             raise InvalidInputError(
                 f"stability_margin: found {margin:g}, which allows {n.name}s up to {strongest:.4g} {n.unit}, but "
-                f"[gain] has bounds from {bounds[0]:g} to {bounds[1]:g} {n.unit}, expected a smaller margin, "
-                f"weaker {n.name}s, a faster sensor or a larger virtual mass"
+                f"[gain] has bounds from {bounds[0]:g} to {bounds[1]:g} {n.unit}; choose a smaller margin, weaker "
+                f"{n.name}s, a faster sensor or a larger virtual mass"
             )
         return low, high
 
@@ -217,29 +220,31 @@ class ClosedLoop:
         *,
         each: bool = False,
     ) -> Loop:
-        """Put encounters together, of one sensor or one for each along the last axis; no gain: that of the law."""
+        """Build the loop of encounters, with one sensor or one for each along the last axis; None: the law's gain."""
         law = self.continuous
         gains = np.asarray(0.0 if gain is None else finite(gain, "gain", "" if law is None else law.number.unit))
         try:
             several = np.broadcast_shapes(scenario.shape, (len(sensors),)) if each else scenario.shape
             shape = np.broadcast_shapes(several, gains.shape)
         except ValueError:
-            alike = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
-            raise InvalidInputError(f"gain: shape {gains.shape} does not broadcast with {alike}") from None
+            shapes = f"{scenario.shape} and {len(sensors)} sensors" if each else f"{scenario.shape}"
+            raise InvalidInputError(
+                f"gain: found shape {gains.shape}, which does not broadcast with {shapes}"
+            ) from None
         first = () if runs is None else (runs_of(runs),)
-        apart = (1,) * (len(shape) - len(several))  # between the axis of the runs and those of the scenario
-        noise = np.arange(math.prod((*first, *several))).reshape((*first, *apart, *several))
+        between = (1,) * (len(shape) - len(several))  # between the axis of the runs and those of the scenario
+        noise = np.arange(math.prod((*first, *several))).reshape((*first, *between, *several))
         shape = (*first, *shape)
-        every = np.zeros(shape, dtype=np.int64)
+        zeros = np.zeros(shape, dtype=np.int64)
         laws, law_of = self._laws(gains) if gain is not None else ((self.law,), 0)
         return check_loop(
             Loop(
                 scenario=scenario,
                 sensors=sensors,
-                sensor_of=every + (np.arange(len(sensors)) if each else 0),
+                sensor_of=zeros + (np.arange(len(sensors)) if each else 0),
                 laws=laws,
-                law_of=every + law_of,
-                noise_of=every + noise + self.first_run,
+                law_of=zeros + law_of,
+                noise_of=zeros + noise + self.first_run,
                 chain=self.chain,
                 plant=self.plant,
                 contact=self.contact,
@@ -251,24 +256,24 @@ class ClosedLoop:
         )
 
     def _laws(self, gains: FloatArray) -> tuple[tuple[SampledLaw, ...], IntArray]:
-        """Return a law for every gain that there is, and which of them each has."""
-        every, law_of = np.unique(gains, return_inverse=True)
-        return tuple(self.law.with_value(float(g)) for g in every), law_of.reshape(gains.shape)
+        """Return a law for every distinct gain, and the index of the law of each gain."""
+        distinct, law_of = np.unique(gains, return_inverse=True)
+        return tuple(self.law.with_value(float(g)) for g in distinct), law_of.reshape(gains.shape)
 
     def _check_admittance(self, scenario: Scenario) -> None:
-        """Refuse an encounter that speaks of another admittance than the law has, as far as the law tells its own."""
-        own = getattr(self.law, "admittance", None)
-        for name in _OWN:
-            asked, has = getattr(scenario.admittance, name), getattr(own, name, None)
-            if np.ndim(asked):
+        """Refuse an encounter whose admittance differs from that of the law, if the law has one."""
+        admittance = getattr(self.law, "admittance", None)
+        for name in _ADMITTANCE:
+            in_scenario, in_law = getattr(scenario.admittance, name), getattr(admittance, name, None)
+            if np.ndim(in_scenario):
                 raise InvalidInputError(
-                    f"admittance.{name}: found an array, but a loop has the admittance of its law, the same in all "
-                    "encounters"
+                    f"admittance.{name}: found an array, but a loop has the admittance of its law; expected the same "
+                    "number in all encounters"
                 )
-            if has is not None and not math.isclose(asked, has, rel_tol=1e-9):
+            if in_law is not None and not math.isclose(in_scenario, in_law, rel_tol=1e-9):
                 raise InvalidInputError(
-                    f"admittance.{name}: found {asked:g} in the scenario and {has:g} in the law of the loop, expected "
-                    "the same in both"
+                    f"admittance.{name}: found {in_scenario:g} in the scenario and {in_law:g} in the law of the loop, "
+                    "expected the same in both"
                 )
 
 
@@ -276,7 +281,7 @@ Row = tuple[str, Cell]
 
 
 def loop_section(loop: ClosedLoop, *first: Row) -> Chapter:
-    """Return the section of a page that says what a loop is made of, after rows of the page's own."""
+    """Return the section of a page that describes a loop; `first` are rows that precede it."""
     parts = (
         ("Sensor chain", loop.chain.rows()),
         ("Controller", law_rows(loop.law)),
@@ -288,8 +293,8 @@ def loop_section(loop: ClosedLoop, *first: Row) -> Chapter:
 
 
 def loop_sentences(loop: ClosedLoop) -> Iterator[str]:
-    """Yield what a loop is made of in a sentence for each part, in plain text."""
-    yield f"Sensor: {_joined(loop.chain.rows())}; noise is normal, and independent from reading to reading."
+    """Yield a sentence in plain text for each part of a loop."""
+    yield f"Sensor: {_joined(loop.chain.rows())}; noise is normal and independent between readings."
     yield f"Controller: {_joined(law_rows(loop.law))}."
     follow = () if loop.contact is None else (("followed for", Measured(loop.follow, "s")),)
     for rows in (loop.plant.rows(), (*contact_rows(loop.contact), *follow)):
@@ -302,7 +307,7 @@ def _joined(rows: Iterable[Row]) -> str:
 
 
 def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
-    """Yield how runs of a loop are drawn and how long they last."""
+    """Yield the rows on the noise and the duration of runs."""
     yield "seed of the noise", str(loop.seed)
     yield "waits for contact", Measured(loop.horizon, "s")
     if loop.contact is not None:
@@ -310,14 +315,14 @@ def loop_rows(loop: ClosedLoop) -> Iterator[Row]:
 
 
 def law_rows(law: SampledLaw) -> Iterable[Row]:
-    """Return the parameters of a controller, its gain left out; of any other law its name and its period."""
+    """Return the parameters of a controller without its gain; for any other law, its name and period."""
     if isinstance(law, Controller):
         return law.rows()
     return ("law", type(law).__name__), ("period", Measured(law.period, "s"))
 
 
 def contact_rows(contact: ContactModel | None) -> Iterator[Row]:
-    """Yield the parameters of a contact force, where the loop has one."""
+    """Yield the parameters of a contact force, or a row that there is none."""
     if contact is None:
         yield "contact", "no contact force: a run ends at the touch"
     else:

@@ -1,13 +1,13 @@
-"""The loop at one distance, linear and exactly discretized, and where it leaves stability.
+"""The sampled loop, linearized at one distance and discretized exactly, and the damping at which it becomes unstable.
 
-Near a distance l, ln xi changes by g dx, and the force of two readings is -(d / h) (y_k - y_k-1) with d = D_p g the
-damping that the virtual force amounts to and h the time for which it acts. All else is linear and time-invariant, so
-that what one force does to all later readings follows from matrix exponentials: no step is approximated.
+Near a distance l, ln xi changes by g dx. The force of two readings is -(d / h) (y_k - y_k-1), where d = D_p g is the
+equivalent damping of the virtual force and h the time for which it acts. All other parts are linear and time-invariant,
+so matrix exponentials give the effect of one force on all later readings: no step is approximated.
 
-The eigenvalues of the closed loop solve 1 + d P(z) = 0. At d = 0 they are those of the plant's own motion, of the
-filter and of the delay. One that lies on the circle there, an undamped oscillation, moves in or out as soon as d > 0.
-Any other can reach the circle only where P(exp(i omega T)) is real and negative, with d = -1 / P; its modulus then
-changes with d as P^2 Im(dP/domega) / |dP/domega|^2, so that it leaves where the imaginary part of P rises.
+The eigenvalues of the closed loop solve 1 + d P(z) = 0. At d = 0 they are those of the plant, of the filter and of the
+delay. An eigenvalue on the unit circle at d = 0, an undamped oscillation, moves in or out as soon as d > 0. Any other
+eigenvalue can reach the circle only at an omega for which P(exp(i omega T)) is real and negative, with d = -1 / P. Its
+modulus then changes with d as P^2 Im(dP/domega) / |dP/domega|^2, so it leaves if the imaginary part of P rises.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ from .chain import LoopTiming
 
 _Complex: TypeAlias = NDArray[np.complex128]
 _Plant: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]  # x' = A x + B F, read as C x
-_TERMS: Final = 18  # of an exponential: the next is 1/19! of it, below rounding
+_TERMS: Final = 18  # terms of an exponential series: the next term is 1/19! of the sum, below rounding
 _ROUNDING: Final = 4 * 2.0**-52
-_LOWEST: Final = 1e-6  # of omega T, without a delay: a crossover below is none within 10^6 periods
-_TURN: Final = 0.2  # rad between two neighbors: a phase that turns less cannot cross unseen
-_POINTS: Final = 20_000
-_SILENT: Final = 1e-12  # of the largest response: below, as where a low-pass has its zeros, the phase is rounding
-_UNDAMPED: Final = 1e-12  # of the fastest mode of the plant: what its eigenvalues are off by rounding
-_BESIDE: Final = 1e-7  # of the angle of an undamped mode, around which P is beyond all bounds
-_NUDGE: Final = 1e-6  # of an eigenvalue: its second order is 1e-12, above rounding
-_FLAT: Final = 1e-9  # of P: an imaginary part below is rounding
+_LOWEST: Final = 1e-6  # lowest omega T without a delay: slower instabilities take more than 10^6 periods
+_TURN: Final = 0.2  # rad between two neighbors: with less change of phase, no crossover is missed
+_POINTS: Final = 20_000  # largest number of angles
+_SILENT: Final = 1e-12  # of the largest response: below, near zeros of a low-pass, the phase is only rounding error
+_UNDAMPED: Final = 1e-12  # of the fastest mode of the plant: rounding error of its eigenvalues
+_NEAR: Final = 1e-7  # relative angle around an undamped mode that is excluded, because P is unbounded there
+_NUDGE: Final = 1e-6  # relative change of an eigenvalue: its second order, 1e-12, is above rounding
+_FLAT: Final = 1e-9  # of P: a smaller imaginary part is rounding error
 _DENSE: Final = 300  # periods of delay up to which all eigenvalues are computed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearLoop:
-    """The linear loop, opened at the damping d, from the start of one exposure to that of the next.
+    """The linear open loop, cut at the damping d, over the period from one start of an exposure to the next.
 
     Args:
-        timing: when it samples and acts.
-        transition: what a period makes of the state of the plant, shape (n, n).
-        reading: what an exposure reads of the state at its start [m], shape (n,).
-        lag: periods for which no force does anything, so that a long delay costs no more than a short one.
-        pushes: what the unit force of the reading lag + i periods ago adds to the state within a period, shape (m, n).
-        feedthrough: what it adds to the reading itself [m/N], shape (m,).
-        modes: eigenvalues of the plant times the period, by which its own motions grow, shape (n,).
+        timing: the timing of the loop.
+        transition: state transition matrix of the plant over a period, shape (n, n).
+        reading: output vector: averaged reading of an exposure from the state at its start [m], shape (n,).
+        lag: number of periods before a force has any effect, so that a long delay needs no more memory.
+        pushes: effect on the state within a period of the unit force of the reading lag + i periods ago, shape (m, n).
+        feedthrough: effect of this force on the reading itself [m/N], shape (m,).
+        modes: eigenvalues of the plant times the period, shape (n,).
     """
 
     timing: LoopTiming
@@ -63,9 +63,10 @@ class LinearLoop:
     modes: _Complex
 
     def response(self, angle: _Complex | FloatArray) -> _Complex:
-        """Return P(exp(i omega T)) [m/(N s)], from the damping's force to what it reads, at angles omega T, shape (k,).
+        """Return P(exp(i omega T)) [m/(N s)], the open-loop response from force to difference quotient of readings.
 
-        They are real in (0, pi] on the unit circle, complex beside it. Where 1 + d P(z) = 0, z is an eigenvalue.
+        The angles omega T, shape (k,), are real in (0, pi] on the unit circle and complex elsewhere. If
+        1 + d P(z) = 0, z is an eigenvalue of the closed loop.
         """
         z = np.exp(1j * np.asarray(angle))
         delays = np.exp(-1j * np.asarray(angle)[:, None] * (self.lag + np.arange(len(self.feedthrough))))
@@ -79,9 +80,9 @@ class LinearLoop:
         return np.asarray(difference * out / self.timing.holding, dtype=np.complex128)
 
     def closed(self, damping: float) -> FloatArray:
-        """Return the matrix by which a period changes the closed loop's state at the damping d [N s/m].
+        """Return the state transition matrix of the closed loop over a period at the damping d [N s/m].
 
-        The state is that of the plant, the forces that still act, the last filtered reading and the filter's states.
+        The state consists of the plant's state, the forces that still act, the last filtered reading and filter states.
         """
         n, later = len(self.reading), np.zeros((self.lag, len(self.reading) + 1))
         effects = np.vstack([later, np.column_stack([self.pushes, self.feedthrough])])
@@ -90,7 +91,7 @@ class LinearLoop:
 
     @property
     def remembered(self) -> int:
-        """How many periods the force of a reading acts after it at most."""
+        """The largest number of periods after a reading for which its force has an effect."""
         return self.lag + len(self.feedthrough)
 
     def _advance(self, state: FloatArray, damping: float, pushes: FloatArray, feedthrough: FloatArray) -> FloatArray:
@@ -108,7 +109,7 @@ class LinearLoop:
 
 
 def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing: LoopTiming) -> LinearLoop:
-    """Discretize a plant exactly, open at the damping: x' = A x + B F, read as C x, for B and C of shape (n,)."""
+    """Discretize the open loop of a plant exactly: x' = A x + B F, output C x, with B and C of shape (n,)."""
     n, exposure, period = len(push), timing.exposure, timing.period
     block = np.zeros((n + 2, n + 2))  # the state, the integral of the reading, a constant force
     block[:n, :n], block[n, :n], block[:n, n + 1] = system, output, push
@@ -116,15 +117,15 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
     count = max(int(np.ceil((start + timing.holding) / period - 1e-12)), 1)
     lag = max(math.floor((start - exposure) / period - 1e-9), 0)
     ends = np.arange(lag, count + 1) * period
-    # a pulse is a force from its start on less one from its end on, each felt before and after an exposure
+    # a pulse is a step at its start minus a step at its end; both act before and after an exposure
     since = np.array([ends, ends + exposure])[:, :, None] - np.array([start, start + timing.holding])
-    made = _exponentials(block * np.array([period, exposure, *np.maximum(since, 0.0).ravel()])[:, None, None])
-    felt = made[2:, : n + 1, n + 1].reshape(*since.shape, n + 1)
-    before, after = felt[:, :, 0] - felt[:, :, 1]
-    states, transition = before[:, :n], made[0, :n, :n]
+    exponentials = _exponentials(block * np.array([period, exposure, *np.maximum(since, 0.0).ravel()])[:, None, None])
+    responses = exponentials[2:, : n + 1, n + 1].reshape(*since.shape, n + 1)
+    before, after = responses[:, :, 0] - responses[:, :, 1]
+    states, transition = before[:, :n], exponentials[0, :n, :n]
     if exposure > 0:
-        reading = made[1, n, :n] / exposure
-        # the integral of a pulse that has ended still grows with the state: it is taken over the exposure alone
+        reading = exponentials[1, n, :n] / exposure
+        # after its end, the integral of a pulse still grows with the state, so it is taken over the exposure only
         feedthrough = (after[:, n] - before[:, n]) / exposure - states @ reading
     else:
         reading, feedthrough = output.copy(), np.zeros(len(ends))
@@ -142,20 +143,20 @@ def linear_loop(system: FloatArray, push: FloatArray, output: FloatArray, timing
 
 
 def _exponentials(matrices: FloatArray) -> FloatArray:
-    """Return the exponentials of matrices, shape (k, n, n): Taylor's series for norms up to 1, then squared.
+    """Return the exponentials of matrices, shape (k, n, n), by scaling and squaring of a Taylor series.
 
-    It is exp A - 1 that is squared, so that what is small stays exact. SciPy's takes longer, and longer still to load.
+    exp(A) - 1 is squared, so that small entries stay accurate. SciPy's function takes longer, also to load.
     """
     norm = np.abs(matrices).sum(axis=1).max(axis=1)
     halvings = np.ceil(np.log2(np.maximum(norm, 1.0))).astype(int)
     small = matrices / 2.0 ** halvings[:, None, None]
-    unit, found = np.eye(matrices.shape[1]), small
+    unit, sums = np.eye(matrices.shape[1]), small
     for k in range(_TERMS, 1, -1):
-        found = small @ (unit + found / k)
+        sums = small @ (unit + sums / k)
     for i in range(halvings.max()):
-        left = halvings > i
-        found[left] = 2 * found[left] + found[left] @ found[left]
-    return np.asarray(found + unit)
+        remaining = halvings > i
+        sums[remaining] = 2 * sums[remaining] + sums[remaining] @ sums[remaining]
+    return np.asarray(sums + unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,8 +165,8 @@ class Crossover:
 
     Args:
         angle: omega T of the oscillation.
-        damping: d there [N s/m]; 0 where the loop is unstable with any damping, however weak.
-        growth: ln |z| of an eigenvalue that is outside right after a damping of 0; NaN for any other.
+        damping: the damping d at the crossover [N s/m]; 0 if the loop is unstable with any damping, however weak.
+        growth: ln |z| of an eigenvalue that leaves the circle at d = 0; NaN otherwise.
     """
 
     angle: float
@@ -174,31 +175,31 @@ class Crossover:
 
 
 def first_crossover(loop: LinearLoop) -> Crossover | None:
-    """Find the smallest damping with which the loop is no longer stable; None where none makes it unstable."""
+    """Find the smallest damping that makes the loop unstable; None if there is none."""
     fastest = float(np.abs(loop.modes).max())
     for mode in loop.modes[loop.modes.real > _UNDAMPED * fastest]:
-        return Crossover(angle=_folded(mode), damping=0.0, growth=float(mode.real))
+        return Crossover(angle=_aliased_angle(mode), damping=0.0, growth=float(mode.real))
     undamped = loop.modes[(np.abs(loop.modes.real) <= _UNDAMPED * fastest) & (loop.modes.imag > 0)]
-    poles = sorted({_folded(mode) for mode in undamped} - {0.0})
+    poles = sorted({_aliased_angle(mode) for mode in undamped} - {0.0})
     for pole in poles:
-        growth = _departure(loop, pole)
+        growth = _growth_of_mode(loop, pole)
         if growth > 0:
             return Crossover(angle=pole, damping=0.0, growth=growth)
-    angle, response = _resolved(loop, poles)
-    found = _departures(loop, angle, response, poles)
-    values = loop.response(np.array(found)).real
-    pairs = [(-1 / float(v), w) for w, v in zip(found, values, strict=True) if v < 0]
+    angle, response = _sample_response(loop, poles)
+    angles = _crossover_angles(loop, angle, response, poles)
+    values = loop.response(np.array(angles)).real
+    pairs = [(-1 / float(v), w) for w, v in zip(angles, values, strict=True) if v < 0]
     return Crossover(damping=min(pairs)[0], angle=min(pairs)[1]) if pairs else None
 
 
 def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Crossover | None]:
-    """Return the loop with the delay of a range that allows the least damping, and its first crossover."""
-    # nearly always the longest; beside a mode that is hardly damped the limit has minima over the delay
+    """Return the loop with the worst delay of the range, which allows the least damping, and its first crossover."""
+    # The worst delay is nearly always the longest. Near a weakly damped mode, the limit has minima over the delay.
     tried: dict[float, tuple[LinearLoop, Crossover | None]] = {}
 
     def limit(part: float) -> float:
-        one = replace(timing, delay=timing.delay - part * timing.delay_range, delay_range=0.0)
-        loop = linear_loop(*system, one)
+        shortened = replace(timing, delay=timing.delay - part * timing.delay_range, delay_range=0.0)
+        loop = linear_loop(*system, shortened)
         tried[part] = loop, first_crossover(loop)
         return _damping(tried[part])
 
@@ -212,31 +213,31 @@ def worst_crossover(system: _Plant, timing: LoopTiming) -> tuple[LinearLoop, Cro
     return min(tried.values(), key=_damping)
 
 
-def _damping(found: tuple[LinearLoop, Crossover | None]) -> float:
-    return math.inf if found[1] is None else found[1].damping
+def _damping(candidate: tuple[LinearLoop, Crossover | None]) -> float:
+    return math.inf if candidate[1] is None else candidate[1].damping
 
 
-def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, beside: float) -> float:
-    """Return the largest modulus of the eigenvalues at a damping d [N s/m], without that of a position that is free.
+def spectral_radius(loop: LinearLoop, damping: float, *, free: bool, near: float) -> float:
+    """Return the spectral radius at a damping d [N s/m], without the eigenvalue 1 of a `free` position.
 
-    Where forces act beyond 300 periods after their readings the matrix is too large: then it is the modulus of the one
-    eigenvalue beside the crossover at the angle that is given, NaN without one.
+    If forces act for more than 300 periods after their readings, the matrix is too large. Then it is the modulus of the
+    eigenvalue near the crossover at the angle `near`, or NaN without a crossover.
     """
     if loop.remembered > _DENSE:
-        return math.nan if math.isnan(beside) else _moved(loop, beside, damping)
+        return math.nan if math.isnan(near) else _modulus_near(loop, near, damping)
     values = np.linalg.eigvals(loop.closed(damping))
     if free:
         values = np.delete(values, np.argmin(np.abs(values - 1)))
     return float(np.abs(values).max())
 
 
-def _folded(mode: complex) -> float:
-    """Return the angle in [0, pi] at which readings see a mode."""
+def _aliased_angle(mode: complex) -> float:
+    """Return the angle in [0, pi] at which a mode appears in the readings (aliasing)."""
     return abs(math.remainder(mode.imag, 2 * math.pi))
 
 
-def _departure(loop: LinearLoop, pole: float) -> float:
-    """Return ln |z| of the eigenvalue that leaves an undamped mode z_0 of the plant, for a damping that moves it 1e-6.
+def _growth_of_mode(loop: LinearLoop, pole: float) -> float:
+    """Return ln |z| of the eigenvalue that starts at an undamped mode z_0, for a damping that moves it by 1e-6.
 
     With z = z_0 exp(i e) and Q(e) = (exp(i e) - 1) P(z), which is finite at z_0, 1 + d P = 0 is exp(i e) = 1 - d Q(e).
     """
@@ -244,56 +245,66 @@ def _departure(loop: LinearLoop, pole: float) -> float:
     def weight(e: complex) -> complex:
         return complex((cmath.exp(1j * e) - 1) * loop.response(np.array([pole + e]))[0])
 
-    nudge = _NUDGE * min(pole, math.pi - pole or math.pi)  # small beside the way to the conjugate mode
+    nudge = _NUDGE * min(pole, math.pi - pole or math.pi)  # small compared with the distance to the conjugate mode
     first = weight(nudge)
-    if abs(first) < 0.5 * abs(weight(100 * nudge)):  # it falls with e: no pole, but a mode that no reading sees
+    if abs(first) < 0.5 * abs(weight(100 * nudge)):  # the weight falls with e: not a pole, but an unobservable mode
         return 0.0
     e, damping = complex(nudge), nudge / abs(first)
-    for _ in range(3):  # each gains six digits
+    for _ in range(3):  # each iteration gains six digits
         e = -1j * cmath.log(1 - damping * weight(e))
     return -e.imag
 
 
-def _moved(loop: LinearLoop, angle: float, damping: float) -> float:
-    """Return the modulus of the eigenvalue beside exp(i angle), for a damping beside that of its crossover: Newton."""
+def _modulus_near(loop: LinearLoop, angle: float, damping: float) -> float:
+    """Return the modulus of the eigenvalue near exp(i angle), for a damping near its crossover, by Newton's method."""
     at, step = complex(angle), 1e-6 * angle
-    with np.errstate(all="ignore"):  # where two eigenvalues meet, Newton's steps go anywhere
+    with np.errstate(all="ignore"):  # where two eigenvalues meet, Newton's method may diverge
         for _ in range(5):
             before, here, after = loop.response(np.array([at - step, at, at + step]))
             at -= complex((here + 1 / damping) * 2 * step / (after - before))
         return float(np.exp(-at.imag))
 
 
-def _departures(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
-    """Return the angles at which the imaginary part of P rises through 0, those of the smallest dampings at least."""
-    rising = _changes(response) & np.signbit(response.imag[:-1]) & ~_holds_any(angle, poles) & _heard(response)
-    # at pi P is real, and with a double eigenvalue it is flat there: the sign is that of the last angle with any
+def _crossover_angles(loop: LinearLoop, angle: FloatArray, response: _Complex, poles: list[float]) -> list[float]:
+    """Return the angles at which the imaginary part of P rises through 0, at least those of the smallest dampings."""
+    rising = (
+        _sign_changes(response)
+        & np.signbit(response.imag[:-1])
+        & ~_contains_pole(angle, poles)
+        & _is_relevant(response)
+    )
+    # at pi, P is real, and flat for a double eigenvalue: use the sign of the last angle with a clear sign
     certain = response.imag[np.abs(response.imag) > _FLAT * np.abs(response)]
-    found = [math.pi] if math.pi not in poles and (not len(certain) or certain[-1] < 0) else []
+    angles = [math.pi] if math.pi not in poles and (not len(certain) or certain[-1] < 0) else []
     for i in np.flatnonzero(rising & (angle[1:] < math.pi)):
-        # the signs at both ends are those of the scan: computed one by one they may differ by rounding
+        # use the values of the scan at both ends: computed one by one, their signs may differ by rounding
         below, above = ((float(angle[j]), float(response[j].imag)) for j in (i, i + 1))
-        found.append(
+        angles.append(
             zero_between(lambda w: float(loop.response(np.array([w]))[0].imag), below, above, 1e-14 * below[0])
         )
-    return found
+    return angles
 
 
-def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
-    """Return angles from nearly 0 to pi between which the phase of P turns little, and P there.
+def _sample_response(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Complex]:
+    """Return angles from nearly 0 to pi between which the phase of P changes little, and P at these angles.
 
-    Where P is too small for the smallest damping there is nothing to resolve.
+    Angles at which P is too small for the smallest damping are not refined.
     """
     lowest = _LOWEST / (1 + loop.remembered)
-    angle = np.unique([*np.geomspace(lowest, math.pi, 400), *np.linspace(0, math.pi, 400)[1:], math.pi * (1 - _BESIDE)])
+    angle = np.unique([*np.geomspace(lowest, math.pi, 400), *np.linspace(0, math.pi, 400)[1:], math.pi * (1 - _NEAR)])
     for pole in poles:
-        beside = [w for w in (pole * (1 - _BESIDE), pole * (1 + _BESIDE)) if w <= math.pi]
-        angle = np.unique([*angle[np.abs(angle - pole) > _BESIDE * pole], *beside])
+        around = [w for w in (pole * (1 - _NEAR), pole * (1 + _NEAR)) if w <= math.pi]
+        angle = np.unique([*angle[np.abs(angle - pole) > _NEAR * pole], *around])
     response = loop.response(angle)
     while len(angle) < _POINTS:
-        with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 where nothing is heard
+        with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 where the response is zero
             turn = np.abs(np.angle(response[1:] / response[:-1]))
-        wide = (turn > _TURN) & (np.diff(angle) > 1e-9 * angle[1:]) & _heard(response) & ~_holds_any(angle, poles)
+        wide = (
+            (turn > _TURN)
+            & (np.diff(angle) > 1e-9 * angle[1:])
+            & _is_relevant(response)
+            & ~_contains_pole(angle, poles)
+        )
         if not wide.any():
             break
         between = (angle[:-1] + angle[1:])[wide] / 2
@@ -303,21 +314,21 @@ def _resolved(loop: LinearLoop, poles: list[float]) -> tuple[FloatArray, _Comple
     return angle, response
 
 
-def _changes(response: _Complex) -> BoolArray:
-    """Tell between which neighbors the imaginary part changes its sign."""
+def _sign_changes(response: _Complex) -> BoolArray:
+    """Return between which neighbors the imaginary part changes its sign."""
     return np.asarray(np.signbit(response.imag[1:]) != np.signbit(response.imag[:-1]))
 
 
-def _heard(response: _Complex) -> BoolArray:
-    """Tell between which neighbors P may be as large as at the crossover of the smallest damping."""
+def _is_relevant(response: _Complex) -> BoolArray:
+    """Return between which neighbors P may be as large as at the crossover of the smallest damping."""
     size = np.abs(response)
-    left = _changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
-    largest = np.minimum(size[1:], size[:-1])[left].max(initial=0.0)
+    crossing = _sign_changes(response) & (response.real[1:] < 0) & (response.real[:-1] < 0)
+    largest = np.minimum(size[1:], size[:-1])[crossing].max(initial=0.0)
     return np.asarray(np.maximum(size[1:], size[:-1]) > max(0.5 * largest, _SILENT * size.max()))
 
 
-def _holds_any(angle: FloatArray, poles: list[float]) -> BoolArray:
-    """Tell between which neighbors an undamped mode lies, across which P changes its sign without a crossover."""
+def _contains_pole(angle: FloatArray, poles: list[float]) -> BoolArray:
+    """Return between which neighbors an undamped mode lies, where P changes its sign without a crossover."""
     held = np.zeros(len(angle) - 1, dtype=bool)
     for pole in poles:
         held |= (angle[:-1] < pole) & (pole <= angle[1:])
@@ -325,12 +336,12 @@ def _holds_any(angle: FloatArray, poles: list[float]) -> BoolArray:
 
 
 def zero_between(
-    function: Callable[[float], float], one: tuple[float, float], other: tuple[float, float], tolerance: float
+    function: Callable[[float], float], first: tuple[float, float], second: tuple[float, float], tolerance: float
 ) -> float:
-    """Find a zero to a tolerance between two places, given with their values of unlike signs; the function may jump."""
-    # by the inverse parabola through three, or halving where that may mislead; SciPy's brentq takes 0.1 s to load:
-    # T. R. Chandrupatla, Advances in Engineering Software 28 (1997) 145
-    (b, at_b), (a, at_a), part = one, other, 0.5
+    """Find a zero between two points with values of opposite signs, to a tolerance; the function may jump."""
+    # Chandrupatla's method: inverse quadratic interpolation, or bisection if it is unreliable (T. R. Chandrupatla,
+    # Advances in Engineering Software 28 (1997) 145). SciPy's brentq would take 0.1 s to load.
+    (b, at_b), (a, at_a), part = first, second, 0.5
     while True:
         x = a + part * (b - a)
         value = function(x)

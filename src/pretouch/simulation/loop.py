@@ -1,4 +1,4 @@
-"""Run encounters of the sampled loop: sensor chain, law at its own rate, plant, contact."""
+"""Simulate encounters in the sampled loop: sensor chain, law at its own rate, plant and contact."""
 
 from __future__ import annotations
 
@@ -29,27 +29,28 @@ def simulate(
     horizon: float = HORIZON,
     follow: float = FOLLOW,
 ) -> SimulationResult:
-    """Run encounters of the sampled loop: L(1) with L(2) as a controller computes them from readings.
+    """Run encounters of the sampled loop: admittance L(1) and virtual force L(2), computed from readings.
 
-    Obstacle, plant and reference start as the scenario says; its admittance is not read, for the law has its own.
-    Contact is the first zero of the distance, within a step, too, where it is a cubic through both ends; a smallest
-    distance that is not told from zero, within 1e-12 of the terms it is the difference of, is a touch.
+    Obstacle, plant and reference start as in the scenario; its admittance is ignored, because the law has its own.
+    Contact is the first zero of the distance. Within a step the distance is a cubic through both ends. A smallest
+    distance that cannot be distinguished from zero (within 1e-12 of the terms it is computed from) is a contact.
 
     Args:
         scenario: the encounter, or an array of them.
-        sensor: the sensor curve, by which xi follows from the distance.
-        law: the controller; the loop does not know which one it is.
-        chain: what lies between xi and the law's readings; without noise and delay, at the law's rate, by default.
-        plant: the robot; ideal by default, which ends a run at contact.
-        contact: the contact force, for a plant with a mass: beside an ideal plant it is refused.
-        runs: repeat every encounter so often, each with noise of its own: a first axis of the results.
-        seed: of the noise. The i-th run of a seed draws the same numbers whatever else is changed: common random
-            numbers.
-        horizon: how long to wait for contact [s].
-        follow: how long to go on after the first contact [s], over rebounds and further contacts.
+        sensor: the sensor curve, which gives xi for each distance.
+        law: the controller, used only through the interface `SampledLaw`.
+        chain: the sensor chain between xi and the law's readings; by default at the law's rate, without noise and
+            delay.
+        plant: the robot; by default ideal, so that a run ends at contact.
+        contact: the contact force, for a plant with a mass; refused for an ideal plant.
+        runs: number of repetitions of every encounter with independent noise, the first axis of the results.
+        seed: seed of the noise. The i-th run of a seed draws the same numbers whatever else is changed (common random
+            numbers).
+        horizon: longest time to wait for contact [s].
+        follow: time to continue after the first contact [s], with rebounds and further contacts.
 
     Returns:
-        How each run ended, its contacts and its largest values; `trace` has the whole course of one of them.
+        How each run ended, its contacts and its largest values; `trace` returns the time series of one run.
 
     Examples:
         >>> from pretouch.control import Conditioning, Controller, VirtualAdmittance, VirtualDamper
@@ -70,6 +71,6 @@ def simulate(
         -0.082
     """
     chain, plant = chain or SensorChain(rate=1 / law.period), plant or IdealPlant()
-    own = cast("TunableLaw", law)  # its gain is what it has
-    loop = ClosedLoop(law=own, chain=chain, plant=plant, contact=contact, seed=seed, horizon=horizon, follow=follow)
+    tunable = cast("TunableLaw", law)  # the law keeps its gain
+    loop = ClosedLoop(law=tunable, chain=chain, plant=plant, contact=contact, seed=seed, horizon=horizon, follow=follow)
     return result_of(loop.encounters(scenario, (sensor,), None, runs))

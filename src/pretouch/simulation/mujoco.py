@@ -1,11 +1,11 @@
-"""The same encounter in MuJoCo: another integrator and another contact around the same law. A witness of `simulate`.
+"""Run an encounter in MuJoCo, to check `simulate` against another integrator and another contact model.
 
-MuJoCo's contact is a soft constraint. With the impedance d and a direct `solref` = (-k', -c') the depth delta gets the
-acceleration a_1 = (1 - d) a_0 - k' delta - c' delta', where a_0 is the one without contact. That is a force of
+MuJoCo's contact is a soft constraint. With the impedance d and a direct `solref` = (-k', -c'), the depth delta has the
+acceleration a_1 = (1 - d) a_0 - k' delta - c' delta', where a_0 is the acceleration without contact. That is a force of
 
     m k' delta + m c' delta' + d m a_0,        never below 0, with m the reduced mass of both bodies.
 
-So k' = k / m and c' = c / m make it a spring with a damper for d -> 0, and d is the smallest that MuJoCo takes.
+So k' = k / m and c' = c / m make it a spring with a damper for d -> 0, and d is the smallest that MuJoCo accepts.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from .result import FOLLOW, HORIZON
 from .robot import ContactModel, PlantModel, SpringDamper
 
 _TIME_STEP: Final = 2e-5
-_COARSEST: Final = 0.2  # of the shortest time scale: what a method of the first order may take at once
-_DRIVEN: Final = 1e9  # times the mass of the robot: an obstacle that does not yield
+_COARSEST: Final = 0.2  # largest step of the first-order method, in shortest time scales
+_DRIVEN: Final = 1e9  # mass of a driven obstacle that does not yield, in masses of the robot
 _IMPEDANCE: Final = 1e-4  # mjMINIMP
 _MODEL: Final = """
 <mujoco>
@@ -54,13 +54,13 @@ _MODEL: Final = """
   </contact>
 </mujoco>
 """
-# Without a tolerance the solver goes on until nothing improves. Its measure is relative to the mean of the masses:
-# beside an obstacle of 1e9 times the robot's, its usual 1e-8 ends it early, with forces that are off by 0.2 %.
+# With tolerance 0 the solver continues until nothing improves. Its tolerance is relative to the mean of the masses:
+# with an obstacle of 1e9 times the robot's mass, the default 1e-8 stops it early, with errors of 0.2 % in the force.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class WitnessTrace(Value):
-    """The course of one encounter in MuJoCo, a row per step of MuJoCo; each array has the shape (n,).
+    """Time series of one encounter in MuJoCo, one element per step of MuJoCo; each array has the shape (n,).
 
     Args:
         time: t [s].
@@ -69,8 +69,8 @@ class WitnessTrace(Value):
         velocity: x' of the robot [m/s].
         obstacle_position: x_o [m].
         obstacle_velocity: x_o' [m/s].
-        drive_force: of the robot's drive, less its friction [N], from this step to the next.
-        contact_force: of MuJoCo's contact [N], from this step to the next.
+        drive_force: force of the robot's drive minus friction [N], from this step to the next.
+        contact_force: force of MuJoCo's contact [N], from this step to the next.
     """
 
     time: FloatArray
@@ -91,16 +91,16 @@ class WitnessResult(Value):
     """What `witness_encounter` returns; the quantities are those of `SimulationResult`.
 
     Args:
-        status: contact, horizon, or unresolved where MuJoCo warned.
-        time: of the first contact [s]; NaN without one, as all that speaks of it.
-        position: x there [m].
-        velocity: x' there [m/s].
-        relative_velocity: l' there [m/s].
+        status: contact, horizon, or unresolved if MuJoCo warned.
+        time: time of the first contact [s]; NaN without a contact, like the next three.
+        position: x at contact [m].
+        velocity: x' at contact [m/s].
+        relative_velocity: l' at contact [m/s].
         peak_force: largest contact force [N].
-        impact_force: largest contact force within the time that an impact without loss and drive would last [N].
-        impulse: of all contact forces [N s].
-        rebound_velocity: l' at the end of the first contact [m/s]; NaN where it lasts.
-        trace: the whole course.
+        impact_force: largest contact force within the duration of an impact without loss and drive [N].
+        impulse: impulse of all contact forces [N s].
+        rebound_velocity: l' at the end of the first contact [m/s]; NaN if it does not end.
+        trace: the time series.
     """
 
     status: ContactStatus
@@ -126,27 +126,28 @@ def witness_encounter(
     horizon: float = HORIZON,
     follow: float = FOLLOW,
 ) -> WitnessResult:
-    """Run one encounter in MuJoCo, with the law in a loop of Python, to compare with `simulate`.
+    """Run one encounter in MuJoCo, with the law called from Python, to compare with `simulate`.
 
-    Two bodies on a slide each, MuJoCo's semi-implicit Euler method, MuJoCo's contact, no gravity, no friction between
-    them. The sensor is ideal: read at each step of the law, without noise and delay. Motion and contact share no code
-    with `simulate`; what differs is of the first order in the time step. Needs the extra `mujoco`.
+    The model has two bodies, each on a slide, without gravity and friction between them. MuJoCo integrates it by its
+    semi-implicit Euler method, with its own contact. The sensor is ideal: it is read at each step of the law, without
+    noise and delay. Motion and contact share no code with `simulate`; differences are of the first order in the time
+    step. Needs the extra `mujoco`.
 
     Args:
         scenario: one encounter.
         sensor: the sensor curve.
         law: the controller.
-        plant: the robot and its drive; one with a mass.
-        contact: a SpringDamper; MuJoCo knows no other that has the same force at every depth.
-        time_step: of MuJoCo [s], a whole part of the law's period.
-        horizon: how long to wait for contact [s].
-        follow: how long to go on after it [s].
+        plant: the robot and its drive, with a mass.
+        contact: a SpringDamper, the only contact model that MuJoCo can represent at every depth.
+        time_step: step of MuJoCo [s], an integer fraction of the law's period.
+        horizon: longest time to wait for contact [s].
+        follow: time to continue after contact [s].
 
     Returns:
-        The first contact, the largest forces, and the whole course.
+        The first contact, the largest forces, and the time series.
 
     Raises:
-        InvalidInputError: no single encounter, a plant without mass, another contact, or a step that is too long.
+        InvalidInputError: an array of encounters, a plant without mass, another contact, or a step that is too long.
     """
     coefficients = plant.coefficients()
     if scenario.shape:
@@ -159,7 +160,7 @@ def witness_encounter(
     parts = round(law.period / step)
     if parts < 1 or abs(law.period / step - parts) > 1e-9 * parts:
         raise InvalidInputError(
-            f"time_step: found {step:g} s, of which no whole number makes the law's period of {law.period:g} s"
+            f"time_step: found {step:g} s, expected an integer fraction of the law's period of {law.period:g} s"
         )
     slides = _Slides(
         scenario=scenario,
@@ -177,7 +178,7 @@ def witness_encounter(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Slides:
-    """One encounter as MuJoCo is to run it: `parts` of its steps make a period of the law."""
+    """One encounter for MuJoCo; `parts` is the number of its steps in a period of the law."""
 
     scenario: Scenario
     law: SampledLaw
@@ -195,7 +196,7 @@ class _Slides:
 
     @property
     def obstacle_mass(self) -> float:
-        """The mass of the body that stands for the obstacle [kg]."""
+        """The mass of the body that represents the obstacle [kg]."""
         return self.contact.obstacle_mass if math.isfinite(self.contact.obstacle_mass) else _DRIVEN * self.drive[0]
 
     @property
@@ -205,7 +206,7 @@ class _Slides:
 
     @property
     def text(self) -> str:
-        """The model as MuJoCo reads it."""
+        """The model in MuJoCo's XML format."""
         spring, damper = self.contact.stiffness / self.reduced_mass, self.contact.damping / self.reduced_mass
         masses = {"mass": self.drive[0], "obstacle_mass": self.obstacle_mass}
         return _MODEL.format(step=self.step, stiffness=spring, damping=damper, impedance=_IMPEDANCE, **masses)
@@ -218,13 +219,13 @@ def _check_step(slides: _Slides) -> None:
     fastest = max(drive, math.sqrt(contact.stiffness / reduced), contact.damping / reduced)
     if slides.step * fastest > _COARSEST:
         raise InvalidInputError(
-            f"time_step: found {slides.step:g} s, which does not resolve the shortest time scale of robot and contact, "
-            f"{1 / fastest:.3g} s; take at most {_COARSEST / fastest:.3g} s"
+            f"time_step: found {slides.step:g} s, too long for the shortest time scale of robot and contact, "
+            f"{1 / fastest:.3g} s; use at most {_COARSEST / fastest:.3g} s"
         )
 
 
 def _reading_of(sensor: SensorModel) -> Callable[[float], float]:
-    """Return xi of a distance: 0 beyond the curve, and that of its start below it and in contact."""
+    """Return a function from distance to xi: 0 beyond the curve, and constant below its start and in contact."""
     low, high = sensor.valid_range
     return lambda distance: 0.0 if distance > high else math.exp(float(sensor.log_output(max(distance, low))))
 
@@ -238,7 +239,7 @@ def _result(rows: FloatArray, warned: bool, slides: _Slides) -> WitnessResult:
     if not touched:
         none = dict.fromkeys(("time", "position", "velocity", "relative_velocity", "rebound_velocity"), math.nan)
         return WitnessResult(status=status, peak_force=0.0, impact_force=0.0, impulse=0.0, trace=trace, **none)
-    after = int(np.argmax(distance <= 0))  # not the first: an encounter starts before contact
+    after = int(np.argmax(distance <= 0))  # at least 1, because an encounter starts before contact
     part = distance[after - 1] / (distance[after - 1] - distance[after])
     time, x, v, speed = (
         float(column[after - 1] + part * (column[after] - column[after - 1]))
@@ -287,7 +288,9 @@ def _run(slides: _Slides) -> tuple[FloatArray, bool]:
                 reference_acceleration=reference.acceleration,
             ),
         )
-        obstacle_rates = np.diff(obstacle.velocity_at(t + step * np.arange(e.parts + 1))) / step  # means over each step
+        obstacle_rates = (
+            np.diff(obstacle.velocity_at(t + step * np.arange(e.parts + 1))) / step
+        )  # mean acceleration over each step
         target = (*virtual, output.position, output.velocity, output.acceleration)
         for i in range(e.parts):
             (x, x_o), (v, v_o) = data.qpos.tolist(), data.qvel.tolist()
@@ -307,7 +310,7 @@ def _run(slides: _Slides) -> tuple[FloatArray, bool]:
 def _drive(
     slides: _Slides, s: float, target: tuple[float, ...], state: tuple[float, float, float]
 ) -> tuple[float, float]:
-    """Return the force on the robot at the part s of a period, and that of its servo; see `PlantModel`."""
+    """Return the force on the robot at the fraction s of a period, and the force of its servo; see `PlantModel`."""
     period, (x, v, lagging) = slides.law.period, state
     _, stiffness, reference_damping, own_damping, ahead, servo, coulomb, friction_speed = slides.drive
     x_0, v_0, x_1, v_1, a_v = target

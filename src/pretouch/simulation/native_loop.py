@@ -1,7 +1,7 @@
-"""The loop in C++ (native/core/loop*.cpp): structures of native/core/pretouch.h, and the encounters that it runs.
+"""Run encounters in the compiled loop (native/core/loop*.cpp): fill its structures and collect its results.
 
-A law that is compiled is called by its address. For a law in Python the loop calls back, which costs some microseconds
-a step; what such a law raises ends its runs and is raised here.
+A compiled law is called by its address. A law in Python is called back, which costs some microseconds per step. An
+exception in such a law ends its runs and is raised again here.
 """
 
 from __future__ import annotations
@@ -51,22 +51,22 @@ TRACE_COLUMNS: Final = (
 )
 
 TOUCHES: Final = 32
-"""How many contacts of one run are told apart."""
+"""The largest number of contacts of one run that are recorded separately."""
 
 CONTACT_NUMBERS: Final = "stiffness", "damping", "exponent", "grows", "inverse_mass"
-"""What a contact is to the loop in C++."""
+"""The coefficients of a contact model in the compiled loop."""
 
 _Step = ctypes.CFUNCTYPE(None, POINTER, POINTER, ctypes.POINTER(RawSample), ctypes.POINTER(RawOutput))
 _INDEX: Final = np.dtype(np.int64)
-_READING: Final = 3  # numbers of a reading on its way
-_AT_ONCE: Final = 16  # encounters, between which an interrupt is heard
-_JITTERS: Final = 16  # deviations by which a start is shifted at most; none of 2^53 draws is beyond 9
-_BEYOND: Final = 4.0  # times the farthest start: from there on a curve without an end is taken to be flat
-_LEAST_STRETCH: Final = 16
+_READING: Final = 3  # numbers of a reading that is not delivered yet
+_AT_ONCE: Final = 16  # encounters per call, after which Ctrl-C is handled
+_JITTERS: Final = 16  # largest shift of an exposure in standard deviations; none of 2^53 draws exceeds 9
+_BEYOND: Final = 4.0  # times the farthest start: from there on, a curve is taken as flat
+_LEAST_STRETCH: Final = 16  # encounters per thread
 _MOST_STRETCH: Final = 512
-_FEWEST: Final = 257  # rows of a table
+_FEWEST: Final = 257  # rows of a table of a curve
 _MOST: Final = 1 << 16
-_ERROR: Final = 1e-12  # of ln xi, in the middle between two rows
+_ERROR: Final = 1e-12  # tolerance of ln xi in the middle between two rows
 _NO_CONTACT: Final = (0.0, 0.0, 1.0, False, 0.0)
 
 _run: Final = kernel("run_encounters", POINTER, POINTER, INTEGER, POINTER, POINTER, INTEGER)
@@ -115,10 +115,10 @@ class _Loop(Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop(Value):
-    """All that the runs of a loop are made of, so that any of them can be run again; its shape is that of the runs.
+    """The complete description of the runs of a loop, from which any run can be repeated; `shape` is that of the runs.
 
-    Each run meets one of the `sensors`, one of the `laws`, which share a period and a step, and the noise of the run
-    that `noise_of` names.
+    Each run has one of the `sensors`, one of the `laws` (which share a period and a step), and the noise of the run
+    with the index in `noise_of`.
     """
 
     scenario: Scenario
@@ -139,55 +139,55 @@ class Loop(Value):
 def run_loop(
     loop: Loop, which: IntArray, rows: int = 0, *, touches: int = TOUCHES, course_rows: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Run some encounters of a loop, on all cores where the law is compiled.
+    """Run some encounters of a loop, on all cores if the law is compiled.
 
     Args:
         loop: the loop.
         which: flat indices of its encounters.
-        rows: of the trace that is asked for; only for a single encounter.
-        touches: how many contacts of each are told apart.
-        course_rows: of the course of its contacts that is asked for.
+        rows: number of rows of the trace; only for a single encounter.
+        touches: largest number of contacts of each encounter that are recorded separately.
+        course_rows: number of rows of the time series in contact.
 
     Returns:
-        Columns by RESULT_COLUMNS and contacts by CONTACT_COLUMNS of these encounters, the trace by TRACE_COLUMNS, a row
-        per period, and the course of the contacts by COURSE_COLUMNS, a row per touch and per step in contact.
+        Results (RESULT_COLUMNS) and contacts (CONTACT_COLUMNS) of these encounters, the trace (TRACE_COLUMNS, a row per
+        period), and the time series in contact (COURSE_COLUMNS, a row per touch and per step in contact).
     """
-    found = (
+    outputs = (
         np.zeros((len(which), len(RESULT_COLUMNS))),
         np.full((len(which), touches, len(CONTACT_COLUMNS)), np.nan),
         np.full((rows, len(TRACE_COLUMNS)), np.nan),
         np.full((course_rows, len(COURSE_COLUMNS)), np.nan),
     )
-    native, called = _posed(loop, which, found)
-    chain = native.chain  # how many readings can be on their way at once, rounded up to a power of two
+    native, python_step = _to_native(loop, which, outputs)
+    chain = native.chain  # the number of undelivered readings, rounded up to a power of two
     waiting = int((chain.delay + _JITTERS * chain.jitter + chain.exposure + native.period) * chain.rate) + 8
-    room = 1 << (waiting - 1).bit_length()
+    buffer_size = 1 << (waiting - 1).bit_length()
 
     def run(first: int, last: int) -> None:
-        state, readings = np.zeros(native.laws.state_size // 8), np.empty((room, _READING))
+        state, readings = np.zeros(native.laws.state_size // 8), np.empty((buffer_size, _READING))
         for start in range(first, last, _AT_ONCE):
-            some = np.arange(start, min(start + _AT_ONCE, last))
-            _run(byref(native), address(some, _INDEX), len(some), address(state), address(readings), room)
-            if called is not None and called.raised is not None:
-                raise called.raised
+            indices = np.arange(start, min(start + _AT_ONCE, last))
+            _run(byref(native), address(indices, _INDEX), len(indices), address(state), address(readings), buffer_size)
+            if python_step is not None and python_step.raised is not None:
+                raise python_step.raised
 
-    if called is None:
+    if python_step is None:
         run_in_chunks(run, len(which), least=_LEAST_STRETCH, most=_MOST_STRETCH)
-    else:  # threads would wait for each other at every step
+    else:  # with a law in Python, threads would wait for each other at every step
         run(0, len(which))
-    return found
+    return outputs
 
 
-def _posed(loop: Loop, which: IntArray, found: tuple[FloatArray, ...]) -> tuple[_Loop, _Called | None]:
-    """Put some encounters of a loop as the core reads them; arrays to be filled as `run_loop` returns them."""
+def _to_native(loop: Loop, which: IntArray, outputs: tuple[FloatArray, ...]) -> tuple[_Loop, _PythonStep | None]:
+    """Return the native structure of some encounters of a loop, with the output arrays of `run_loop`."""
     scenes, period = _columns(loop, _scene_of(loop.scenario))[which], loop.laws[0].period
     course = loop.scenario.obstacle.course
     stretches = _columns(loop, [number for s in course for number in (s.until, s.acceleration)])[which]
-    laws, called = _laws(loop, which, scenes)
-    met, curve_of = np.unique(loop.sensor_of.ravel()[which], return_inverse=True)
-    tables, indices = _curves(loop, met), (curve_of.ravel(), loop.noise_of.ravel()[which])
+    laws, python_step = _laws(loop, which, scenes)
+    used_sensors, curve_of = np.unique(loop.sensor_of.ravel()[which], return_inverse=True)
+    tables, indices = _curves(loop, used_sensors), (curve_of.ravel(), loop.noise_of.ravel()[which])
     curves = (_Curve * len(tables))(*[_Curve(address(table), len(table), *rest) for table, *rest in tables])
-    ends, touches, trace, moments = found
+    ends, touches, trace, moments = outputs
     by_curve, draws = (address(i, _INDEX) for i in indices)
     native = _Loop(
         *(laws, _Plant(*loop.plant.coefficients())),
@@ -196,27 +196,40 @@ def _posed(loop: Loop, which: IntArray, found: tuple[FloatArray, ...]) -> tuple[
         *(loop.seed, address(scenes), draws, address(ends), address(touches), touches.shape[1]),
         *(address(trace), len(trace), address(moments), len(moments), address(stretches), len(course)),
     )
-    native.held = laws.held, scenes, stretches, tables, indices, curves, called, found  # read by their addresses
-    return native, called
+    native.held = (
+        laws.held,
+        scenes,
+        stretches,
+        tables,
+        indices,
+        curves,
+        python_step,
+        outputs,
+    )  # keep alive what the structure points to
+    return native, python_step
 
 
-def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _Called | None]:
-    """Gather the parameters of the laws of some encounters, and the states that they start in."""
-    met, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
-    starts = np.column_stack([met[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
-    alike, start_of = np.unique(starts, axis=0, return_inverse=True)
+def _laws(loop: Loop, which: IntArray, scenes: FloatArray) -> tuple[_Laws, _PythonStep | None]:
+    """Return the native structure with the parameters and initial states of the laws of some encounters."""
+    used_laws, law_of = np.unique(loop.law_of.ravel()[which], return_inverse=True)
+    starts = np.column_stack([used_laws[law_of.ravel()], scenes[:, (0, 1)] - scenes[:, (5, 6)]])
+    distinct, start_of = np.unique(starts, axis=0, return_inverse=True)
     step: Any = as_step(loop.laws[0].step)
-    parameters = [loop.laws[int(i)].parameters() for i in met]
-    states = [loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in alike]
-    called = None if isinstance(step, CompiledStep) else _Called(step, parameters, states)
-    held = _together(parameters, "parameters", called), _together(states, "state", called)
+    parameters = [loop.laws[int(i)].parameters() for i in used_laws]
+    states = [loop.laws[int(i)].start(position=float(x), velocity=float(v)) for i, x, v in distinct]
+    python_step = None if isinstance(step, CompiledStep) else _PythonStep(step, parameters, states)
+    held = _to_rows(parameters, "parameters", python_step), _to_rows(states, "state", python_step)
     indices = law_of.ravel(), start_of.ravel()
     laws = _Laws(
-        *(called.address if called else step.located(), *map(address, held), *(8 * part.shape[1] for part in held)),
+        *(
+            python_step.address if python_step else step.located(),
+            *map(address, held),
+            *(8 * part.shape[1] for part in held),
+        ),
         *(address(i, _INDEX) for i in indices),
     )
     laws.held = held, indices
-    return laws, called
+    return laws, python_step
 
 
 def _scene_of(s: Scenario) -> tuple[Any, ...]:
@@ -227,18 +240,18 @@ def _scene_of(s: Scenario) -> tuple[Any, ...]:
 
 
 def _columns(loop: Loop, columns: Sequence[Any]) -> FloatArray:
-    """Put columns of the runs of a loop side by side, shape (n, columns)."""
+    """Broadcast columns to the runs of a loop and stack them, shape (n, columns)."""
     rows = np.empty((*loop.shape, len(columns)))
     for i, column in enumerate(columns):
         rows[..., i] = column
     return rows.reshape(math.prod(loop.shape), len(columns))
 
 
-def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, float]]:
-    """Return the table of each curve that some encounters meet, as far as their distances may come to."""
+def _curves(loop: Loop, indices: IntArray) -> list[tuple[FloatArray, float, float, float]]:
+    """Return the table of each curve that is used, up to the farthest distance that may occur."""
     sensor_of, distance = loop.sensor_of.ravel(), np.broadcast_to(loop.scenario.distance, loop.shape).ravel()
     curves = []
-    for index in met:
+    for index in indices:
         sensor = loop.sensors[index]
         low, high = sensor.valid_range
         check_curve(sensor, distance if len(loop.sensors) == 1 else distance[sensor_of == index])
@@ -247,9 +260,9 @@ def _curves(loop: Loop, met: IntArray) -> list[tuple[FloatArray, float, float, f
     return curves
 
 
-@cache_by_curve(1024)  # as many samples of a sensor as a robust design on a loop or a verdict has
+@cache_by_curve(1024)  # the number of sensor samples of a robust design on a loop, or of a verdict
 def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, float]:
-    """Tabulate ln xi up to a distance [m], at equal steps, until cubics between them meet it to 1e-12, or at 65,537.
+    """Tabulate ln xi up to a distance [m], with equal steps so fine that cubics between them are accurate to 1e-12.
 
     Returns:
         Values of ln xi and its slopes times the step, shape (n, 2); the first distance and the step [m].
@@ -268,50 +281,52 @@ def _curve_table(sensor: SensorModel, high: float) -> tuple[FloatArray, float, f
         count = 2 * count - 1
 
 
-class _Called:
-    """A step in Python as the loop calls it: parameters and states are numbers there, and the objects here."""
+class _PythonStep:
+    """Adapter for a step in Python: it holds the parameters and states, and the compiled loop has their indices."""
 
     def __init__(self, step: Any, parameters: list[Any], states: list[Any]) -> None:
         self._law, self._parameters, self._states, self._state = step, parameters, states, None
         self.raised: BaseException | None = None
-        self._function = _Step(self._step)  # lives as long as what calls it
+        self._function = _Step(self._step)  # must live as long as the structure that calls it
         self.address = ctypes.cast(self._function, POINTER).value or 0
 
     def _step(self, parameters: int, state: int, sample: Any, out: Any) -> None:
-        # nothing may leave a function that is called from C: it would be printed, and vanish
+        # an exception must not leave a function called from C: it would be printed and lost
         raw = out.contents
         try:
             if self.raised is None:
                 place = DOUBLE.from_address(state)
-                if place.value >= 0:  # a first state, and its number
+                if place.value >= 0:  # the first step of a run: the number is the index of its initial state
                     self._state = self._states[int(place.value)]
                     place.value = -1
-                told = _told(sample.contents)
-                now = self._parameters[int(DOUBLE.from_address(parameters).value)]
-                self._state, output = self._law(now, self._state, told)
+                given_sample = _to_sample(sample.contents)
+                current = self._parameters[int(DOUBLE.from_address(parameters).value)]
+                self._state, output = self._law(current, self._state, given_sample)
                 for name in Output._fields:
                     setattr(raw, name, getattr(output, name))
                 return
-        except BaseException as error:  # raised again where the loop was called, an interrupt, too
+        except BaseException as error:  # raised again by run_loop, also for Ctrl-C
             self.raised = error
         raw.position = raw.velocity = math.nan  # ends the run
 
 
-def _told(raw: RawSample) -> Sample:
+def _to_sample(raw: RawSample) -> Sample:
     return Sample(
         *(raw.reading, bool(raw.fresh), raw.age, raw.contact_force),
         *(raw.reference_position, raw.reference_velocity, raw.reference_acceleration),
     )
 
 
-def _together(parts: Sequence[Any], name: str, called: _Called | None) -> FloatArray:
-    """Put what a compiled step reads side by side, in rows that all begin at a multiple of 8; else their numbers."""
-    if called is not None:
+def _to_rows(parts: Sequence[Any], name: str, python_step: _PythonStep | None) -> FloatArray:
+    """Copy parameters or states of a compiled step to rows aligned to 8 bytes; for a Python step, return indices."""
+    if python_step is not None:
         return np.arange(len(parts), dtype=np.float64)[:, None]
     places = [location(part, name) for part in parts]
     sizes = {size for _, size in places}
     if len(sizes) != 1:
-        raise InvalidInputError(f"{name}: found sizes of {sorted(sizes)} octets among laws of one step, expected one")
+        raise InvalidInputError(
+            f"{name}: found sizes of {sorted(sizes)} bytes among laws with the same step, expected one size"
+        )
     size = sizes.pop()
     rows = np.zeros((len(parts), max(-(-size // 8), 1)))
     for row, (place, _) in zip(rows, places, strict=True):
@@ -320,5 +335,5 @@ def _together(parts: Sequence[Any], name: str, called: _Called | None) -> FloatA
 
 
 def contact_step(contact: tuple[float, ...], inverse_mass: float, speed: float) -> float:
-    """Return 1/50 of the time scale of a contact [s], for 1 / the reduced mass [1/kg] and the speed at its start."""
+    """Return the step of a contact [s], 1/50 of its time scale, for 1 / reduced mass [1/kg] and initial speed."""
     return float(_contact_step(byref(_Contact(*contact)), inverse_mass, speed))

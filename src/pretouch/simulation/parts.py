@@ -1,4 +1,4 @@
-"""Sensor chains of parts that people use: what their makers say with its source, and what is assumed beside it."""
+"""Sensor chains of commercial parts: values from data sheets with their sources, and the assumptions made."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from .chain import SensorChain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPart:
-    """A sensor part as a chain, to start from: your own calibration says more about its noise.
+    """A commercial sensor with its chain, as a starting point: a calibration determines its noise better.
 
     Args:
-        name: what it is called.
-        chain: its chain at its highest rate; outputs in the unit that `unit` names.
-        unit: unit of its output xi: V, counts, or none where it reports a distance.
+        name: name of the part.
+        chain: its chain at its highest rate, with outputs in `unit`.
+        unit: unit of its output xi: V, counts, or empty if it reports a distance.
         range: distances at which it is used [m].
-        source: where the facts are from.
-        facts: what the source says.
-        assumptions: what it does not say and is assumed here.
+        source: the source of the facts.
+        facts: values stated in the source.
+        assumptions: values that the source does not state, assumed here.
     """
 
     name: str
@@ -45,7 +45,7 @@ def sensor_part(name: str) -> SensorPart:
         name: a key of PARTS: "RPR-220", "VCNL4010", "VCNL4040", "VL53L5CX-4x4" or "VL53L5CX-8x8".
 
     Returns:
-        The part: its chain, its range, the source of both and what is assumed.
+        The part: its chain, its range, their source and the assumptions.
 
     Raises:
         InvalidInputError: there is no such part.
@@ -59,12 +59,12 @@ def sensor_part(name: str) -> SensorPart:
     return PARTS[name]
 
 
-_READ: Final = 9 * 5 / 400e3  # [s], nine clocks per octet at 400 kHz: address, register, address again, two octets
+_READ: Final = 9 * 5 / 400e3  # [s], nine clocks per byte at 400 kHz: address, register, address again, two data bytes
 _counts: Final = partial(SensorChain, delay=_READ, lowest=0.0, highest=65535.0, resolution=1.0)
 _TIME_OF_FLIGHT: Final = (
     "a reading averages over its whole period, as in continuous ranging",
-    "4 ms from the end of a frame until its data are read: some 300 octets at 1 MHz and the driver",
-    "distance noise of 5 mm: the data sheet bounds the error, not its spread; measure it on your target",
+    "4 ms from the end of a frame until its data are read: about 300 bytes at 1 MHz and the driver",
+    "distance noise of 5 mm: the data sheet gives the error, not its standard deviation; measure it on your target",
 )
 
 PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
@@ -100,7 +100,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 facts=("1.95 to 250 readings per second", "16 bits", "up to 200 mm"),
                 assumptions=(
                     "170 us for a reading",
-                    "two octets read at 400 kHz as soon as they are ready, without waiting for a poll",
+                    "two bytes read at 400 kHz as soon as they are ready, without waiting for a poll",
                     "noise of 10 counts without an object; no share that grows with xi",
                 ),
             ),
@@ -113,7 +113,7 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
                 facts=("emitter duty 1/40 to 1/320", "12 or 16 bits", "0 to 200 mm on a white card"),
                 assumptions=(
                     "a pulse of 125 us at the duty 1/40: a reading every 5 ms",
-                    "two octets read at 400 kHz as soon as they are ready",
+                    "two bytes read at 400 kHz as soon as they are ready",
                     "noise of 2 counts without an object; no share that grows with xi",
                 ),
             ),
@@ -139,4 +139,4 @@ PARTS: Final[Mapping[str, SensorPart]] = MappingProxyType(
         )
     }
 )
-"""The parts by name. All else than `facts` is a place to start from."""
+"""The parts by name. Everything except `facts` is a starting point."""

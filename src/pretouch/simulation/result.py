@@ -1,4 +1,4 @@
-"""What a simulation may ask for, and what it comes to."""
+"""Results of a simulation, and the checks of its inputs."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from .native_loop import (
 from .robot import COEFFICIENTS, checked_numbers, plant_step
 
 HORIZON: Final = 10.0
-"""How long runs wait for contact where nothing else is said [s]."""
+"""Default for the longest time that runs wait for contact [s]."""
 
 FOLLOW: Final = 0.2
-"""How long runs go on after the first contact where nothing else is said [s]."""
+"""Default for the time that runs continue after the first contact [s]."""
 
 MOST_RUNS: Final = 1_000_000
-"""How many runs of a simulation are kept at once: about 2 GB."""
+"""The largest number of runs of a simulation: their results take about 2 GB."""
 
-_MOST_STEPS: Final = 20_000_000  # of one run, of any kind: some seconds
-_MOST_BUFFERED: Final = 1_000_000  # readings that wait to be delivered
+_MOST_STEPS: Final = 20_000_000  # steps of any kind in one run, which take some seconds
+_MOST_BUFFERED: Final = 1_000_000  # undelivered readings
 
 
 def check_loop(loop: Loop) -> Loop:
-    """Return a loop with its numbers checked; refuse what makes no sense, and runs that may be endless."""
+    """Return a loop with checked numbers; refuse invalid values, and runs with too many steps."""
     checked_numbers(loop.plant, loop.plant.coefficients(), COEFFICIENTS)
     if loop.contact is not None:
         checked_numbers(loop.contact, loop.contact.numbers(), CONTACT_NUMBERS)
         if loop.plant.coefficients()[0] == 0:
             raise InvalidInputError(
-                "contact: an ideal plant has no mass, so no force follows from its contact; choose an ImpedancePlant "
+                "contact: an ideal plant has no mass, so its contact has no force; choose an ImpedancePlant "
                 "or a PositionPlant"
             )
     checked = replace(
@@ -63,17 +63,17 @@ def check_loop(loop: Loop) -> Loop:
 
 
 def refuse_too_many_runs(count: int) -> None:
-    """Refuse more runs than are kept at once, before anything is allocated for them."""
+    """Refuse too many runs, before memory is allocated for them."""
     if count > MOST_RUNS:
         size = 8 * count * (len(RESULT_COLUMNS) + TOUCHES * len(CONTACT_COLUMNS))
         raise InvalidInputError(
-            f"runs: found {count:,}, which would take {size / 1e9:,.0f} GB, expected at most {MOST_RUNS:,}; for more, "
-            "go on with another seed"
+            f"runs: found {count:,}, which would take {size / 1e9:,.0f} GB, expected at most {MOST_RUNS:,}; for more "
+            "runs, continue with another seed"
         )
 
 
 def _refuse_endless_runs(loop: Loop) -> None:
-    """Refuse a loop of which a single run may take more steps, or readings, than there is time and memory for."""
+    """Refuse a loop with too many steps or undelivered readings in a single run."""
     period, chain = loop.laws[0].period, loop.chain
     _refuse(loop.horizon, period, "loop horizon", f"a controller with a period of {_time(period)}")
     _refuse(loop.horizon, 1 / chain.rate, "loop horizon", f"a sensor with {chain.rate:g} readings per second")
@@ -88,7 +88,7 @@ def _refuse_endless_runs(loop: Loop) -> None:
     waiting = chain.exposure + chain.delay + 16 * chain.jitter + period
     if waiting * chain.rate > _MOST_BUFFERED:
         raise InvalidInputError(
-            f"chain delay: found up to {waiting * chain.rate:.3g} readings on their way (delay, exposure and jitter "
+            f"chain delay: found up to {waiting * chain.rate:.3g} undelivered readings (delay, exposure and jitter "
             f"at {chain.rate:g} readings per second), expected at most {_MOST_BUFFERED:,}"
         )
 
@@ -97,8 +97,8 @@ def _refuse(span: float, step: float, name: str, what: str) -> None:
     if not span / step <= _MOST_STEPS:
         raise InvalidInputError(
             f"{name}: found {_time(span)}, which is {span / step:.3g} steps of {what}, expected at most "
-            f"{_MOST_STEPS:,} of them, {_time(_MOST_STEPS * step)}; a run ends soon after its contact: wait for "
-            "that no longer than it may take"
+            f"{_MOST_STEPS:,} of them, {_time(_MOST_STEPS * step)}; reduce it to the longest time that an encounter "
+            "may take"
         )
 
 
@@ -107,24 +107,24 @@ def _time(seconds: float) -> str:
 
 
 def whole(value: Any, name: str, least: int, most: int) -> int:
-    """Return a whole number, or refuse what is none or out of range."""
+    """Return a whole number; refuse other values and numbers out of range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
         raise InvalidInputError(f"{name}: found {value!r}, expected a whole number from {least} to {most}")
     return int(value)
 
 
 def runs_of(value: Any) -> int:
-    """Return a number of runs, or refuse what is none or too large."""
+    """Return a number of runs; refuse other values and too many runs."""
     refuse_too_many_runs(runs := whole(value, "runs", 1, 2**63))
     return runs
 
 
-_COURSE: Final = 8192  # steps in contact that a trace holds: some fifty rebounds
+_COURSE: Final = 8192  # steps in contact that a trace records: about fifty rebounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopTrace(Value):
-    """The course of one run, a row per step of the law; each array has the shape (n,).
+    """Time series of one run, one element per step of the law; each array has the shape (n,).
 
     Args:
         time: t_k [s].
@@ -132,17 +132,17 @@ class LoopTrace(Value):
         position: x of the plant [m].
         velocity: x' of the plant [m/s].
         obstacle_position: x_o [m].
-        virtual_position: x_v [m], which the plant is to follow.
+        virtual_position: x_v [m], the position that the plant follows.
         virtual_velocity: x_v' [m/s].
         virtual_force: F_p [N] from this step to the next.
-        contact_force: between the bodies [N], 0 without contact.
-        reading: the newest reading that the law was handed, in the unit of xi.
-        log_level: ln xi above the law's floor, as the law reports it.
-        flags: what the law reports as its status.
+        contact_force: force between the bodies [N], 0 without contact.
+        reading: the newest reading of the law, in the sensor's output unit.
+        log_level: ln xi above the law's floor, as reported by the law.
+        flags: status flags reported by the law.
         contacts: a row per contact: time [s], l' [m/s], peak force [N], impulse [N s], l' at its end [m/s],
-            duration [s]; NaN where the run ended before.
-        contact_course: what happens in contact, in which a step of the law is long: time [s], distance l [m], l' [m/s]
-            and contact force [N] at each touch and after each step of the integration, shape (m, 4); the first 8192.
+            duration [s]; NaN if the run ended before.
+        contact_course: time series in contact, finer than the steps of the law: time [s], distance l [m], l' [m/s] and
+            contact force [N] at each touch and after each integration step, shape (m, 4); the first 8192 rows.
     """
 
     time: FloatArray
@@ -166,37 +166,36 @@ class LoopTrace(Value):
 
 @dataclass(frozen=True, repr=False)
 class SimulationResult(Value):
-    """What `simulate` returns, for one run or an array of them: floats for one, arrays of one shape otherwise.
+    """Result of `simulate`, for one run or an array of runs: floats for one run, arrays of one shape otherwise.
 
     Args:
         columns: the quantities by name, each of the shape of the runs.
-        contact_list: the contacts of each run, as in LoopTrace, of the shape (..., 32, 6), with rows of NaN after the
-            last.
-        trace_of: runs the i-th encounter again and records it; a function that can be pickled.
+        contact_list: the contacts of each run, as in LoopTrace, shape (..., 32, 6), with rows of NaN after the last.
+        trace_of: function that runs the i-th encounter again and records it; it can be pickled.
 
     Attributes:
         status: how each run ended: a ContactStatus, or an array of their numbers (contact, horizon, unresolved).
-        time: of the first contact [s]; NaN without one, as all that speaks of it.
-        position: x there [m].
-        velocity: x' there [m/s].
-        displacement: x - x_d there [m].
-        relative_velocity: l' there [m/s].
-        closest_distance: smallest distance [m]; negative by the depth of the contact.
+        time: time of the first contact [s]; NaN without a contact, like the next four.
+        position: x at contact [m].
+        velocity: x' at contact [m/s].
+        displacement: x - x_d at contact [m].
+        relative_velocity: l' at contact [m/s].
+        closest_distance: smallest distance [m]; in contact, minus the depth.
         largest_excursion: max |x - x_d| until the first contact [m].
-        largest_travel: max |x - x(0)| until then [m].
-        largest_speed: max |x'| until then [m/s].
-        largest_virtual_force: max |F_p| until then [N].
+        largest_travel: max |x - x(0)| until the first contact [m].
+        largest_speed: max |x'| until the first contact [m/s].
+        largest_virtual_force: max |F_p| until the first contact [N].
         peak_force: largest contact force [N]; 0 for an ideal plant, which has no mass.
-        impact_force: largest contact force from the first touch on, within the time that both bodies would touch
-            without loss and drive [N]: pi sqrt(m / k) for a contact whose force is proportional to its depth. A push
-            that follows, as by an obstacle that is driven on, can be stronger and is in `peak_force`.
-        impulse: of all contact forces [N s].
-        rebound_velocity: l' at the end of the first contact [m/s]; NaN where it lasts.
-        contacts: how many contacts there were.
-        detection_time: when the law first reported an object (status flag 1) [s]; NaN where it did not.
-        flags: all flags that the law reported in a run, joined.
-        end_time: when the run ended [s].
-        shape: of the runs.
+        impact_force: largest contact force from the first touch on, within the duration of an impact without loss and
+            drive [N]: pi sqrt(m / k) for a contact whose force is proportional to its depth. A later push, such as by
+            a driven obstacle, can be stronger; `peak_force` includes it.
+        impulse: impulse of all contact forces [N s].
+        rebound_velocity: l' at the end of the first contact [m/s]; NaN if it does not end.
+        contacts: number of contacts.
+        detection_time: time at which the law first reported an object (status flag 1) [s]; NaN if it did not.
+        flags: all flags that the law reported in a run, combined by or.
+        end_time: time at which the run ended [s].
+        shape: shape of the runs.
     """
 
     columns: Mapping[str, FloatArray]
@@ -223,17 +222,17 @@ class SimulationResult(Value):
 
     @property
     def touched(self) -> BoolArray:
-        """Which runs came to a contact, of the shape of the runs."""
+        """Which runs reached contact, of the shape of the runs."""
         return np.asarray(self.columns["status"] == ContactStatus.CONTACT)
 
     def trace(self, index: int | tuple[int, ...] = ()) -> LoopTrace:
-        """Run one encounter of an array again, with the same noise, and record its course.
+        """Run one encounter of an array again, with the same noise, and record its time series.
 
         Args:
-            index: which one of an array.
+            index: index of the run in the array.
 
         Returns:
-            Its course.
+            Its time series.
 
         Raises:
             InvalidInputError: there is no such run.
@@ -241,18 +240,20 @@ class SimulationResult(Value):
         try:
             flat = np.arange(int(np.prod(self.shape))).reshape(self.shape)[index]
         except IndexError:
-            raise InvalidInputError(f"index: found {index}, where the runs have the shape {self.shape}") from None
+            raise InvalidInputError(f"index: found {index}, expected an index of runs of shape {self.shape}") from None
         if np.ndim(flat):
-            raise InvalidInputError(f"index: found {index}, which is more than one of the runs of shape {self.shape}")
+            raise InvalidInputError(
+                f"index: found {index}, which selects more than one of the runs of shape {self.shape}, expected one"
+            )
         return self.trace_of(int(flat))
 
     def __repr__(self) -> str:
         count = int(np.prod(self.shape))
-        return f"<SimulationResult: {int(self.touched.sum())} of {count} runs came to a contact>"
+        return f"<SimulationResult: {int(self.touched.sum())} of {count} runs reached contact>"
 
 
 def result_of(loop: Loop) -> SimulationResult:
-    """Run all encounters of a loop."""
+    """Run all encounters of a loop, and return their results."""
     shape = loop.shape
     refuse_too_many_runs(math.prod(shape))
     out, touches, _, _ = run_loop(loop, np.arange(math.prod(shape)))

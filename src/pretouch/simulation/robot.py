@@ -1,4 +1,4 @@
-"""The robot and what it touches: plants and contact forces, each a class with its numbers."""
+"""Models of the robot and of its contact: how it follows the virtual object, and the force when it touches."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _WORDS: Final = {
     "friction_speed": ("speed of the friction", "m/s"),
 }
 COEFFICIENTS: Final = tuple(_WORDS)
-"""What a plant is to the loop in C++; a mass of 0 stands for the ideal plant, a servo rate of 0 for no lag."""
+"""The coefficients of a plant in the compiled loop; a mass of 0 means an ideal plant, a servo rate of 0 no lag."""
 
-_FASTEST: Final = 1e6  # rad/s, of a robot behind its controller: whatever is faster is a typing error
-_FINE: Final = 0.2  # of the shortest time scale of a plant: what Runge-Kutta's method takes at once
+_FASTEST: Final = 1e6  # rad/s: a robot with a higher natural frequency is a typing error
+_FINE: Final = 0.2  # step of the Runge-Kutta method, in shortest time scales of the plant
 
 Row = tuple[str, Cell]
 
@@ -39,21 +39,21 @@ Row = tuple[str, Cell]
 class PlantModel(ABC):
     """How the robot's contact surface follows the virtual object, and how a contact force moves it.
 
-    Each is m x'' = f - friction(x') - F_contact with f following
-    k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the servo's rate. A new one gives its coefficients.
+    Each is m x'' = f - friction(x') - F_contact, where f follows k (x_v - x) + d_v x_v' - d_x x' + m_f x_v'' at the
+    servo's rate. A user-defined plant implements `coefficients`.
     """
 
     __slots__ = ()
 
     kind: ClassVar[str] = ""
-    """What a scenario file calls it."""
+    """Its name in a scenario file."""
 
     @abstractmethod
     def coefficients(self) -> tuple[float, ...]:
-        """Return m, k, d_v, d_x, m_f, the rate of the servo (0: no lag), Coulomb friction and its speed, in SI."""
+        """Return m, k, d_v, d_x, m_f, the rate of the servo (0: no lag), Coulomb friction and friction speed, in SI."""
 
     def rows(self) -> Iterator[Row]:
-        """Yield what a page says of the robot: names and numbers; a class that says nothing of its own its numbers."""
+        """Yield the rows of a report on the robot: names and values; by default, all coefficients."""
         yield "robot", type(self).__name__
         for (label, unit), value in zip(_WORDS.values(), self.coefficients(), strict=True):
             yield label, Measured(value, unit)
@@ -63,32 +63,32 @@ class PlantModel(ABC):
 class IdealPlant(PlantModel):
     """The plant coincides with the virtual object, x = x_v, as the letter assumes (Section II).
 
-    It has no physical mass, so that a run ends at contact: no force follows from it.
+    It has no physical mass and no contact force, so a run ends at contact.
     """
 
     kind: ClassVar[str] = "ideal"
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the numbers named by COEFFICIENTS, in SI."""
+        """Return the coefficients in the order of COEFFICIENTS, in SI."""
         return (0.0,) * len(COEFFICIENTS)
 
     def rows(self) -> Iterator[Row]:
-        """Yield what a page says of the robot."""
+        """Yield the rows of a report on the robot."""
         yield "robot", "ideal: it follows the virtual object exactly and has no mass"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpedancePlant(PlantModel):
-    """A mass that an impedance controller pulls after the virtual object, with friction and a servo of finite speed.
+    """A mass that follows the virtual object by an impedance controller, with friction and a servo of finite bandwidth.
 
     Args:
-        mass: the *physical* reflected mass at the contact point m > 0 [kg], apart from the virtual mass M_a.
+        mass: the *physical* reflected mass at the contact point m > 0 [kg], not the virtual mass M_a.
         stiffness: K_c > 0 of the impedance controller [N/m].
         damping: D_c >= 0 of the impedance controller [N s/m], on the velocity error.
-        bandwidth: of the force servo, a first-order lag [Hz]; infinite for none.
-        viscous_friction: friction per speed [N s/m].
-        coulomb_friction: friction that only changes its sign with the motion [N].
-        friction_speed: speed at which three quarters of it act [m/s]: it grows as tanh(x' / friction_speed).
+        bandwidth: bandwidth of the force servo, a first-order lag [Hz]; infinite for no lag.
+        viscous_friction: viscous friction coefficient [N s/m].
+        coulomb_friction: Coulomb friction, which only depends on the sign of the velocity [N].
+        friction_speed: speed at which three quarters of it act [m/s]: it follows tanh(x' / friction_speed).
         feedforward: whether the controller adds m x_v''.
 
     Examples:
@@ -117,17 +117,17 @@ class ImpedancePlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the numbers named by COEFFICIENTS, in SI."""
+        """Return the coefficients in the order of COEFFICIENTS, in SI."""
         rate = 0.0 if math.isinf(self.bandwidth) else 2 * math.pi * self.bandwidth
         own = self.damping + (self.viscous_friction if rate == 0 else 0.0)
         ahead = self.mass if self.feedforward else 0.0
         friction = self.coulomb_friction, self.friction_speed
         if rate and self.viscous_friction:
-            raise InvalidInputError("viscous_friction: only without a servo bandwidth; name a coulomb_friction instead")
+            raise InvalidInputError("viscous_friction: only without a servo bandwidth; use coulomb_friction instead")
         return (self.mass, self.stiffness, self.damping, own, ahead, rate, *friction)
 
     def rows(self) -> Iterator[Row]:
-        """Yield what a page says of the robot."""
+        """Yield the rows of a report on the robot."""
         yield "robot", "a mass behind an impedance controller"
         yield "physical mass m", Measured(self.mass, "kg")
         yield "stiffness K_c", Measured(self.stiffness, "N/m")
@@ -142,7 +142,7 @@ class ImpedancePlant(PlantModel):
 class PositionPlant(PlantModel):
     """A position-controlled robot: a second-order lag behind the virtual object, x'' = w^2 (x_v - x) - 2 zeta w x'.
 
-    Behind a steady motion it lags by 2 zeta / w. A contact force meets its mass and the stiffness m w^2.
+    It follows a steady motion with a delay of 2 zeta / w. A contact force acts on its mass and the stiffness m w^2.
 
     Args:
         mass: the physical reflected mass at the contact point m > 0 [kg].
@@ -168,33 +168,33 @@ class PositionPlant(PlantModel):
             )
 
     def coefficients(self) -> tuple[float, ...]:
-        """Return the numbers named by COEFFICIENTS, in SI."""
+        """Return the coefficients in the order of COEFFICIENTS, in SI."""
         omega = 2 * math.pi * self.bandwidth
         return (self.mass, self.mass * omega**2, 0.0, 2 * self.damping_ratio * omega * self.mass, 0.0, 0.0, 0.0, 1.0)
 
     def rows(self) -> Iterator[Row]:
-        """Yield what a page says of the robot."""
-        yield "robot", "position-controlled: a lag of second order"
+        """Yield the rows of a report on the robot."""
+        yield "robot", "position-controlled: a second-order lag"
         yield "physical mass m", Measured(self.mass, "kg")
         yield "bandwidth", Measured(self.bandwidth, "Hz")
         yield "damping ratio", Measured(self.damping_ratio)
 
 
-def checked_numbers(model: object, found: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the numbers of a plant or a contact; refuse such as are none, of a class of a user's own."""
-    if len(found) != len(names) or not all(map(math.isfinite, found)):
+def checked_numbers(model: object, values: tuple[float, ...], names: tuple[str, ...]) -> tuple[float, ...]:
+    """Return the numbers of a plant or a contact model; refuse invalid ones of a user-defined class."""
+    if len(values) != len(names) or not all(map(math.isfinite, values)):
         raise InvalidInputError(
-            f"{type(model).__name__}: found {found}, expected {len(names)} finite numbers: {', '.join(names)}"
+            f"{type(model).__name__}: found {values}, expected {len(names)} finite numbers: {', '.join(names)}"
         )
-    return found
+    return values
 
 
 def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Make the linear system from virtual force to position, L(1) and the plant behind it, without Coulomb friction.
+    """Return the linear system from virtual force to position: admittance L(1) and plant, without Coulomb friction.
 
     Returns:
-        A, B and C of s' = A s + B F_p, x = C s, with s of the virtual position and velocity, then position, velocity
-        and servo force of the plant where it has them.
+        A, B and C of s' = A s + B F_p, x = C s. The state s has the virtual position and velocity, then position,
+        velocity and servo force of the plant, if the plant has them.
 
     Raises:
         InvalidInputError: the admittance is an array.
@@ -222,11 +222,11 @@ def linear_plant(admittance: Admittance, plant: PlantModel) -> tuple[FloatArray,
 
 
 def plant_step(plant: PlantModel, period: float) -> float:
-    """Return what is integrated of a plant at once [s], a whole part of the period of its controller."""
+    """Return the integration step of a plant [s], an integer fraction of the controller's period."""
     mass, stiffness, _, own, _, servo, coulomb, friction_speed = plant.coefficients()
     if mass == 0:
         return period
-    # the slope of the friction at rest is the fastest of all, and needs no more than stability
+    # the slope of the friction at rest is the fastest rate; the step only needs to be stable for it
     friction = coulomb / friction_speed / mass / 8
     fastest = max(math.sqrt(stiffness / mass), own / mass, servo, friction)
     return period / max(math.ceil(period * fastest / _FINE), 1)
@@ -234,15 +234,15 @@ def plant_step(plant: PlantModel, period: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactModel(ABC):
-    """A normal contact force F(d, d') >= 0 of the depth d = -l.
+    """A normal contact force F(d, d') >= 0 as a function of the depth d = -l.
 
     Args:
-        obstacle_mass: mass of the obstacle [kg]; infinite where it is driven and does not yield. A finite mass keeps
-            the acceleration of the scenario, and the contact force comes on top.
+        obstacle_mass: mass of the obstacle [kg]; infinite if it is driven and does not yield. A finite mass has the
+            acceleration of the scenario in addition to that of the contact force.
     """
 
     kind: ClassVar[str] = ""
-    """What a scenario file calls it."""
+    """Its name in a scenario file."""
 
     obstacle_mass: float = quantity("kg", math.inf, sign="positive", infinite=True)
 
@@ -254,13 +254,13 @@ class ContactModel(ABC):
         """Return stiffness, damping, exponent, whether damping grows with depth, and 1 / obstacle_mass."""
 
     def rows(self) -> Iterator[Row]:
-        """Yield what a page says of the force and what it meets: names and numbers."""
+        """Yield the rows of a report on the force and the obstacle: names and values."""
         yield from self.force_rows()
         driven = math.isinf(self.obstacle_mass)
         yield "obstacle", "driven: it does not yield" if driven else f"of {format_quantity(self.obstacle_mass, 'kg')}"
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield what a page says of the force; a class that says nothing of its own what the loop is handed."""
+        """Yield the rows of a report on the force: names and values; by default, the coefficients of the loop."""
         stiffness, damping, exponent, grows, _ = self.numbers()
         yield "contact", type(self).__name__
         yield "stiffness", Measured(stiffness, "N/m^n")
@@ -273,11 +273,11 @@ class HuntCrossley(ContactModel):
     """F = k d^n (1 + a d'): damping grows with depth, so that the force starts and ends at 0.
 
     After K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
-    Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any speed
-    a v - ln(1 + a v) = -a e v - ln(1 - a e v), for a given a whatever k, n and the masses.
+    Mech. 42 (1975) 440-445, where a = 3/2 alpha and the restitution is e = 1 - alpha v for slow impacts. For any
+    speed v, a v - ln(1 + a v) = -a e v - ln(1 - a e v): e depends on a and v, not on k, n and the masses.
 
     Args:
-        obstacle_mass: mass of the obstacle [kg]; infinite where it is driven.
+        obstacle_mass: mass of the obstacle [kg]; infinite if it is driven.
         stiffness: k > 0 [N/m^n].
         dissipation: a >= 0 [s/m]; 0 for an elastic contact.
         exponent: n >= 1; 3/2 for a sphere, after Hertz.
@@ -303,7 +303,7 @@ class HuntCrossley(ContactModel):
         return self.stiffness, self.dissipation * self.stiffness, self.exponent, True, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield what a page says of the force."""
+        """Yield the rows of a report on the force."""
         yield "contact", "Hunt and Crossley: F = k d^n (1 + a d')"
         yield "stiffness k", Measured(self.stiffness, "N/m^n")
         yield "exponent n", Measured(self.exponent)
@@ -312,13 +312,13 @@ class HuntCrossley(ContactModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpringDamper(ContactModel):
-    """F = max(0, k d + c d'), Kelvin and Voigt's contact; it jumps at the touch where c > 0.
+    """F = max(0, k d + c d'), the Kelvin-Voigt contact; with c > 0, the force jumps at the touch.
 
     The force never pulls; its restitution without pull is that of T. Schwager, T. Poeschel, "Coefficient of
     restitution and linear-dashpot model revisited", Granular Matter 9 (2007) 465-469.
 
     Args:
-        obstacle_mass: mass of the obstacle [kg]; infinite where it is driven.
+        obstacle_mass: mass of the obstacle [kg]; infinite if it is driven.
         stiffness: k > 0 [N/m].
         damping: c >= 0 [N s/m].
 
@@ -337,7 +337,7 @@ class SpringDamper(ContactModel):
         return self.stiffness, self.damping, 1.0, False, 1 / self.obstacle_mass
 
     def force_rows(self) -> Iterator[Row]:
-        """Yield what a page says of the force."""
+        """Yield the rows of a report on the force."""
         yield "contact", "spring and damper: F = max(0, k d + c d')"
         yield "stiffness k", Measured(self.stiffness, "N/m")
         yield "damping c", Measured(self.damping, "N*s/m")

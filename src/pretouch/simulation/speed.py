@@ -1,4 +1,4 @@
-"""How fast may an object come? The speed up to which a loop with a virtual drag is stable, and in time."""
+"""The highest approach speed at which a loop with a virtual drag is stable and reacts in time."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from .chain import LoopTiming
 from .robot import PlantModel
 from .stability import gain_limit
 
-_LAG: Final = 0.25  # of the detection distance: from 0.3 to 0.4 of it on a drag no longer keeps its share of the speed
+_LAG: Final = 0.25  # allowed motion within the lag, in detection distances: from 0.3 to 0.4 on, a drag acts too late
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLimit(Value):
-    """How fast an object may come until a loop with a virtual drag is unstable, and until it comes too late.
+    """The highest approach speeds for which a loop with a virtual drag is stable, and for which it reacts in time.
 
     Args:
-        stable: the approach speed v from which on 2 phi g^2 |l'| exceeds the largest stable damping somewhere, with
-            |l'| = v exp(-Q(l)) of a uniform object [m/s]; infinite for phi = 0.
-        critical_distance: where it does so first [m].
-        timely: l_d / 4 over the lag, delay + 2 tau_s + hold [m/s]: an estimate. What moves by 0.3 to 0.4 of the
-            detection distance l_d within the lag is met too late, and touches with more than its share of the speed.
+        stable: the approach speed v from which on 2 phi g^2 |l'| exceeds the largest stable damping at some distance,
+            with |l'| = v exp(-Q(l)) for an object at constant speed [m/s]; infinite for phi = 0.
+        critical_distance: the distance at which it is exceeded first [m].
+        timely: l_d / 4 over the lag, delay + 2 tau_s + hold [m/s]: an estimate. If an object moves by 0.3 to 0.4 of the
+            detection distance l_d within the lag, the drag acts too late, and contact is faster than designed.
     """
 
     stable: float
@@ -36,7 +36,7 @@ class SpeedLimit(Value):
 
     @property
     def speed(self) -> float:
-        """The lesser of both [m/s]."""
+        """The smaller of both speeds [m/s]."""
         return min(self.stable, self.timely)
 
 
@@ -50,14 +50,14 @@ def speed_limit(
     detection_distance: float,
     plant: PlantModel | None = None,
 ) -> SpeedLimit:
-    """Find the speed up to which a sampled loop with a virtual drag is stable, and that up to which it is in time.
+    """Find the speeds up to which a sampled loop with a virtual drag is stable, and up to which it reacts in time.
 
     Args:
         sensor: the sensor curve.
         admittance: one virtual admittance.
-        timing: when the loop samples and acts, with the smoothing of its law, as `timing_of` tells it.
+        timing: the timing of the loop, with the smoothing of its law, as from `timing_of`.
         drag: phi [N s^2], >= 0.
-        detection_distance: l_d [m], from which on the object is seen.
+        detection_distance: l_d [m], at which the object is first detected.
         plant: the robot behind the virtual object; ideal by default.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Is my sensor fast enough? The largest gain that is stable for a rate and a delay, and the lowest rate for a gain."""
+"""Stability limits of the sampled loop: the largest stable gain for a sensor, and the lowest sensor rate for a gain."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from .chain import LoopTiming
 from .linear_loop import spectral_radius, worst_crossover, zero_between
 from .robot import IdealPlant, PlantModel, linear_plant
 
-_PLACES: Final = 65  # at which an encounter is linearized, contact and start included
-_PER_DECADE: Final = 12  # rates of the scan for the lowest one
+_PLACES: Final = 65  # distances at which an encounter is linearized, including contact and start
+_PER_DECADE: Final = 12  # rates per decade in the scan for the lowest stable rate
 _SLOWEST: Final = 1e-6  # Hz
-_PLENTY: Final = 100.0  # times the rate of an undelayed mass: the period then adds a hundredth to what a delay does
-_FASTEST: Final = 1e6  # Hz: no proximity sensor reads faster, and what is held for milliseconds has thousands of parts
+_PLENTY: Final = 100.0  # times the lowest rate of an undelayed mass: the period then has 1 % of the effect of a delay
+_FASTEST: Final = 1e6  # Hz: no proximity sensor is faster, and long forces would overlap thousands of readings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,15 +34,15 @@ class DampingLimit(Value):
     """The largest damping d, such as D_p g, with which the sampled loop is stable, at any distance.
 
     Args:
-        damping: the limit [N s/m]; infinite where no damping makes the loop unstable, 0 where any does, however weak:
-            a spring without damping that is pushed too late, or a robot whose own loop is unstable.
-        frequency: at which the loop oscillates there [Hz]; NaN where there is no limit.
-        radius_below: spectral radius of the closed loop at 0.999 of the limit, by its eigenvalues; where forces act
-            beyond 300 periods after their readings, the modulus of the one eigenvalue that leaves the unit circle.
-            NaN for a limit of 0.
-        radius_above: the same at 1.001 of the limit: the limit lies between. For a limit of 0, that of the growing
-            eigenvalue right after 0.
-        delay: from reading to force, with which it is the limit [s]: the worst of the range of the timing.
+        damping: the limit [N s/m]; infinite if no damping makes the loop unstable. It is 0 if any damping does, however
+            weak: with an undamped spring and a late force, or a robot whose own loop is unstable.
+        frequency: frequency of the oscillation at the limit [Hz]; NaN without a limit.
+        radius_below: spectral radius of the closed loop at 0.999 of the limit, by its eigenvalues. If forces act for
+            more than 300 periods after their readings, the modulus of the eigenvalue that leaves the unit circle. NaN
+            for a limit of 0.
+        radius_above: the same at 1.001 of the limit, so that the limit lies between. For a limit of 0, the modulus of
+            the eigenvalue that grows for the weakest damping.
+        delay: delay from reading to force for which the limit was computed [s]: the worst in the range of the timing.
     """
 
     damping: float
@@ -61,14 +61,14 @@ class DampingLimit(Value):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainLimit(Value):
-    """The number of a law with the largest magnitude with which the loop is stable, at each distance.
+    """The strongest gain of a law with which the loop is stable, at each distance.
 
     Args:
         distance: l [m], shape (n,).
-        gain: the strongest stable number at each, shape (n,): D_p < 0 [N s] of a damper, phi > 0 [N s^2] of a drag;
-            infinite where it damps nothing, and 0 where no damping is stable.
+        gain: the strongest stable gain at each distance, shape (n,): D_p < 0 [N s] of a damper, phi > 0 [N s^2] of a
+            drag; infinite where the law does not damp, and 0 if no damping is stable.
         damping: the largest damping, the same at all distances.
-        law: the law whose number it is.
+        law: the law of the gain.
     """
 
     distance: FloatArray
@@ -78,22 +78,23 @@ class GainLimit(Value):
 
     @property
     def strongest(self) -> float:
-        """The strongest number that is stable at every distance, that of the smallest magnitude [N s for a damper]."""
+        """The strongest gain that is stable at every distance: the smallest limit in magnitude [N s for a damper]."""
         return float(self.gain[np.abs(self.gain).argmin()])
 
     @property
     def critical_distance(self) -> float:
-        """The distance [m] that allows the least."""
+        """The distance [m] with the smallest limit."""
         return float(self.distance[np.abs(self.gain).argmin()])
 
     def allowed(self, margin: float = 2.0) -> float:
-        """Return the largest |D_p| that keeps a margin to instability: the limit of a `Constraint(name="gain")`.
+        """Return the largest gain magnitude with a gain margin: the limit for a `Constraint(name="gain")`.
 
         Args:
-            margin: how many times the number could grow until the loop is unstable, > 1; 2 is the usual 6 dB.
+            margin: gain margin, the factor by which the gain can grow until the loop is unstable, > 1; 2 is the usual
+                6 dB.
 
         Returns:
-            The magnitude [N s for a damper]; infinite where none makes the loop unstable, 0 where any does.
+            The magnitude [N s for a damper]; infinite if no gain makes the loop unstable, 0 if any does.
 
         Raises:
             InvalidInputError: the margin does not exceed 1.
@@ -103,7 +104,7 @@ class GainLimit(Value):
         return abs(self.strongest) / margin
 
     def bounds(self, *, margin: float = 2.0, weakest: float = -1e-3) -> tuple[float, float]:
-        """Return bounds of the number that keep the margin of `allowed`; none left is refused."""
+        """Return bounds of the gain that keep the margin of `allowed`; refuse empty bounds."""
         n, unit = self.law.number, pretty_unit(self.law.number.unit)
         strongest = n.sign * self.allowed(margin)
         if not 0 < n.sign * finite(weakest, "weakest", n.unit) < n.sign * strongest:
@@ -115,7 +116,7 @@ class GainLimit(Value):
 
 
 def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
-    """Return distances that are passed from its farthest start to contact [m], ascending, as far as a curve holds."""
+    """Return ascending distances from contact to the farthest start [m], within the valid range of the curve."""
     low, high = sensor.valid_range
     first = max(low, 0.0)
     return np.linspace(first, max(min(farthest, high), first), _PLACES)
@@ -124,7 +125,7 @@ def passed_distances(sensor: SensorModel, farthest: float) -> FloatArray:
 def passage(
     law: ContinuousLaw, scenario: Scenario, sensor: SensorModel, value: float, farthest: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return distances that an encounter passes [m], and the predicted l' there [m/s] where the damping follows it."""
+    """Return the distances of an encounter [m], and the predicted l' there [m/s] if the damping depends on it."""
     if law.degree == 1:
         return passed_distances(sensor, farthest), None
     motion = law.motion(scenario, sensor, value)
@@ -133,24 +134,24 @@ def passage(
 
 @check_arguments
 def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantModel | None = None) -> DampingLimit:
-    """Find the largest damping d, as D_p g, for which the loop is stable: L(1) behind a sampler, a delay and a hold.
+    """Find the largest damping d, as D_p g, for which the loop of admittance L(1), sampler, delay and hold is stable.
 
-    The linear loop is discretized exactly; its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
-    negative. The crossover of the phase of P with the smallest d is the limit, and the eigenvalues of the closed loop
-    below and above it are its proof. An oscillation that is undamped without any force must be damped by a weak one.
+    The linear loop is discretized exactly. Its eigenvalues reach the unit circle where 1 + d P(z) = 0 with P real and
+    negative. The phase crossover of P with the smallest d is the limit, and the eigenvalues of the closed loop below
+    and above it prove it. If the loop has an undamped oscillation without force, a weak force must damp it.
 
     Args:
         admittance: one virtual admittance.
-        timing: when the loop samples and acts.
-        plant: the robot behind the virtual object; ideal by default. Its Coulomb friction is left out.
+        timing: the timing of the loop.
+        plant: the robot behind the virtual object; ideal by default. Its Coulomb friction is ignored.
 
     Returns:
         The limit, with the frequency of the oscillation and its certificate.
 
     Valid for:
-        One force per reading, held; jitter, noise and saturation are left out; a median counts as its delay. A delay
-        that differs from run to run is tried at both ends and in the middle of its range, and refined where the worst
-        is not the longest.
+        One held force per reading. Jitter, noise and saturation are ignored; a median counts as its delay. A delay that
+        differs between runs is tried at both ends and in the middle of its range, and refined if the worst is not the
+        longest.
 
     Examples:
         A virtual mass alone, read without delay, is stable up to exactly 2 M / T:
@@ -160,10 +161,10 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
         200.0
     """
     loop, first = worst_crossover(linear_plant(admittance, plant or IdealPlant()), timing)
-    free = admittance.stiffness == 0  # the position is then a free integrator, that no force reads
+    free = admittance.stiffness == 0  # the position is then a free integrator that does not affect any force
     delay = loop.timing.delay
     if first is None:
-        below = spectral_radius(loop, 0.0, free=free, beside=math.nan)
+        below = spectral_radius(loop, 0.0, free=free, near=math.nan)
         return DampingLimit(
             damping=math.inf, frequency=math.nan, radius_below=below, radius_above=math.nan, delay=delay
         )
@@ -171,8 +172,8 @@ def largest_damping(admittance: Admittance, timing: LoopTiming, *, plant: PlantM
     return DampingLimit(
         damping=d,
         frequency=angle * timing.rate / (2 * math.pi),
-        radius_below=spectral_radius(loop, 0.999 * d, free=free, beside=angle) if d > 0 else math.nan,
-        radius_above=spectral_radius(loop, 1.001 * d, free=free, beside=angle) if d > 0 else grown,
+        radius_below=spectral_radius(loop, 0.999 * d, free=free, near=angle) if d > 0 else math.nan,
+        radius_above=spectral_radius(loop, 1.001 * d, free=free, near=angle) if d > 0 else grown,
         delay=delay,
     )
 
@@ -188,20 +189,20 @@ def gain_limit(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> GainLimit:
-    """Find the strongest number of a law with which the sampled loop is stable at each distance, linearized there.
+    """Find the strongest gain of a law with which the sampled loop, linearized at each distance, is stable.
 
-    By default that is the D_p of L(1) with L(2). Of any law whose force is in proportion to its number, it is the
-    largest damping over that of the number 1. While a drag acts it holds the admittance's pull off, so that its loop is
-    that of the virtual mass alone.
+    By default it is the gain D_p of the admittance L(1) with the virtual force L(2). For any law with a force
+    proportional to its gain, it is the largest damping over the damping of the gain 1. An active drag suspends spring
+    and damping of the admittance, so its loop is that of the virtual mass alone.
 
     Args:
         sensor: the sensor curve.
         admittance: one virtual admittance.
-        timing: when the loop samples and acts.
-        distance: l [m], at which the loop is linearized: those that the encounter passes, contact included.
+        timing: the timing of the loop.
+        distance: distances l of the encounter at which the loop is linearized [m], including contact.
         plant: the robot behind the virtual object; ideal by default.
         law: the law in continuous time.
-        relative_velocity: l' at each distance [m/s], of a law whose damping follows it, as that of the drag.
+        relative_velocity: l' at each distance [m/s], for a law whose damping depends on it, such as a drag.
 
     Returns:
         The limits; their `allowed` is a constraint, and their `bounds` are bounds, of `design_gain`.
@@ -214,29 +215,32 @@ def gain_limit(
         >>> round(limit.strongest, 2), limit.critical_distance
         (-0.57, 0.0)
     """
-    where, each, free = _frozen(law, sensor, admittance, distance, relative_velocity)
+    distances, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
     limit = largest_damping(free, timing, plant=plant)
-    gain = np.full(where.shape, math.inf)
-    np.divide(limit.damping, each, out=gain, where=each > 0)
-    return GainLimit(distance=where, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
+    gain = np.full(distances.shape, math.inf)
+    np.divide(limit.damping, damping_of_one, out=gain, where=damping_of_one > 0)
+    return GainLimit(distance=distances, gain=0.0 + law.number.sign * gain, damping=limit, law=law)
 
 
-def _frozen(
+def _linearize(
     law: ContinuousLaw, sensor: SensorModel, admittance: Admittance, distance: ArrayLike, relative_velocity: Any
 ) -> tuple[FloatArray, FloatArray, Admittance]:
-    """Return distances [m], the damping of the number 1 there, and what acts beside it; refuse what is not known."""
-    where = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
-    slope = np.abs(np.asarray(sensor.log_slope(where)))
+    """Return distances [m], the damping of the gain 1 there, and the active admittance; refuse unknown damping."""
+    distances = np.atleast_1d(np.asarray(finite(distance, "distance", "m"), dtype=np.float64)).ravel()
+    slope = np.abs(np.asarray(sensor.log_slope(distances)))
     velocity = math.nan if relative_velocity is None else np.asarray(finite(relative_velocity, "relative_velocity"))
-    each = np.abs(law.damping(1.0, -slope, velocity))
-    if np.isnan(each).any() and relative_velocity is None:
+    damping_of_one = np.abs(law.damping(1.0, -slope, velocity))
+    if np.isnan(damping_of_one).any() and relative_velocity is None:
         raise InvalidInputError(
-            f"relative_velocity: found none, expected l' [m/s] at each distance: the damping of a {law.kind} follows it"
+            f"relative_velocity: found none, expected l' [m/s] at each distance, because the damping of a {law.kind} "
+            "depends on it"
         )
-    if np.isnan(each).any():
-        raise InvalidInputError(f"law: found a {law.kind} whose damping is not known at every distance")
-    free = replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "holds_off", False) else admittance
-    return where, np.broadcast_to(each, where.shape), free
+    if np.isnan(damping_of_one).any():
+        raise InvalidInputError(
+            f"law: found a {law.kind} with unknown damping at some distances, expected a number at every distance"
+        )
+    active = replace(admittance, damping=0.0, stiffness=0.0) if getattr(law, "holds_off", False) else admittance
+    return distances, np.broadcast_to(damping_of_one, distances.shape), active
 
 
 @check_arguments
@@ -252,27 +256,27 @@ def lowest_rate(
     law: ContinuousLaw = DAMPER,
     relative_velocity: ArrayLike | None = None,
 ) -> float:
-    """Find the lowest rate of the sensor above which a gain is stable at every distance and every rate.
+    """Find the lowest sensor rate such that a gain is stable at this and every higher rate, at every distance.
 
-    The limit on the gain does not only grow with the rate: it has minima. A gain near one of them is unstable between
-    two rates, and stable again below; the upper of the two is what counts here. So the lowest rate jumps where a gain
-    (or a delay, an exposure, a mass) passes the one at which such a minimum touches it.
+    The limit on the gain does not always grow with the rate: it has minima. A gain near a minimum is unstable between
+    two rates, and stable again below the lower one; the result is the upper one. So the lowest rate jumps when the gain
+    (or a delay, an exposure, a mass) passes the value at which it equals such a minimum.
 
     Args:
         sensor: the sensor curve.
         admittance: one virtual admittance.
-        gain: the number of the law, one that mitigates: D_p < 0 [N s].
-        distance: l [m], those that the encounter passes.
-        timing_at: the timing for a rate [Hz]; without any delay by default. What follows the rate, such as a transfer
-            that waits for the next period, belongs in it.
+        gain: a mitigating gain of the law, such as D_p < 0 [N s].
+        distance: distances l of the encounter [m].
+        timing_at: function that returns the timing for a rate [Hz]; by default without delay. It includes delays that
+            depend on the rate, such as a transfer that waits for the next period.
         plant: the robot behind the virtual object; ideal by default.
-        margin: how many times the gain must be able to grow until the loop is unstable.
+        margin: the required gain margin.
         law: the law in continuous time.
-        relative_velocity: l' at each distance [m/s], of a law whose damping follows it, as that of the drag.
+        relative_velocity: l' at each distance [m/s], for a law whose damping depends on it, such as a drag.
 
     Returns:
-        The rate [Hz]; 0 where the gain is stable from 1e-6 Hz on, infinite where even a rate of a hundred times
-            D_p g / (2 M) is too low, for then it is the delay or the plant that forbids the gain, or even a megahertz.
+        The rate [Hz]; 0 if the gain is stable from 1e-6 Hz on. It is infinite if the lower of 1 MHz and a hundred times
+            D_p g / (2 M) is too low: then the delay or the plant forbids the gain.
 
     Raises:
         InvalidInputError: the gain does not mitigate.
@@ -287,32 +291,32 @@ def lowest_rate(
     number = law.number
     if not finite(gain, "gain", number.unit) * number.sign > 0:
         raise InvalidInputError(
-            f"gain: found {format_quantity(gain, number.unit)}, which must be {number.mitigating}: only such gains "
+            f"gain: found {format_quantity(gain, number.unit)}, which must be {number.mitigating}; other gains do not "
             "mitigate"
         )
-    _, each, free = _frozen(law, sensor, admittance, distance, relative_velocity)
-    wanted = positive(margin, "margin") * abs(gain) * float(each.max())
-    make = timing_at or (lambda rate: LoopTiming(rate=rate))
+    _, damping_of_one, free = _linearize(law, sensor, admittance, distance, relative_velocity)
+    required = positive(margin, "margin") * abs(gain) * float(damping_of_one.max())
+    timing_of_rate = timing_at or (lambda rate: LoopTiming(rate=rate))
     system = linear_plant(free, plant or IdealPlant())
 
-    def spare(logarithm: float) -> float:
-        _, found = worst_crossover(system, make(math.exp(logarithm)))
-        limit = math.inf if found is None else found.damping
-        return math.log(min(max(limit, 1e-300), 1e300) / wanted)
+    def log_margin(logarithm: float) -> float:
+        _, crossover = worst_crossover(system, timing_of_rate(math.exp(logarithm)))
+        limit = math.inf if crossover is None else crossover.damping
+        return math.log(min(max(limit, 1e-300), 1e300) / required)
 
-    top = math.log(min(_PLENTY * wanted / (2 * admittance.mass), _FASTEST))
-    if spare(top) <= 0:
+    highest = math.log(min(_PLENTY * required / (2 * admittance.mass), _FASTEST))
+    if log_margin(highest) <= 0:
         return math.inf
-    ends = _last_change(spare, top)
-    if ends is None:
+    interval = _last_change(log_margin, highest)
+    if interval is None:
         return 0.0
-    return math.exp(zero_between(spare, *ends, 1e-9))
+    return math.exp(zero_between(log_margin, *interval, 1e-9))
 
 
 def _last_change(spare: Callable[[float], float], top: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return the ends of an interval below `top` in which a function falls below 0, going down, with its values there.
+    """Return the ends, with values, of the highest interval below `top` in which a function becomes negative.
 
-    Where it has a minimum between three points of the scan that may be below 0, the minimum is sought.
+    If a minimum between three points of the scan may be negative, it is searched for.
     """
     step = math.log(10) / _PER_DECADE
     above, at = (math.inf, math.inf), (top, spare(top))

@@ -1,4 +1,4 @@
-"""Inputs that are not known exactly: distributions as values, seeded samples of them, and the encounters they make."""
+"""Uncertain inputs: their distributions, seeded samples of them, and the encounters with these samples."""
 
 from .correlated import CorrelatedNormal, Empirical, parameter_distribution
 from .distributions import Distribution, Interval, JointDistribution, Normal, TruncatedNormal, Uniform

@@ -1,4 +1,4 @@
-"""What is known of several inputs that were estimated together, such as a calibration leaves it of its curve."""
+"""Distributions from data: correlated parameters of a fitted curve, and measured values."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .distributions import Distribution, JointDistribution, Normal, normal_in_wo
 if TYPE_CHECKING:
     from pretouch.calibration import SensorFit
 
-_DEVIATIONS: Final = 4.0  # beyond which one sample in 16,000 lies
+_DEVIATIONS: Final = 4.0  # standard deviations that one sample in 16,000 exceeds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatedNormal(JointDistribution):
-    """Several inputs that were estimated together, such as the parameters of a fitted curve.
+    """Normal distribution of several correlated inputs, such as the parameters of a fitted curve.
 
     Args:
         names: the inputs, such as `sensor.exponent`.
@@ -58,21 +58,23 @@ class CorrelatedNormal(JointDistribution):
             )
         scale = np.sqrt(np.outer(np.diag(covariance).clip(0), np.diag(covariance).clip(0)))
         if np.abs(covariance - covariance.T).max(initial=0) > 1e-9 * scale.max(initial=0):
-            raise InvalidInputError("covariance: found a matrix that is not symmetric")
+            raise InvalidInputError("covariance: found a matrix that is not symmetric, expected a symmetric one")
         object.__setattr__(self, "names", tuple(map(str, self.names)))
         object.__setattr__(self, "mean", tuple(mean.tolist()))
         object.__setattr__(self, "covariance", tuple(map(tuple, covariance.tolist())))
-        self.root  # noqa: B018 - raises where no such covariance is possible
+        self.root  # noqa: B018 - raises if the covariance is impossible
 
     @property
     def root(self) -> FloatArray:
-        """A matrix R with R R^T the covariance: what independent normal numbers are multiplied by."""
+        """A matrix R with R R^T = covariance, which maps independent normal numbers to correlated ones."""
         covariance = np.asarray(self.covariance)
         deviation = np.sqrt(np.diag(covariance).clip(0))
         unit = np.where(deviation > 0, deviation, 1.0)
         values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
         if values.min(initial=0) < -1e-9:
-            raise InvalidInputError("covariance: found a matrix with a negative eigenvalue, which none has")
+            raise InvalidInputError(
+                "covariance: found a matrix with a negative eigenvalue, expected a positive semidefinite one"
+            )
         return np.asarray(unit[:, None] * vectors * np.sqrt(values.clip(0)))
 
     def inputs(self, name: str) -> tuple[str, ...]:  # noqa: ARG002
@@ -84,73 +86,73 @@ class CorrelatedNormal(JointDistribution):
         return self.mean
 
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return the estimates and R times independent normal numbers."""
+        """Return samples: the means plus R times independent normal numbers."""
         from scipy.special import ndtri  # noqa: PLC0415 - SciPy, only when something is sampled
 
         return np.asarray(np.asarray(self.mean) + ndtri(points) @ self.root.T)
 
     def variance_along(self, slopes: FloatArray) -> float:
-        """Return the variance along a direction, by the covariance."""
+        """Return the variance of the sum of the inputs times slopes, from the covariance."""
         return float(slopes @ np.asarray(self.covariance) @ slopes)
 
     def alone(self, index: int) -> Normal:
-        """Return the normal distribution of one input; an estimate without any error is none."""
+        """Return the normal distribution of one input; a deviation of 0 is refused."""
         return Normal(mean=self.mean[index], deviation=math.sqrt(self.covariance[index][index]))
 
     def others(self, index: int, values: FloatArray) -> FloatArray:
-        """Return the means where one input is known: linear in what it is."""
+        """Return the conditional means of all inputs for given values of one input."""
         covariance, mean = np.asarray(self.covariance), np.asarray(self.mean)[:, None]
         slope = covariance[index] / covariance[index, index]
         return np.asarray(mean + slope[:, None] * (values - mean[index]))
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield each name and its estimate, one without any error, too."""
+        """Yield each name and its distribution in words, also for a deviation of 0."""
         for i, member in enumerate(self.names):
             text = normal_in_words(self.mean[i], math.sqrt(self.covariance[i][i]), units.get(member, ""))
-            yield member, f"{text}, together with the others of {name}"
+            yield member, f"{text}, jointly with the other inputs of {name}"
 
 
 @check_arguments
 def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
-    """Return how the parameters of a fitted curve may lie: normal, with the covariance of the fit.
+    """Return the normal distribution of the parameters of a fitted curve, with the covariance of the fit.
 
-    The scale of the output is left out: it cancels from the virtual force. Parameters of a curve are strongly
-    correlated (a larger exponent with a larger offset gives nearly the same curve), so that to vary each for itself
-    would promise far too little.
+    The scale of the output is not included, because it cancels from the virtual force. The parameters of a curve are
+    strongly correlated: a larger exponent with a larger offset gives nearly the same curve. So independent
+    variations would overestimate the uncertainty by far.
 
     Args:
-        fit: one model fitted to one calibration, with the share of the no-object offset in its covariance.
+        fit: one model fitted to one calibration; its covariance includes the effect of the no-object offset.
 
     Returns:
-        The distribution of `sensor.NAME` for each parameter; under a free name, a value of an uncertainty.
+        The distribution of `sensor.NAME` for each parameter; use it under any name as a value of an uncertainty.
 
     Raises:
-        InvalidInputError: the readings do not bound a parameter, the curve has none, or four standard errors lead to
-            values that no such curve has.
+        InvalidInputError: the readings do not bound a parameter, the curve has none, or parameters four standard errors
+            away are impossible.
 
     Examples:
         >>> from pretouch.calibration import Calibration, fit_sensor
         >>> distance = np.linspace(0.0, 0.08, 33)
         >>> noise = 1e-3 * np.sin(1e4 * distance)
         >>> measured = Calibration(distances=distance, outputs=np.exp(-61.0 * distance) + noise, unit="V")
-        >>> known = parameter_distribution(fit_sensor(measured, "exponential-1", offset="zero"))
-        >>> known.names, round(known.mean[0])
+        >>> distribution = parameter_distribution(fit_sensor(measured, "exponential-1", offset="zero"))
+        >>> distribution.names, round(distribution.mean[0])
         (('sensor.rate',), -61)
     """
     names = [name for name in fit.parameters if name != "scale"]
     if not names:
         raise InvalidInputError(
-            f"fit: found a {fit.model}, which has no parameters whose covariance could be known; fit a curve with "
-            "parameters, such as inverse-power"
+            f"fit: found a {fit.model}, which has no parameters; fit a curve with parameters, such as inverse-power"
         )
-    chosen = [list(fit.parameters).index(name) for name in names]
-    covariance = fit.covariance[np.ix_(chosen, chosen)]
+    indices = [list(fit.parameters).index(name) for name in names]
+    covariance = fit.covariance[np.ix_(indices, indices)]
     open_ended = [n for n in names if not np.isfinite(fit.parameters[n].standard_error)]
     if open_ended or not np.isfinite(covariance).all():
-        why = f" {' '.join(fit.identifiable)}" if fit.identifiable else ""
+        reason = f" {' '.join(fit.identifiable)}" if fit.identifiable else ""
         raise InvalidInputError(
-            f"fit: the readings do not bound {' and '.join(open_ended or names)}, so that there is no covariance to "
-            f"draw from.{why} Fit a curve with fewer parameters, such as exponential-1, or state what is known of each"
+            f"fit: the readings do not bound {' and '.join(open_ended or names)}, so there is no covariance to draw "
+            f"from.{reason} Fit a curve with fewer parameters, such as exponential-1, or specify the distribution of "
+            "each"
         )
     mean = np.array([fit.parameters[name].value for name in names])
     _check_tails(fit, names, mean, covariance)
@@ -162,7 +164,7 @@ def parameter_distribution(fit: SensorFit) -> CorrelatedNormal:
 
 
 def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance: FloatArray) -> None:
-    """Refuse parameters whose tails leave what a curve can be, the others where they then likeliest are."""
+    """Refuse distributions with impossible curves in their tails, other parameters at their conditional means."""
     for i, name in enumerate(names):
         error = float(np.sqrt(max(covariance[i, i], 0.0)))
         if error == 0:
@@ -173,15 +175,15 @@ def _check_tails(fit: SensorFit, names: list[str], mean: FloatArray, covariance:
                 sensor_with(fit.sensor, values)
             except InvalidInputError as impossible:
                 raise InvalidInputError(
-                    f"fit: {name} is known to {mean[i]:.4g} with a standard error of {error:.2g} only, and a normal "
-                    f"distribution that wide holds impossible curves ({impossible}); calibrate with more readings, or "
-                    "state what is known of each parameter"
+                    f"fit: {name} is {mean[i]:.4g} with a standard error of {error:.2g}, and a normal distribution "
+                    f"that wide includes impossible curves ({impossible}); calibrate with more readings, or specify "
+                    "the distribution of each parameter"
                 ) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Empirical(Distribution):
-    """What was measured: each value as likely as it is frequent.
+    """The empirical distribution of measured values, each with a probability equal to its frequency.
 
     Args:
         samples: the values, in SI, in any order; at least two.
@@ -197,7 +199,9 @@ class Empirical(Distribution):
         check_types(self)
         values = np.atleast_1d(finite(self.samples, "samples"))
         if values.ndim != 1 or len(values) < 2:
-            raise InvalidInputError(f"samples: found {np.shape(values)}, expected a row of two values or more")
+            raise InvalidInputError(
+                f"samples: found an array of shape {np.shape(values)}, expected a row of two values or more"
+            )
         object.__setattr__(self, "samples", tuple(np.sort(values).tolist()))
 
     @property
@@ -220,5 +224,5 @@ class Empirical(Distribution):
         return np.asarray(self.samples)[np.minimum((probability * count).astype(np.int64), count - 1)]
 
     def described(self, unit: str) -> str:
-        """Say how many values there are, and between what."""
+        """Return the number of values and their range in words."""
         return f"{len(self.samples)} measured values, {format_range(self.support, unit)}"

@@ -1,4 +1,4 @@
-"""What is known of inputs that are not known exactly: an interval, a distribution, or several that go together."""
+"""Probability distributions of uncertain inputs: their base classes, intervals, uniform and normal distributions."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from pretouch._core.units import format_quantity, format_range
 from pretouch._core.values import check_declared, quantity
 
 _NARROW: Final = 1e-4
-"""Deviations from one end to the other: within fewer, differences of Phi have no digits left, and the density is an
-exponential but for the square of this."""
+"""Width of a truncated normal distribution, in deviations, below which its density is taken as exponential.
+
+Differences of Phi lose all digits there; the relative error of the exponential is the square of this width."""
 
 _FLAT: Final = 1e-3
-"""How far ln of such an exponential may fall for its mean to be told by the first power of that."""
+"""Decrease of ln of this exponential density below which its mean is computed to first order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointDistribution(ABC):
-    """What is known of several inputs that go together; one of your own defines the six that follow."""
+    """Joint distribution of several inputs; a user-defined one implements the six abstract methods."""
 
     @abstractmethod
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return the names of the k inputs that it speaks of, where it goes by a name itself."""
+        """Return the names of its k inputs; `name` is its key in the uncertainty."""
 
     @abstractmethod
     def means(self) -> tuple[float, ...]:
@@ -46,32 +47,32 @@ class JointDistribution(ABC):
 
     @abstractmethod
     def alone(self, index: int) -> Distribution:
-        """Return what is known of one of the inputs for itself."""
+        """Return the marginal distribution of one of the inputs."""
 
     @abstractmethod
     def others(self, index: int, values: FloatArray) -> FloatArray:
-        """Return the means of all inputs where one of them is known to be each of some values, shape (k, n)."""
+        """Return the conditional means of all inputs for given values of one of them, shape (k, n)."""
 
     def rows(self, name: str, units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-        """Yield the name of each input that it speaks of, and what is known of it, for the SI units of inputs."""
+        """Yield the name of each input and its distribution in words; `units` has the SI units of inputs."""
         members = self.inputs(name)
-        others = f", together with the others of {name}" if len(members) > 1 else ""
+        others = f", jointly with the other inputs of {name}" if len(members) > 1 else ""
         for i, member in enumerate(members):
             yield member, self.alone(i).described(units.get(member, "")) + others
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as one JSON object: its kind and its fields, in SI."""
+        """Return the distribution as one JSON object: its kind and its fields, in SI."""
         return with_kind(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution(JointDistribution):
-    """What is known of one input: its quantiles say everything. A new one defines the two that follow."""
+    """Distribution of one input, defined by its quantiles; a user-defined one implements `support` and `_quantile`."""
 
     @property
     @abstractmethod
     def support(self) -> tuple[float, float]:
-        """The smallest and the largest value that is possible; infinite where there is none."""
+        """The smallest and the largest possible value; infinite if unbounded."""
 
     @abstractmethod
     def _quantile(self, probability: FloatArray) -> FloatArray:
@@ -79,24 +80,24 @@ class Distribution(JointDistribution):
 
     @property
     def mean(self) -> float:
-        """The mean, by Gauss-Legendre quadrature of the quantiles; the middle of an interval."""
+        """The mean, by Gauss-Legendre quadrature of the quantiles; for an interval, its middle."""
         nodes, weights = np.polynomial.legendre.leggauss(200)
         return float(0.5 * (weights * self.quantile(0.5 * (nodes + 1))).sum())
 
     @property
     def variance(self) -> float:
-        """The variance, likewise; that of a uniform distribution for an interval."""
+        """The variance, by the same quadrature; for an interval, that of a uniform distribution."""
         nodes, weights = np.polynomial.legendre.leggauss(200)
         deviation = self.quantile(0.5 * (nodes + 1)) - self.mean
         return float(0.5 * (weights * deviation**2).sum())
 
     def described(self, unit: str) -> str:
-        """Say what it is in words, such as `uniform, 38 mm to 46 mm`, with the SI unit of the input."""
+        """Return the distribution in words, such as `uniform, 38 mm to 46 mm`; `unit` is the SI unit of the input."""
         return f"{type(self).__name__}, {format_range(self.support, unit)}"
 
     @final
     def quantile(self, probability: Any) -> Any:
-        """Return the value that is not exceeded with a probability in [0, 1], of any shape; at 0 and 1 the support.
+        """Return the quantile for a probability in [0, 1], of any shape; the ends of the support at 0 and 1.
 
         Examples:
             >>> Uniform(low=-0.5, high=-0.1).quantile(0.25)
@@ -105,12 +106,12 @@ class Distribution(JointDistribution):
         p = np.asarray(probability, dtype=np.float64)
         inside = np.clip(p, np.finfo(np.float64).tiny, 1 - 2.0**-53)
         low, high = self.support
-        found = np.where(p <= 0, low, np.where(p >= 1, high, self._quantile(inside)))
-        return float(found) if found.ndim == 0 else found
+        values = np.where(p <= 0, low, np.where(p >= 1, high, self._quantile(inside)))
+        return float(values) if values.ndim == 0 else values
 
     @final
     def inputs(self, name: str) -> tuple[str, ...]:
-        """Return the name that it goes by."""
+        """Return its name."""
         return (name,)
 
     @final
@@ -120,7 +121,7 @@ class Distribution(JointDistribution):
 
     @final
     def draw(self, points: FloatArray) -> FloatArray:
-        """Return its quantiles."""
+        """Return its quantiles at the points."""
         return np.asarray(self.quantile(points))
 
     @final
@@ -140,7 +141,7 @@ class Distribution(JointDistribution):
 
 
 def normal_in_words(mean: float, deviation: float, unit: str) -> str:
-    """Say what a normal distribution is, in the SI unit of its input."""
+    """Return a normal distribution in words, with the SI unit of its input."""
     return f"normal, {format_quantity(mean, unit)} with a standard deviation of {format_quantity(deviation, unit)}"
 
 
@@ -151,9 +152,9 @@ def _check_order(low: float, high: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval(Distribution):
-    """Bounds, and nothing about what is likelier between them: what a worst case is taken over.
+    """Bounds without a distribution between them, for the worst case.
 
-    Where a sample is drawn all the same (to explore, or together with others), it is uniform.
+    If samples are drawn nevertheless (to explore, or together with other inputs), they are uniform.
 
     Args:
         low: the smallest value, in SI.
@@ -184,20 +185,20 @@ class Interval(Distribution):
 
     @property
     def variance(self) -> float:
-        """That of equally likely values."""
+        """The variance of the uniform distribution."""
         return (self.high - self.low) ** 2 / 12
 
     def _quantile(self, probability: FloatArray) -> FloatArray:
         return self.low + (self.high - self.low) * probability
 
     def described(self, unit: str) -> str:
-        """Say between what it lies."""
+        """Return the bounds in words."""
         return f"{self._words}, {format_range(self.support, unit)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform(Interval):
-    """Equally likely everywhere between two values.
+    """The uniform distribution between two values.
 
     Args:
         low: the smallest value, in SI.
@@ -232,7 +233,7 @@ class Normal(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """Everything."""
+        """All real numbers."""
         return -math.inf, math.inf
 
     @property
@@ -246,19 +247,19 @@ class Normal(Distribution):
         return np.asarray(self.mean + self.deviation * ndtri(probability))
 
     def described(self, unit: str) -> str:
-        """Say where its middle is and how far it spreads."""
+        """Return mean and standard deviation in words."""
         return normal_in_words(self.mean, self.deviation, unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruncatedNormal(Distribution):
-    """The normal distribution, given that it lies between two values.
+    """The normal distribution, truncated to the range between two values.
 
     Args:
-        location: mu of the normal distribution before it is cut, in SI.
+        location: mean mu of the normal distribution before truncation, in SI.
         deviation: its standard deviation sigma > 0.
-        low: the smallest value that is possible; may be minus infinity.
-        high: the largest value that is possible; may be infinite.
+        low: the smallest possible value; may be minus infinity.
+        high: the largest possible value; may be infinite.
 
     Examples:
         >>> speed = TruncatedNormal(location=-0.3, deviation=0.1, low=-0.5, high=-0.05)
@@ -277,7 +278,8 @@ class TruncatedNormal(Distribution):
         _check_order(low, high)
         if max(low - self.location, self.location - high) > 30 * self.deviation:
             raise InvalidInputError(
-                f"low: found {low:g} to {high:g}, more than 30 deviations from the location {self.location:g}"
+                f"low: found {low:g} to {high:g}, more than 30 deviations from the location {self.location:g}, "
+                "expected a range nearer to it"
             )
 
     @property
@@ -287,8 +289,8 @@ class TruncatedNormal(Distribution):
 
     @property
     def mean(self) -> float:
-        """The mean of what is left, mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), exact in both tails."""
-        from scipy.special import log_ndtr  # noqa: PLC0415 - SciPy, only when something is asked
+        """The mean after truncation, mu + sigma (phi(a) - phi(b)) / (Phi(b) - Phi(a)), accurate in both tails."""
+        from scipy.special import log_ndtr  # noqa: PLC0415 - SciPy, only when it is needed
 
         a, b = ((x - self.location) / self.deviation for x in self.support)
         if b - a < _NARROW:
@@ -314,5 +316,5 @@ class TruncatedNormal(Distribution):
         return np.asarray(np.clip(self.location + self.deviation * z, self.low, self.high))
 
     def described(self, unit: str) -> str:
-        """Say what it is before it is cut, and where that is."""
+        """Return the normal distribution and its truncation in words."""
         return f"{normal_in_words(self.location, self.deviation, unit)}, cut to {format_range(self.support, unit)}"

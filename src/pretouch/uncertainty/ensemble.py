@@ -1,4 +1,4 @@
-"""Samples of inputs that are not known exactly, and the encounters they make."""
+"""Sample uncertain inputs, and solve the encounters with these samples."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from pretouch.sensors import SensorModel
 from .distributions import JointDistribution
 
 Uncertainty: TypeAlias = Mapping[str, JointDistribution]
-"""What is known of inputs, by name, such as `obstacle.velocity`; under a free name, of several that go together."""
+"""Distributions of inputs by name, such as `obstacle.velocity`; a joint distribution has any name."""
 
 SAMPLINGS: Final = ("sobol", "latin-hypercube", "random")
 MOST_SAMPLES: Final = 1_000_000
-"""How many samples are drawn at once."""
+"""The largest number of samples that are drawn at once."""
 
 
 def names_of(uncertainty: Uncertainty) -> tuple[str, ...]:
-    """Return the names of the inputs, in order; refuse an uncertainty of none, or one that names an input twice."""
-    for name, known in uncertainty.items():
-        if not isinstance(known, JointDistribution):
+    """Return the names of the inputs, in order; refuse an empty uncertainty, and inputs with two distributions."""
+    for name, distribution in uncertainty.items():
+        if not isinstance(distribution, JointDistribution):
             raise InvalidInputError(
-                f"uncertainty {name}: found {type(known).__name__}, expected a distribution, such as a Uniform, "
-                "or a class of your own that inherits from pt.robust.Distribution and defines support and _quantile"
+                f"uncertainty {name}: found {type(distribution).__name__}, expected a distribution, such as a Uniform, "
+                "or a user-defined class that inherits from pt.robust.Distribution and defines support and _quantile"
             )
-    names = [member for name, known in uncertainty.items() for member in known.inputs(name)]
+    names = [member for name, distribution in uncertainty.items() for member in distribution.inputs(name)]
     if not names:
         raise InvalidInputError('uncertainty: found none, expected inputs such as {"obstacle.velocity": Uniform(...)}')
     for name in names:
@@ -57,17 +57,17 @@ def sample_inputs(
     """Draw samples of inputs, the same for the same seed on every machine.
 
     Args:
-        uncertainty: what is known of them; inputs that are not correlated are independent.
-        count: how many samples.
-        seed: of NumPy's generator.
-        sampling: "sobol" (scrambled Sobol sequence: what it averages converges faster than 1/sqrt(n)),
-            "latin-hypercube", or "random" (independent samples, for which confidence intervals hold).
+        uncertainty: the distributions of the inputs; different distributions are independent.
+        count: number of samples.
+        seed: seed of NumPy's generator.
+        sampling: "sobol" (scrambled Sobol sequence, whose averages converge faster than 1/sqrt(n)), "latin-hypercube",
+            or "random" (independent samples, for which confidence intervals are valid).
 
     Returns:
         The samples by input, shape (count,) each.
 
     Raises:
-        InvalidInputError: a request makes no sense, or a distribution does not draw one of each input for each point.
+        InvalidInputError: an argument is invalid, or a distribution returns samples of a wrong shape.
 
     Examples:
         >>> from pretouch.uncertainty import Uniform
@@ -77,44 +77,44 @@ def sample_inputs(
     """
     check_draw(count, seed=seed, sampling=sampling)
     points, at = _points(count, len(names_of(uncertainty)), seed, sampling), 0
-    found: dict[str, FloatArray] = {}
-    for name, known in uncertainty.items():
-        members = known.inputs(name)
-        drawn = np.asarray(known.draw(points[:, at : at + len(members)]))
-        if drawn.shape != (count, len(members)):
+    samples: dict[str, FloatArray] = {}
+    for name, distribution in uncertainty.items():
+        members = distribution.inputs(name)
+        values = np.asarray(distribution.draw(points[:, at : at + len(members)]))
+        if values.shape != (count, len(members)):
             raise InvalidInputError(
-                f"uncertainty {name}: found samples of shape {drawn.shape} from {type(known).__name__}, expected "
-                f"{(count, len(members))}: one of each of its inputs for each point"
+                f"uncertainty {name}: found samples of shape {values.shape} from {type(distribution).__name__}, "
+                f"expected {(count, len(members))}: a row for each point, a column for each input"
             )
         at += len(members)
-        found |= {member: np.ascontiguousarray(drawn[:, i]) for i, member in enumerate(members)}
-    return found
+        samples |= {member: np.ascontiguousarray(values[:, i]) for i, member in enumerate(members)}
+    return samples
 
 
 def check_draw(count: int, *, seed: int, sampling: str) -> None:
-    """Refuse numbers of samples, seeds and ways of sampling that make no sense; arguments as in `sample_inputs`."""
+    """Refuse invalid numbers of samples, seeds and sampling methods; arguments as in `sample_inputs`."""
     if sampling not in SAMPLINGS:
         raise InvalidInputError(f"sampling: found {sampling!r}, expected one of {', '.join(SAMPLINGS)}")
     if type(count) is not int or count < 1:
         raise InvalidInputError(f"samples: found {count!r}, expected a positive whole number")
     if count > MOST_SAMPLES:
         raise InvalidInputError(
-            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,}: the error of a sample falls with the square "
-            "root of its size, and that of the model does not"
+            f"samples: found {count:,}, expected at most {MOST_SAMPLES:,}; more samples reduce the sampling error "
+            "only, not the error of the model"
         )
     if type(seed) is not int or seed < 0:
         raise InvalidInputError(f"seed: found {seed!r}, expected a whole number that is not negative")
 
 
 def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray:
-    """Return points of the open unit cube."""
+    """Return sample points in the open unit cube."""
     rng = np.random.default_rng(seed)
     if sampling == "random":
         points = rng.random((count, dimensions))
     else:
         from scipy.stats import qmc  # noqa: PLC0415 - half a second to load, only when something is sampled
 
-        if sampling == "sobol":  # a power of two is what its balance is proved for
+        if sampling == "sobol":  # the Sobol sequence is balanced for powers of two
             points = qmc.Sobol(dimensions, rng=rng).random_base2(max(count - 1, 0).bit_length())[:count]
         else:
             points = qmc.LatinHypercube(dimensions, rng=rng).random(count)
@@ -122,7 +122,7 @@ def _points(count: int, dimensions: int, seed: int, sampling: str) -> FloatArray
 
 
 def share_in_words(share: float) -> str:
-    """Write a share from 0 to 1 in percent, rounded down: a bound from below stays one, what is not all is not 100 %.
+    """Write a share from 0 to 1 in percent, rounded down, so that only 1 is 100 % and lower bounds stay valid.
 
     Returns:
         Text such as `99.99 %`, also for 0.99998.
@@ -131,33 +131,32 @@ def share_in_words(share: float) -> str:
 
 
 def uncertainty_in_words(uncertainty: Uncertainty, sensor: SensorModel) -> list[tuple[str, str]]:
-    """Say what is known of each uncertain input, those of the sensor among them: name and text."""
+    """Return name and distribution in words for each uncertain input, including those of the sensor."""
     units = input_units(sensor)
-    return [row for name, known in uncertainty.items() for row in known.rows(name, units)]
+    return [row for name, distribution in uncertainty.items() for row in distribution.rows(name, units)]
 
 
 _REMEDY: Final = (
-    "; an input that is drawn from a distribution with tails may come out impossible: leave such values out, for "
-    "example by a truncated normal distribution"
+    "; a distribution with tails may contain impossible values: exclude them, for example by a truncated normal "
+    "distribution"
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ensemble(Value):
-    """Encounters that differ in their inputs, those of the sensor among them.
+    """Encounters with different inputs, including those of the sensor.
 
     Args:
         scenario: the encounters, of the shape (n,) or of a shape that broadcasts with it.
-        sensor: the sensor as given.
-        values: the inputs that differ, in SI, shape (n,) each; none where only noise differs.
-        count: n, how many there are.
-        likeness: how their sensors are one; None where they are not.
-        many: their sensors, where they are not one but may be solved together.
-        method: how encounters are solved, as in `find_contact`.
-        horizon: how long to wait for contact [s].
+        sensor: the nominal sensor.
+        values: the inputs that differ, in SI, shape (n,) each; empty if only noise differs.
+        count: the number n of encounters.
+        likeness: the scaling that maps all sensors to one sensor; None if there is none.
+        many: the different sensors, if they can be solved together.
+        method: the method of solution, as in `find_contact`.
+        horizon: longest time to wait for contact [s].
         law: the law in continuous time.
-        evaluator: solves encounters in the place of `find_contact`, where given; the i-th of them meets the noise of
-            run i.
+        evaluator: solves encounters instead of `find_contact`, if given; the i-th encounter has the noise of run i.
     """
 
     scenario: Scenario
@@ -176,29 +175,31 @@ class Ensemble(Value):
 
     @property
     def speed(self) -> Any:
-        """|x_o'| of each encounter at the start [m/s]."""
+        """Speed |x_o'| of the obstacle at the start of each encounter [m/s]."""
         return np.abs(np.broadcast_to(self.scenario.obstacle.velocity, (len(self),)))
 
     def contacts(self, gain: Any) -> ContactResult:
-        """Find the contacts of all encounters with one gain, or an array of them whose last axis is 1 or n."""
+        """Find the contacts of all encounters for one gain, or for an array of gains whose last axis is 1 or n."""
         gains = np.asarray(gain, dtype=np.float64)
         gains = np.broadcast_to(gains, (*gains.shape[:-1], len(self)))
         if self.evaluator is not None:
             return self._evaluated(self.evaluator, gains)
         options: dict[str, Any] = {"method": self.method, "horizon": self.horizon}
-        one = self.likeness
-        if one is not None and one.sensor is self.sensor:
+        likeness = self.likeness
+        if likeness is not None and likeness.sensor is self.sensor:
             return self.law.contact(self.scenario, self.sensor, gains, **options)
-        if one is not None:
-            found = self.law.contact(one.scenario(self.scenario), one.sensor, gains * one.gain, **options)
-            return one.result(found, self.scenario)
+        if likeness is not None:
+            result = self.law.contact(
+                likeness.scenario(self.scenario), likeness.sensor, gains * likeness.gain, **options
+            )
+            return likeness.result(result, self.scenario)
         if self.many is not None:
             request = make_request(self.scenario, self.sensor, gains, self.method, self.horizon, many=self.many)
             return ContactResult(Solution(request), request.method)
         return _stacked([self.law.contact(*self.at(i), gains[..., i], **options) for i in range(len(self))])
 
     def _evaluated(self, evaluator: Evaluator, gains: FloatArray) -> ContactResult:
-        """Have somebody else solve the encounters: at once, or one by one where it takes one sensor at a time."""
+        """Solve the encounters by the evaluator: all at once, or one by one if it takes only one sensor."""
         if not any(map(_of_sensor, self.values)):
             return evaluator(self.scenario, self.sensor, gains)
         if isinstance(evaluator, ManySensorEvaluator):
@@ -210,7 +211,7 @@ class Ensemble(Value):
         return tuple(self._sensor(i) for i in range(len(self)))
 
     def slope(self, result: ContactResult, quantity: str, name: str) -> Any:
-        """Differentiate a quantity of `ContactGradients` by an input; a mass keeps a frequency that is an input."""
+        """Differentiate a quantity of `ContactGradients` by an input; the frequency is kept if it is an input."""
         of, frequency = result.gradients.of, "admittance.natural_frequency"
         if name not in {frequency, "admittance.damping_ratio", "admittance.mass"}:
             return of(quantity, name)
@@ -233,23 +234,25 @@ class Ensemble(Value):
     def _sensor(self, index: int) -> SensorModel:
         if self.many is not None:
             return self.many.sensors[index]
-        own = {name.removeprefix("sensor."): float(v[index]) for name, v in self.values.items() if _of_sensor(name)}
-        return sensor_with(self.sensor, own) if own else self.sensor
+        parameters = {
+            name.removeprefix("sensor."): float(v[index]) for name, v in self.values.items() if _of_sensor(name)
+        }
+        return sensor_with(self.sensor, parameters) if parameters else self.sensor
 
 
 @dataclass(frozen=True, slots=True)
 class _Stacked(Value):
-    """The columns of results that belong together, side by side, and their derivatives at contact."""
+    """The columns of several results along a new last axis, and their derivatives at contact."""
 
     parts: list[ContactResult]
 
     def column(self, name: str) -> Any:
-        """Return a quantity of every run."""
+        """Return a quantity of every result."""
         return np.stack([part.columns.column(name) for part in self.parts], axis=-1)
 
     @property
     def gradients(self) -> _Stacked:
-        """What derivatives are asked of."""
+        """The source of derivatives."""
         return self
 
     def of(self, quantity: str, by: str) -> Any:
@@ -272,23 +275,23 @@ def make_ensemble(
     law: ContinuousLaw = DAMPER,
     evaluate: Evaluator | None = None,
 ) -> Ensemble:
-    """Put samples of inputs into an encounter.
+    """Build an ensemble of encounters from samples of inputs.
 
     Args:
         scenario: one encounter.
         sensor: its sensor.
         values: inputs such as `obstacle.velocity` or `sensor.exponent` and their values in SI, shape (n,) each.
-        count: how many encounters, where no input differs.
-        method: how encounters are solved, as in `find_contact`.
-        horizon: how long to wait for contact [s].
+        count: number of encounters, if no input differs.
+        method: the method of solution, as in `find_contact`.
+        horizon: longest time to wait for contact [s].
         law: the law in continuous time.
-        evaluate: solves encounters in the place of `find_contact`, as in `design_gain`.
+        evaluate: solves encounters instead of `find_contact`, as in `design_gain`.
 
     Returns:
         The encounters.
 
     Raises:
-        InvalidInputError: an input is unknown, a value is impossible, or there are not as many of each.
+        InvalidInputError: an input is unknown, a value is impossible, or inputs have different numbers of values.
 
     Examples:
         >>> from pretouch.motion import Admittance, Obstacle
@@ -306,44 +309,44 @@ def make_ensemble(
     """
     if scenario.shape != ():
         raise InvalidInputError(f"scenario: found encounters of shape {scenario.shape}, expected one")
-    known = input_units(sensor)
+    units = input_units(sensor)
     checked: dict[str, FloatArray] = {}
-    for name, given in values.items():
-        if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
+    for name, samples in values.items():
+        if name not in units:
+            similar = get_close_matches(name, units, n=1)
+            hint = f"did you mean {similar[0]}?" if similar else f"expected one of {', '.join(units)}"
             raise InvalidInputError(f"uncertainty: found {name!r}, which is no input; {hint}")
-        checked[name] = np.atleast_1d(finite(given, name, known[name]))
-    even = len({v.shape for v in checked.values()}) == 1 and next(iter(checked.values())).ndim == 1
-    if (checked or count is None) and not even:
+        checked[name] = np.atleast_1d(finite(samples, name, units[name]))
+    equal_rows = len({v.shape for v in checked.values()}) == 1 and next(iter(checked.values())).ndim == 1
+    if (checked or count is None) and not equal_rows:
         shapes = ", ".join(f"{v.shape} for {name}" for name, v in checked.items()) or "none"
-        raise InvalidInputError(f"uncertainty: found values of shapes {shapes}, expected a row of as many for each")
+        raise InvalidInputError(f"uncertainty: found values of shapes {shapes}, expected rows of equal lengths")
     size = len(next(iter(checked.values()))) if checked else count or 0
-    own = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
+    parameters = {name.removeprefix("sensor."): v for name, v in checked.items() if _of_sensor(name)}
     try:
         several = scenario_with(scenario, {name: v for name, v in checked.items() if not _of_sensor(name)})
-        likeness, many = _sensors(sensor, own, several, law, method)
+        likeness, many = _sensors(sensor, parameters, several, law, method)
     except InvalidInputError as impossible:
         raise InvalidInputError(f"uncertainty: {impossible}{_REMEDY}") from None
-    if evaluate is not None and several.shape == ():  # alike but for the noise, of which each element has its own
+    if evaluate is not None and several.shape == ():  # the encounters differ only in their noise
         position = np.full(size, several.obstacle.position)
         several = replace(several, obstacle=replace(several.obstacle, position=position))
-    found: dict[str, Any] = {"scenario": several, "values": checked, "count": size, "likeness": likeness, "many": many}
-    return Ensemble(**found, sensor=sensor, method=method, horizon=horizon, law=law, evaluator=evaluate)
+    fields: dict[str, Any] = {"scenario": several, "values": checked, "count": size, "likeness": likeness, "many": many}
+    return Ensemble(**fields, sensor=sensor, method=method, horizon=horizon, law=law, evaluator=evaluate)
 
 
 def _sensors(
-    sensor: SensorModel, own: Mapping[str, FloatArray], several: Scenario, law: ContinuousLaw, method: str
+    sensor: SensorModel, parameters: Mapping[str, FloatArray], several: Scenario, law: ContinuousLaw, method: str
 ) -> tuple[EncounterSimilarity | None, ManyCurves | None]:
-    """Find how the sensors are one, or put them side by side; refuse values that no such curve has."""
-    if not own:
+    """Map all sensors to one by scaling, or collect them to be solved together; refuse impossible values."""
+    if not parameters:
         return EncounterSimilarity(sensor=sensor, length=1.0, gain=1.0), None
-    if law.degree is not None and (found := find_similarity(sensor, own, several.distance)) is not None:
-        return found.of_degree(law.degree), None
+    if law.degree is not None and (likeness := find_similarity(sensor, parameters, several.distance)) is not None:
+        return likeness.of_degree(law.degree), None
     # every sensor is built here, so that an impossible one is named before anything is solved
-    rows = (dict(zip(own, map(float, row), strict=True)) for row in zip(*own.values(), strict=True))
+    rows = (dict(zip(parameters, map(float, row), strict=True)) for row in zip(*parameters.values(), strict=True))
     each = tuple(sensor_with(sensor, row) for row in rows)
-    return None, many_curves(sensor, own, each, method) if law == DAMPER else None
+    return None, many_curves(sensor, parameters, each, method) if law == DAMPER else None
 
 
 def _of_sensor(name: str) -> bool:

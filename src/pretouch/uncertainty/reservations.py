@@ -1,4 +1,4 @@
-"""What a calibration leaves open of an encounter: its reservations, and where the curve goes on without data."""
+"""Find the distances of an encounter at which no calibration data support the curve, and say what to do about it."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ if TYPE_CHECKING:
     from pretouch.calibration.result import OffsetEstimate
 
 
-_DECISIVE: Final = 0.05  # of the impulse of the virtual force: what may be given where no data support the curve
-_EFFECTS: Final = {1: "impulse of the virtual force", 2: "effect of the drag, ln(1/\u03c1),"}
+_DECISIVE: Final = 0.05  # largest share of the impulse that may be given beyond the data without a warning
+_EFFECTS: Final = {1: "impulse of the virtual force", 2: "effect of the drag, ln(1/\u03c1)"}
 _PLACES: Final = 2001
-_ROUNDING: Final = 1e-9  # of the impulse, likewise
+_ROUNDING: Final = 1e-9  # smaller shares of the impulse are rounding errors
 _NO_DISTANCE: Final = 1e-9  # [m], far below any calibration, far above the rounding of l_min - recess
+_HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reservations(Value):
-    """What a calibration leaves open of one encounter; distances are from the contact surface.
+    """Distances of one encounter at which no calibration data support the curve; counted from the contact surface.
 
-    The virtual force is F_p = D_p d(ln xi)/dt, L(2), so whatever the motion, D_p times the change of ln xi between two
-    distances is the impulse that it gives between them. The decisive part of the motion is where all but 5 % of that
-    impulse are given. Under a virtual drag it is the integral of g^2, by which ln l' changes, that no motion changes.
+    The letter's virtual force is F_p = D_p d(ln xi)/dt, L(2). So its impulse between two distances is D_p times the
+    change of ln xi, whatever the motion. The decisive part of the motion gives all but 5 % of the impulse. Under a
+    virtual drag, ln l' changes by an integral of g^2, which does not depend on the motion either.
 
     Args:
         report: the report of the fit.
@@ -43,13 +44,14 @@ class Reservations(Value):
         start: the distance at which the encounter starts [m].
         share_nearer: the share of the impulse, or of the effect of a drag, that is given nearer than any reading.
         share_beyond: the share that is given beyond all readings.
-        degree: of s' in the force of the law, by which shares are of one or the other.
-        left: whether the nominal motion leaves the distances at which the curve is used, and so never comes to contact.
-        recedes: whether it does so because the object recedes from the start on.
-        speed: the speed at contact on the curve as it is extended [m/s]; None where contact is supported, or unknown.
-        speed_without_force: the same where no virtual force acts nearer than any reading: what a sensor that says
-            nothing there leaves of the mitigation.
-        witness: the answer tried on the readings; None where it has no gain, or leads to no contact.
+        degree: power of d(ln xi)/dt in the force of the law; 1: shares of the impulse, 2: shares of a drag's effect.
+        left: whether the nominal motion leaves the distances at which the curve is used, and so never reaches contact.
+        recedes: whether the object recedes at the start, in one encounter or more.
+        speed: the speed at contact on the extended curve [m/s]; None if contact is supported, or the speed is unknown.
+        speed_without_force: the speed at contact if no virtual force acts nearer than any reading [m/s], as with a
+            sensor whose output does not change there; None likewise.
+        speed_without_mitigation: the speed at contact without any virtual force [m/s]; None likewise.
+        witness: the check of the gain on the readings; None if there is no gain, or no contact.
     """
 
     report: CalibrationReport
@@ -63,11 +65,12 @@ class Reservations(Value):
     recedes: bool = False
     speed: float | None = None
     speed_without_force: float | None = None
+    speed_without_mitigation: float | None = None
     witness: WitnessCheck | None = None
 
     @property
     def is_refuted(self) -> bool:
-        """Whether readings allow a contact that is harder than without mitigation, where the answer promises less."""
+        """Whether readings allow a contact harder than without mitigation, against the prediction."""
         return self.witness is not None and self.witness.harder > 0
 
     @property
@@ -77,13 +80,22 @@ class Reservations(Value):
 
     @property
     def headline(self) -> str | None:
-        """What readings contradict, or which distances no data support, and what to measure; None where neither is."""
-        against = None if self.witness is None else self.witness.headline
-        if against is None:
-            return self._extension
-        if self._extension is None:
-            return f"{against} Measure more distances between {' and '.join(self._measured_span)}, each several times."
-        return f"{against} {self._extension}" if self.is_refuted else f"{self._extension} {against}"
+        """What the readings contradict, or which distances no data support, and what to do; None without a warning."""
+        contradiction = None if self.witness is None else self.witness.headline
+        parts = [contradiction, self._extension] if self.is_refuted else [self._extension, contradiction]
+        if not any(parts):
+            return None
+        if contradiction is not None and self._extension is None:
+            parts.append(f"Measure more distances between {' and '.join(self._measured_span)}, each several times.")
+        return " ".join(part for part in (self._receding, *parts) if part)
+
+    @property
+    def _receding(self) -> str:
+        """The warning that the object recedes, and what to do; empty if it approaches."""
+        if not self.recedes:
+            return ""
+        remedy = " For an approach, give the obstacle a negative velocity." if self.left else ""
+        return f"The object recedes at the start.{remedy}"
 
     @property
     def _measured_span(self) -> tuple[str, str]:
@@ -94,41 +106,54 @@ class Reservations(Value):
 
     @property
     def _extension(self) -> str | None:
-        """Which decisive distances no data support, and what to measure; None where data support all of them."""
+        """The decisive distances that no data support, and what to do; None if data support all of them."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
         start = format_quantity(self.start, "m")
         parts, remedies = [], []
         if not self.is_contact_supported:
             parts.append(f"from {near}{nearest} to contact at 0 mm")
-            recess = recess_in_words(self.report.window.l_min)
+            advice = recess_advice(self.report.window.l_min, self.recess)
             remedies.append(
-                f'sink the sensor by recess = "{recess}", or calibrate it down to contact, at a lower gain of the '
-                "sensor where its output clips"
+                f"sink the sensor to {advice}, or calibrate it down to contact, with a lower "
+                "amplification if its output clips"
             )
         if self.share_beyond > _DECISIVE:
-            share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]} are given"
-            parts.append(f"from the start at {start} to {far}{farthest}, where {share}")
+            share = f"{100 * self.share_beyond:.0f} % of the {_EFFECTS[self.degree]}"
+            parts.append(f"from the start at {start} to {far}{farthest}, which gives {share}")
             remedies.append(f"calibrate out to {start} with more readings at each distance, or start at {far}")
         if self.left:
-            if self.recedes:
-                remedies = ["give the obstacle a negative velocity, as of an approach: this object recedes"]
-            mend = "; ".join(remedies) or "calibrate farther out"
+            remedy = "; ".join(remedies) or "calibrate farther out"
+            ending = "" if self.recedes else f" To fix this, {remedy}."
             return (
-                f"Not supported by data: before contact the motion leaves the distances at which data support the "
-                f"fitted {self._model} curve, from {near}{nearest} to {far}{farthest}. To mend it, {mend}."
+                "Not supported by data: the motion leaves the range of the data before contact. Data support the "
+                f"fitted {self._model} curve from {near}{nearest} to {far}{farthest}.{self._zero}{ending}"
             )
         if not parts:
             return None
         return (
-            f"Not supported by data: this answer rests on the fitted {self._model} curve being extended "
-            f"{' and '.join(parts)}.{self._without_force(near)} To mend it, {'; '.join(remedies)}."
+            f"Not supported by data: this answer extrapolates the fitted {self._model} curve "
+            f"{' and '.join(parts)}.{self._zero}{self._without_force(near)} To fix this, {'; '.join(remedies)}."
         )
 
+    @property
+    def _zero(self) -> str:
+        """The sentence that says from which zero distances in brackets count; empty if both zeros are the same."""
+        return f" Distances in brackets count from {self._sensor_zero}." if self.recess else ""
+
+    @property
+    def _sensor_zero(self) -> str:
+        return f"the sensor's zero, {format_quantity(self.recess, 'm')} behind the contact surface"
+
     def _without_force(self, near: str) -> str:
+        """Compare the speed at contact without force nearer than the data with the predicted one."""
         if self.speed is None or self.speed_without_force is None:
             return ""
-        left, promised = (format_quantity(speed, "m/s") for speed in (self.speed_without_force, self.speed))
-        return f" With no virtual force nearer than {near}, contact is at {left} instead of {promised}."
+        speed, predicted = (format_quantity(v, "m/s") for v in (self.speed_without_force, self.speed))
+        text = f" With no virtual force nearer than {near}, contact is at {speed} instead of {predicted}."
+        unmitigated = self.speed_without_mitigation
+        if unmitigated is None or self.speed_without_force <= _HARDER * unmitigated:
+            return text
+        return f"{text} That is harder than without mitigation ({format_quantity(unmitigated, 'm/s')})."
 
     @property
     def _model(self) -> str:
@@ -142,32 +167,37 @@ class Reservations(Value):
 
     @property
     def _reasons(self) -> tuple[str, str]:
-        """Why data support the curve no nearer and no farther, in brackets."""
+        """Why data support the curve no nearer and no farther, in brackets; distances from the sensor's zero."""
         window, near = self.report.window, self.supported[0]
-        counted = f", counted from the sensor's zero {format_quantity(self.recess, 'm')} behind the contact surface"
-        told = [f" ({reason}{counted if self.recess else ''})" for reason in (window.start_reason, window.end_reason)]
-        return told[0] if near >= -_NO_DISTANCE else "", told[1]
+        return f" ({window.start_reason})" if near >= -_NO_DISTANCE else "", f" ({window.end_reason})"
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Which curve is used and where data support it, and what the controller must subtract, in sentences."""
+        """Which curve is used, at which distances data support it, and the offset to subtract; a clause each."""
         (near, far), (nearest, farthest) = self._limits, self._reasons
-        found = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
+        lines = [f"data support the {self._model} curve from {near}{nearest} to {far}{farthest}"]
+        if self.recess:
+            lines.append(
+                f"distances in brackets and of readings left out count from {self._sensor_zero}; all others count from "
+                "the contact surface"
+            )
         for share, where in ((self.share_nearer, f"nearer than {near}"), (self.share_beyond, f"beyond {far}")):
             if share > _ROUNDING:
-                found.append(f"{100 * share:.2g} % of the {_EFFECTS[self.degree]} are given {where}")
+                lines.append(
+                    f"{where}, the extrapolated curve gives {100 * share:.2g} % of the {_EFFECTS[self.degree]}"
+                )
         if self.witness is not None and self.witness.is_supported:
-            found.append(self.witness.text)
-        found += [f"left out: {text}" for text in self.report.left_out]
+            lines.append(self.witness.text)
+        lines += [f"left out: {text}" for text in self.report.left_out]
         if self.report.offset is not None:
-            found.append(_offset_in_words(self.report.offset, self.report.calibration.unit))
-        return tuple(found)
+            lines.append(_offset_in_words(self.report.offset, self.report.calibration.unit))
+        return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI; the offset is in the unit of the outputs."""
         window, offset = self.report.window, self.report.offset
-        own = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "left")
-        told = ("value", "standard_error", "low", "high", "kind")
+        names = ("recess", "supported", "is_contact_supported", "share_nearer", "share_beyond", "left")
+        offset_names = ("value", "standard_error", "low", "high", "kind")
         return {
             "headline": self.headline,
             "name": self.report.calibration.name,
@@ -176,11 +206,11 @@ class Reservations(Value):
             "model": self._model,
             "window": [window.l_min, window.l_max],
             "window_reasons": [window.start_reason, window.end_reason],
-            **{name: plain(getattr(self, name)) for name in (*own, "speed", "speed_without_force")},
+            **{name: plain(getattr(self, name)) for name in (*names, "speed", "speed_without_force")},
             "witness": None if self.witness is None else self.witness.to_dict(),
             "left_out": list(self.report.left_out),
             "output_unit": self.report.calibration.unit,
-            "offset": None if offset is None else {name: plain(getattr(offset, name)) for name in told},
+            "offset": None if offset is None else {name: plain(getattr(offset, name)) for name in offset_names},
         }
 
     def __str__(self) -> str:
@@ -190,26 +220,26 @@ class Reservations(Value):
         )
 
     def around_text(self, text: str) -> str:
-        """Return the text of a result with the headline before it and the reservations after it."""
+        """Return the text of a result, with the headline before it and the reservations after it."""
         return "\n\n".join(part for part in (self.headline, text, str(self)) if part)
 
-    def around_dict(self, found: dict[str, Any]) -> dict[str, Any]:
-        """Return the JSON object of a result with `calibration` in it, and the headline first where there is one."""
-        told = {**found, "calibration": self.to_dict()}
+    def around_dict(self, result: dict[str, Any]) -> dict[str, Any]:
+        """Return the JSON object of a result with `calibration` added, and the headline first if there is one."""
+        combined = {**result, "calibration": self.to_dict()}
         if self.is_refuted:
-            told |= {"status": "not-supported", "status_on_fitted_curve": found.get("status")}
+            combined |= {"status": "not-supported", "status_on_fitted_curve": result.get("status")}
         if self.headline is None:
-            return told
-        own = told.pop("headline", None)
-        return {"headline": f"{self.headline} {own}" if own else self.headline, **told}
+            return combined
+        of_result = combined.pop("headline", None)
+        return {"headline": f"{self.headline} {of_result}" if of_result else self.headline, **combined}
 
 
 def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
-    """Tell what a calibration leaves open of an answer.
+    """Find the distances at which no calibration data support an answer, and check its gain on the readings.
 
     Args:
         report: the report of the fit that the sensor comes from.
-        answer: a result of any verb, or a task: what has `scenario` and `sensor`, and `gain` where it has one.
+        answer: a result of any verb, or a task: any value with `scenario`, `sensor` and, optionally, `gain`.
 
     Returns:
         The reservations.
@@ -227,9 +257,11 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         ...     )
         ...     sensor = replace(report.best.sensor, minimum_distance=0.0)
         ...     gain = -0.8
-        >>> found = reservations_of(report, Answer())
-        >>> found.supported, round(found.share_nearer, 3), found.speed < found.speed_without_force
-        ((0.002, 0.03), 0.067, True)
+        >>> reservations = reservations_of(report, Answer())
+        >>> reservations.supported, round(reservations.share_nearer, 3)
+        ((0.002, 0.03), 0.067)
+        >>> reservations.speed < reservations.speed_without_force
+        True
     """
     sensor, scenario = answer.sensor, answer.scenario
     recess = getattr(sensor, "recess", 0.0)
@@ -248,6 +280,7 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         share_nearer=(contact - nearest) / change if change > 0 else 0.0,
         share_beyond=(farthest - begin) / change if change > 0 else 0.0,
         degree=degree,
+        recedes=bool(np.any(np.asarray(scenario.relative_velocity) > 0)),
     )
     gain: Any = getattr(answer, "gain", None)
     if gain is not None and report.curves is not None and report.offset is not None and not scenario.obstacle.course:
@@ -257,18 +290,20 @@ def reservations_of(report: CalibrationReport, answer: Any) -> Reservations:
         return reservations
     run = law.contact(scenario, sensor, 0.0 if gain is None else gain)
     if run.status is ContactStatus.LEFT_RANGE:
-        return replace(reservations, left=True, recedes=bool(scenario.relative_velocity > 0))
+        return replace(reservations, left=True)
     if gain is None or reservations.is_contact_supported or not run.reached.all() or near >= min(start, far):
         return reservations
+    unmitigated = law.contact(scenario, sensor, 0.0)
     return replace(
         reservations,
         speed=abs(float(run.end.relative_velocity)),
+        speed_without_mitigation=abs(float(unmitigated.end.relative_velocity)) if unmitigated.reached.all() else None,
         speed_without_force=_speed_without_force(scenario, sensor, law, gain, near),
     )
 
 
 def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> float:
-    """Return what a law does from the start of an encounter to a distance, as far as the curve holds."""
+    """Return ln xi at a distance, or the integral of g^2 from there to the start (degree 2), within the valid range."""
     low, high = sensor.valid_range
     if degree == 1:
         return float(sensor.log_output(np.clip(distance, low, high)))
@@ -280,7 +315,7 @@ def _effect(sensor: SensorModel, degree: int, distance: float, start: float) -> 
 def _speed_without_force(
     scenario: Scenario, sensor: SensorModel, law: ContinuousLaw, gain: float, near: float
 ) -> float | None:
-    """Return the speed at contact where the virtual force ends at a distance; None where there is no contact."""
+    """Return the speed at contact if the virtual force ends at a distance; None without contact."""
     end = law.contact(scenario, replace(sensor, minimum_distance=near), gain).end
     o, r, t = scenario.obstacle, scenario.reference, end.time
     rest = Scenario(
@@ -295,12 +330,12 @@ def _speed_without_force(
             acceleration=r.acceleration,
         ),
     )
-    left = find_contact(rest, sensor, 0.0)
-    return abs(float(left.end.relative_velocity)) if left.reached.all() else None
+    contact = find_contact(rest, sensor, 0.0)
+    return abs(float(contact.end.relative_velocity)) if contact.reached.all() else None
 
 
 def recess_in_words(nearest: float) -> str:
-    """Return the recess that puts contact where a curve starts [m from the sensor's zero], in whole um, never less.
+    """Return the recess that puts contact where a curve starts [m from the sensor's zero], rounded up to whole um.
 
     Examples:
         >>> recess_in_words(0.0075), recess_in_words(0.0123441)
@@ -309,9 +344,19 @@ def recess_in_words(nearest: float) -> str:
     return f"{math.ceil(1e6 * nearest * (1 - 1e-12)) / 1e3:.10g} mm"
 
 
+def recess_advice(nearest: float, present: float) -> str:
+    """Return the setting of the recess that puts contact where a curve starts, and the present recess [m].
+
+    Examples:
+        >>> recess_advice(0.021, 0.015)
+        'recess = "21 mm" (now 15 mm)'
+    """
+    now = f" (now {format_quantity(present, 'm')})" if present else ""
+    return f'recess = "{recess_in_words(nearest)}"{now}'
+
+
 def _offset_in_words(offset: OffsetEstimate, unit: str) -> str:
-    value = f"{offset.value:.4g} ± {offset.standard_error:.2g} {unit}".strip()
     return (
-        f"the controller must subtract the offset {value} ({offset.kind}; 95 %: {offset.low:.4g} to {offset.high:.4g}) "
-        "from each reading"
+        f"the controller must subtract the offset {offset.in_words(unit)} ({offset.kind}; 95 % interval "
+        f"{offset.low:.4g} to {offset.high:.4g}) from each reading"
     )

@@ -1,4 +1,4 @@
-"""Try an answer on the readings of its calibration: does contact come as the fitted curve promises?"""
+"""Check a gain on the readings: compare the contact speed on curves that fit them with the predicted speed."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from pretouch.motion.solution import Solution
 from pretouch.sensors import PiecewiseCubic, SensorModel
 
 CLOSE: Final = 0.15
-"""Of the promised speed at contact: a curve on which contact is within that keeps the promise."""
+"""Relative tolerance of the speed at contact: a curve within it agrees with the prediction."""
 
 _THROUGH: Final = 40  # curves through the readings
 _UNDER: Final = 60  # curves under ceilings
-_FEW: Final = 4, 6  # the same for a law that is integrated one encounter after the other
+_FEW: Final = 4, 6  # the same two numbers for a law that is integrated one encounter after the other
 _SEED: Final = 1
-_DISAGREE: Final = 0.25  # of the curves under ceilings: if more of them break the promise, it is not supported
-_QUANTILES: Final = (0.05, 0.95)  # of either kind of curves: the stated range holds both
-_BEYOND: Final = 12  # points on the fitted curve where there are no readings, on either side
-_SMALLEST: Final = 1e-3  # of a drawn signal: less is not left of it where its offset differs
-_MOST: Final = 500  # encounters of an array that are tried
+_DISAGREE: Final = 0.25  # largest share of the curves under ceilings that may disagree with the prediction
+_QUANTILES: Final = (0.05, 0.95)  # the stated range covers these quantiles of both kinds of curves
+_BEYOND: Final = 12  # points on the fitted curve on either side of the readings
+_SMALLEST: Final = 1e-3  # smallest share of a drawn signal that remains after another offset is subtracted
+_MOST: Final = 500  # encounters of an array that are checked
 _HARDER: Final = 1.001  # times the speed without mitigation, beyond rounding
-_SAMPLES: Final = 60  # points of a drawn curve that is not made of cubics
+_SAMPLES: Final = 60  # points at which a drawn curve that is not piecewise cubic is sampled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WitnessCheck(Value):
-    """A gain tried on curves that go through the readings, and on curves under ceilings that readings allow.
+    """A gain checked on curves through the readings, and on curves under soft ceilings that fit the readings.
 
-    Of an array of encounters, the numbers are those of the one that breaks its promise most.
+    For an array of encounters, the numbers are those of the encounter with the largest disagreement.
 
     Args:
-        curves: how many curves.
-        promised: |l'| at contact on the fitted curve [m/s].
+        curves: the number of curves.
+        promised: |l'| at contact on the fitted curve, the prediction [m/s].
         unmitigated: |l'| at contact without mitigation [m/s].
-        low: the least |l'| at contact on these curves [m/s], without the lowest 5 % of either kind.
-        high: the largest, without the highest 5 %.
-        outside: the share of the curves under ceilings on which |l'| differs from the promise by more than 15 %.
-        harder: on how many curves contact is harder than without mitigation, which the fitted curve does not say.
-        is_contradicted: whether no curve through the readings comes within 15 % of the promise.
-        encounters: how many encounters were tried.
-        unsupported: on how many of them the readings do not support the promise.
+        low: the smallest |l'| at contact on these curves [m/s], without the lowest 5 % of either kind.
+        high: the largest |l'| [m/s], without the highest 5 %.
+        outside: the share of the curves under ceilings on which |l'| differs from the prediction by more than 15 %.
+        harder: the number of curves on which contact is harder than without mitigation, against the prediction.
+        is_contradicted: whether no curve through the readings agrees with the prediction within 15 %.
+        encounters: the number of encounters that were checked.
+        unsupported: the number of these whose prediction the readings do not support.
     """
 
     curves: int
@@ -66,33 +66,33 @@ class WitnessCheck(Value):
 
     @property
     def is_supported(self) -> bool:
-        """Whether the readings support what the fitted curve promises."""
+        """Whether the readings support the prediction of the fitted curve."""
         return not (self.is_contradicted or self.harder or self.outside > _DISAGREE)
 
     @property
     def headline(self) -> str | None:
-        """What the readings say instead, in a sentence; None where they support the promise."""
+        """The contact speeds that the readings allow, in a sentence; None if they support the prediction."""
         if self.is_supported:
             return None
-        low, high, promised, free = (
+        low, high, predicted, free = (
             format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.promised, self.unmitigated)
         )
         of = f" (the worst of {self.unsupported} of {self.encounters} encounters)" if self.encounters > 1 else ""
         if self.harder:
             return (
-                f"Not supported by the readings: on {self.harder} of {self.curves} curves that they allow, contact is "
-                f"harder than without mitigation ({free}); the fitted curve promises {promised}{of}."
+                f"Not supported by the readings: on {self.harder} of {self.curves} curves that fit the readings, "
+                f"contact is harder than without mitigation ({free}); the fitted curve predicts {predicted}{of}."
             )
         return (
-            f"Not supported by the readings: the curves that they allow lead to contact at {low} to {high}, the fitted "
-            f"curve promises {promised}{of}."
+            f"Not supported by the readings: on curves that fit the readings, contact is at {low} to {high}; the "
+            f"fitted curve predicts {predicted}{of}."
         )
 
     @property
     def text(self) -> str:
-        """What was found on these curves, in a clause."""
-        low, high, promised = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.promised))
-        return f"on {self.curves} curves that the readings allow, contact is at {low} to {high} ({promised} promised)"
+        """The range of contact speeds on these curves, in a clause."""
+        low, high, predicted = (format_quantity(v, "m/s", 3) for v in (self.low, self.high, self.promised))
+        return f"on {self.curves} curves that fit the readings, contact is at {low} to {high} ({predicted} predicted)"
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that JSON can hold, in SI."""
@@ -102,13 +102,13 @@ class WitnessCheck(Value):
 def check_on_readings(
     curves: AllowedCurves, offset: float, scenario: Scenario, sensor: SensorModel, *, gain: Any, law: ContinuousLaw
 ) -> WitnessCheck | None:
-    """Try a gain on curves that the readings allow; None where the fitted curve leads to no contact.
+    """Check a gain on curves that fit the readings; None if the fitted curve leads to no contact.
 
     Args:
-        curves: what the readings allow.
-        offset: what the controller subtracts, in the unit of the outputs.
+        curves: the curves that fit the readings.
+        offset: the offset that the controller subtracts, in the unit of the outputs.
         scenario: the encounters, of any shape.
-        sensor: the fitted curve as it is mounted and extended.
+        sensor: the fitted curve, as mounted and extended.
         gain: the gain of the law, of a shape that broadcasts with the scenario.
         law: the law in continuous time.
 
@@ -121,15 +121,15 @@ def check_on_readings(
     flat = map_fields(scenario, lambda v: np.broadcast_to(v, shape).ravel() if np.ndim(v) else v)
     gains, start = np.broadcast_to(gain, shape).ravel(), float(np.max(scenario.distance))
     every = np.unique(np.linspace(0, len(gains) - 1, min(len(gains), _MOST)).astype(int)) if shape else np.zeros(1, int)
-    some = map_fields(flat, lambda v: v[every, None] if np.ndim(v) else v)
+    encounters = map_fields(flat, lambda v: v[every, None] if np.ndim(v) else v)
     gains = gains[every, None]
-    promised, free = (_speed(law.contact(some, sensor, g))[:, 0] for g in (gains, 0.0 * gains))
+    promised, free = (_speed(law.contact(encounters, sensor, g))[:, 0] for g in (gains, 0.0 * gains))
     through, under = (_THROUGH, _UNDER) if law.degree is not None else _FEW
     drawn = (*curves.through_readings(through, _SEED), *curves.draw(under, _SEED))
     mounted = tuple(mount(curve, sensor, offset, start) for curve in drawn)
-    found = _speeds(law, some, mounted, gains)
-    known = np.isfinite(promised) & np.isfinite(free)
-    rows = zip(found[known], promised[known], free[known], strict=True)
+    speeds = _speeds(law, encounters, mounted, gains)
+    valid = np.isfinite(promised) & np.isfinite(free)
+    rows = zip(speeds[valid], promised[valid], free[valid], strict=True)
     checks = [_judge(row[:through], row[through:], p, f) for row, p, f in rows]
     if not checks:
         return None
@@ -139,26 +139,26 @@ def check_on_readings(
 
 
 def _judge(through: FloatArray, under: FloatArray, promised: float, free: float) -> WitnessCheck:
-    """Compare the speeds on curves through the readings and under ceilings with one promise [m/s]."""
+    """Compare the speeds on curves through the readings and under ceilings with one prediction [m/s]."""
     groups = [group[np.isfinite(group)] for group in (through, under)]
     ends = np.concatenate([np.quantile(group, _QUANTILES) for group in groups if len(group)] or [np.array([np.nan])])
-    kept = np.abs(under - promised) <= CLOSE * promised
-    near = through[np.isfinite(through)]
-    agrees = len(near) > 0 and (1 - CLOSE) * near.min() <= promised <= (1 + CLOSE) * near.max()
+    agreeing = np.abs(under - promised) <= CLOSE * promised
+    reached = through[np.isfinite(through)]
+    agrees = len(reached) > 0 and (1 - CLOSE) * reached.min() <= promised <= (1 + CLOSE) * reached.max()
     return WitnessCheck(
         curves=len(through) + len(under),
         promised=float(promised),
         unmitigated=float(free),
         low=float(ends.min()),
         high=float(ends.max()),
-        outside=float(np.mean(~kept)),
+        outside=float(np.mean(~agreeing)),
         harder=int((np.concatenate([through, under]) > _HARDER * free).sum()) if promised <= free else 0,
         is_contradicted=not agrees,
     )
 
 
 def _speed(result: ContactResult) -> FloatArray:
-    """Return |l'| at contact [m/s], nan where there is none."""
+    """Return |l'| at contact [m/s]; NaN without contact."""
     return np.where(result.reached, np.abs(result.end.relative_velocity), np.nan)
 
 
@@ -176,12 +176,12 @@ def _speeds(
 
 
 def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -> PiecewiseCubic:
-    """Return what a controller that subtracts an offset sees of a drawn sensor, mounted like the fitted one.
+    """Return the curve that a controller observes if the sensor is a drawn one, mounted like the fitted one.
 
     Args:
-        drawn: the curve, over the distance from the sensor's zero, and its own offset.
-        sensor: the fitted curve as it is mounted; where there are no readings, the drawn curve goes on like it.
-        offset: what the controller subtracts, in the unit of the outputs.
+        drawn: the curve, over the distance from the sensor's zero, and the offset that belongs to it.
+        sensor: the fitted curve, as mounted; beyond the readings, the drawn curve continues with its shape.
+        offset: the offset that the controller subtracts, in the unit of the outputs.
         start: the distance at which the encounter starts [m].
 
     Returns:
@@ -192,12 +192,12 @@ def mount(drawn: DrawnCurve, sensor: SensorModel, offset: float, start: float) -
     near, far = np.clip([low - recess, high - recess], 0.0, start)
     pieces = []
     if near > 0:
-        pieces.append(_sampled(sensor, np.linspace(0.0, near, _BEYOND)))
+        pieces.append(_points_of(sensor, np.linspace(0.0, near, _BEYOND)))
     if far > near:
         inner = np.clip([recess + near, recess + far], low, high)
-        pieces.append(_seen(drawn, float(inner[0]), float(inner[1]), offset, recess))
+        pieces.append(_observed_points(drawn, float(inner[0]), float(inner[1]), offset, recess))
     if far < start:
-        pieces.append(_sampled(sensor, np.linspace(far, start, _BEYOND)))
+        pieces.append(_points_of(sensor, np.linspace(far, start, _BEYOND)))
     distances, levels, slopes = (list(column) for column in pieces[0])
     for places, values, ends in pieces[1:]:
         levels += list(values[1:] - values[0] + levels[-1])
@@ -211,18 +211,18 @@ Points: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Distances [m], ln xi, and g [1/m] at both ends of each interval, as `PiecewiseCubic` has them."""
 
 
-def _sampled(sensor: SensorModel, places: FloatArray) -> Points:
+def _points_of(sensor: SensorModel, places: FloatArray) -> Points:
     slopes = np.asarray(sensor.log_slope(places))
     return places, np.asarray(sensor.log_output(places)), np.column_stack([slopes[:-1], slopes[1:]])
 
 
-def _seen(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
-    """Return the points of a drawn curve between two distances as the controller sees them."""
+def _observed_points(drawn: DrawnCurve, low: float, high: float, offset: float, recess: float) -> Points:
+    """Return the points of a drawn curve between two distances, after the controller has subtracted its offset."""
     if isinstance(drawn.sensor, PiecewiseCubic):
         part = drawn.sensor.part(low, high)
         places, level, slopes = np.array(part.distances), np.array(part.log_outputs), np.array(part.slopes)
     else:
-        places, level, slopes = _sampled(drawn.sensor, np.linspace(low, high, _SAMPLES))
+        places, level, slopes = _points_of(drawn.sensor, np.linspace(low, high, _SAMPLES))
     shift = drawn.offset - offset
     if shift:
         signal = np.exp(level)

@@ -1,4 +1,4 @@
-"""Text tables, whatever program wrote them: encoding, delimiter, decimal mark, header, rows; errors name the line."""
+"""Parse a text table such as CSV: detect encoding, delimiter, decimal mark and header, and split its rows."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from typing import Any, TypeAlias
 from pretouch._core.errors import CalibrationDataError
 from pretouch._core.files import read_regular_file
 
-from .choice import ColumnChoice, remedy
-from .headers import TextTable, is_length, is_number, is_row, names_a_distance, shortened, uses_commas
+from .column_options import ColumnOptions, columns_hint
+from .headers import TextTable, is_length, is_number, is_row, names_a_distance, quoted, uses_commas
 
 Lines: TypeAlias = "list[tuple[int, str]]"
 _refusal = CalibrationDataError.without_content
 
-_SEARCHED = 200  # lines in which a header is looked for
-_COUNTED = 1000  # rows that tell how many columns there are
+_SEARCHED = 200  # lines in which the header is searched
+_COUNTED = 1000  # rows from which the number of columns is determined
 _MOST_BYTES = 100_000_000
 _MOST_ROWS = 2_000_000
 _LONGEST_LINE = 200_000  # characters: ten thousand columns and more
@@ -38,32 +38,32 @@ _ROW_WORD = re.compile(r'"[^"]*"|no object|\S+', re.IGNORECASE)
 _NO_OBJECT = re.compile("no object", re.IGNORECASE)  # two words, one cell
 
 
-def read_table(path: str | os.PathLike[str], choice: ColumnChoice | None = None) -> TextTable:
-    """Split a text file into header and rows; what was said about its columns helps to find its header."""
-    # It may be UTF-8 with or without BOM, UTF-16 with BOM, or an 8-bit Windows text. A file that cannot be read, is too
-    # large or holds no table, and a row with another number of cells, are refused.
-    path, choice = Path(path), choice or ColumnChoice()
+def read_table(path: str | os.PathLike[str], options: ColumnOptions | None = None) -> TextTable:
+    """Split a text file into header and rows; options for its columns help to find the header."""
+    # Supported encodings are UTF-8 with or without BOM, UTF-16 with BOM, and 8-bit Windows text. Unreadable files,
+    # files that are too large or have no table, and rows with another number of cells are refused.
+    path, options = Path(path), options or ColumnOptions()
     try:
         content = read_regular_file(path, most=_MOST_BYTES, refuse=_refusal)
     except OSError as error:
         raise _refusal(f"{path}: cannot be read ({error.strerror or error})") from None
     text, encoding = _decode(content, path.name)
     digest = hashlib.sha256(content).hexdigest()
-    del content  # of a large file each form is a part of the memory that it takes
+    del content  # to save memory with large files
     numbers, texts, remark = _lines(path.name, text)
     if not texts:
         raise _refusal(f"{path.name}: found no rows, expected a header and at least one row of numbers")
     head = list(zip(numbers[: _SEARCHED + 2], texts, strict=False))
-    at, opening, notes = _header_at(path.name, head, remark, choice)
-    first = len(head) - (len(opening) - (at + 1))
-    delimiter = _delimiter(opening[at][1]) if at >= 0 else _any_delimiter(opening[0][1])
+    at, head_lines, notes = _header_at(path.name, head, remark, options)
+    first = len(head) - (len(head_lines) - (at + 1))
+    delimiter = _delimiter(head_lines[at][1]) if at >= 0 else _any_delimiter(head_lines[0][1])
     rows: list[Any] = texts[first:]  # lines at first, then their cells
     numbers, plain = numbers[first:], '"' not in text
     commas = delimiter != "," and "," in text
     del text, texts
     _split(rows, delimiter, plain=plain)
-    header, units = _header_and_units(opening[at][1] if at >= 0 else None, rows, delimiter)
-    told = [f"The units are those of line {numbers[0]}."] if units else []
+    header, units = _header_and_units(head_lines[at][1] if at >= 0 else None, rows, delimiter)
+    notes_on_units = [f"The units are those of line {numbers[0]}."] if units else []
     rows, numbers = rows[units:], numbers[units:]
     header = _without_empty_end(header, rows)
     _refuse_other_widths(path.name, header, rows, numbers, delimiter)
@@ -74,16 +74,16 @@ def read_table(path: str | os.PathLike[str], choice: ColumnChoice | None = None)
         encoding=encoding,
         delimiter=delimiter,
         decimal_mark="," if commas and any(uses_commas(column) for column in columns) else ".",
-        header_line=opening[max(at, 0)][0],
+        header_line=head_lines[max(at, 0)][0],
         header=header,
         columns=columns,
         lines=numbers,
-        notes=(*notes, *told),
+        notes=(*notes, *notes_on_units),
     )
 
 
 def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
-    """Split each line of a list into its cells, in place; where no cell is quoted, the fast way."""
+    """Split each line of a list into its cells, in place; `plain` texts have no quotes and are split faster."""
     mark = None if delimiter == _BLANK else delimiter
     for i, line in enumerate(rows):
         if plain and not (mark is None and _NO_OBJECT.search(line)):
@@ -93,7 +93,7 @@ def _split(rows: list[Any], delimiter: str, *, plain: bool) -> None:
 
 
 def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimiter: str) -> tuple[tuple[str, ...], int]:
-    """Split the header, or number the columns where there is none; count the rows below it that hold its units."""
+    """Split the header, or number the columns without one; return the number of unit rows below it, too."""
     widths = Counter(len(row) for row in rows[:_COUNTED] if is_row(row))
     width = max(widths, key=lambda cells: (widths[cells], cells)) if widths else None
     header = tuple(f"column {i + 1}" for i in range(width or 1))
@@ -106,7 +106,7 @@ def _header_and_units(line: str | None, rows: Sequence[tuple[str, ...]], delimit
 
 
 def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, ...]:
-    """Take away last columns that are empty, from the header and, in place, from the rows."""
+    """Remove empty last columns from the header and, in place, from the rows."""
     whole = width = len(header)
     while width > 1 and not header[width - 1] and all(not r[width - 1] for r in rows if width <= len(r) <= whole):
         width -= 1
@@ -118,7 +118,7 @@ def _without_empty_end(header: tuple[str, ...], rows: list[Any]) -> tuple[str, .
 def _refuse_other_widths(
     file: str, header: tuple[str, ...], rows: Sequence[tuple[str, ...]], numbers: Sequence[int], delimiter: str
 ) -> None:
-    """Refuse a row that has another number of cells than the header."""
+    """Refuse rows with another number of cells than the header."""
     for number, row in zip(numbers, rows, strict=True):
         if len(row) != len(header):
             place, hint = f"{file}, line {number}", _hint(row, delimiter)
@@ -129,19 +129,19 @@ def _refuse_other_widths(
 
 
 def _decode(content: bytes, file: str) -> tuple[str, str]:
-    """Turn bytes into text, by the byte-order mark where there is one."""
+    """Decode bytes to text, by the byte-order mark if there is one."""
     marked = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in content and not marked:
         raise _refusal(f"{file}: found binary data, expected a text table such as CSV")
     for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252", "latin-1"):
         with suppress(UnicodeDecodeError):
             return content.decode(encoding), encoding
-    raise _refusal(f"{file}: found bytes that are no utf-16 text, expected a text table")
+    raise _refusal(f"{file}: found bytes that are not valid UTF-16, expected a text table")
 
 
 def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
-    """Return the lines that are not blank and no remarks, with their numbers, and the last remark before them."""
-    # The last remark may be a header.
+    """Return the lines that are neither blank nor comments, with their numbers, and the last comment above them."""
+    # The last comment may be the header.
     numbers = array("q")
     texts: list[str] = []
     remark: Lines = []
@@ -158,7 +158,7 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
             texts.append(line)
             if len(texts) > _MOST_ROWS:
                 raise _refusal(
-                    f"{file}: found more than {_MOST_ROWS:,} rows, expected at most that; average readings at the same "
+                    f"{file}: found more than {_MOST_ROWS:,} rows, expected fewer; average readings at the same "
                     "distance, or keep every tenth row"
                 )
         elif not texts:
@@ -166,96 +166,96 @@ def _lines(file: str, text: str) -> tuple[array[int], list[str], Lines]:
     return numbers, texts, remark
 
 
-def _header_at(file: str, lines: Lines, remark: Lines, choice: ColumnChoice) -> tuple[int, Lines, tuple[str, ...]]:
-    """Find the header: its place among the lines, -1 where there is none and none is needed."""
-    # The lines follow, and what was left out above it or taken for it. Numbers above the header are refused.
-    found = _certain_header(lines, choice)
-    if found is None and _certain_header([*remark, *lines[:1]], choice) == 0:
-        return 0, [*remark, *lines], (f"The header is that of the remark in line {remark[0][0]}.",)
-    if not found:
-        return (*_uncertain_header(file, lines, choice), ()) if found is None else (0, lines, ())
-    header, delimiter = lines[found], _delimiter(lines[found][1])
-    width = len(_cells(lines[found + 1][1], delimiter))
-    for i, line in lines[:found]:
+def _header_at(file: str, lines: Lines, remark: Lines, options: ColumnOptions) -> tuple[int, Lines, tuple[str, ...]]:
+    """Find the header; return its index (-1 if there is none and none is needed), the lines, and notes."""
+    # Numbers above the header are refused.
+    index = _certain_header(lines, options)
+    if index is None and _certain_header([*remark, *lines[:1]], options) == 0:
+        return 0, [*remark, *lines], (f"The header is the comment in line {remark[0][0]}.",)
+    if not index:
+        return (*_uncertain_header(file, lines, options), ()) if index is None else (0, lines, ())
+    header, delimiter = lines[index], _delimiter(lines[index][1])
+    width = len(_cells(lines[index + 1][1], delimiter))
+    for i, line in lines[:index]:
         cells = _cells(line, delimiter)
         if len(cells) == width and sum(is_number(cell) for cell in cells) > 1:
             raise CalibrationDataError(
-                f"{file}, line {i}: found numbers ({shortened(line)}) above the header in line {header[0]}, expected "
+                f"{file}, line {i}: found numbers ({quoted(line)}) above the header in line {header[0]}, expected "
                 "them below it: put # before every line that is not to be read",
                 problem=f"{file}, line {i}: found numbers above the header in line {header[0]}",
             )
-    first, last = lines[0], lines[found - 1]
-    which = f"Line {first[0]} stands" if found == 1 else f"Lines {first[0]} to {last[0]} stand"
-    return found, lines, (f"{which} above the header and {'is' if found == 1 else 'are'} not read.",)
+    first, last = lines[0], lines[index - 1]
+    which, are = (f"Line {first[0]}", "is") if index == 1 else (f"Lines {first[0]} to {last[0]}", "are")
+    return index, lines, (f"{which} {are} above the header and {are} not read.",)
 
 
-def _certain_header(lines: Lines, choice: ColumnChoice) -> int | None:
-    """Find the line that names a distance, or what was chosen, and has as many cells as the first row below it."""
+def _certain_header(lines: Lines, options: ColumnOptions) -> int | None:
+    """Find the line that names a distance or a selected column, with as many cells as the first row below it."""
     width: int | None = None
     wanted: list[int] = []
     for i in range(min(len(lines), _SEARCHED)):
         delimiter = _delimiter(lines[i][1])
         below = _cells(lines[i + 1][1], delimiter) if i + 1 < len(lines) else ()
-        if _is_header(lines[i][1], len(below), choice) and is_row(below):
+        if _is_header(lines[i][1], len(below), options) and is_row(below):
             return i
         row = _cells(lines[i][1], _any_delimiter(lines[i][1]))
         if width is None and is_row(row):
             width = len(row)
-            # what follows the header may be no row: its output is missing, or it holds units, or a mistake
-            wanted = [j for j in range(i) if _is_header(lines[j][1], width, choice)]
+            # the line below the header may have no reading: its output is missing, or it has units or a mistake
+            wanted = [j for j in range(i) if _is_header(lines[j][1], width, options)]
             wanted = [j for j in wanted if _delimiter(lines[j][1]) == _any_delimiter(lines[i][1])]
     return wanted[-1] if wanted else None
 
 
-def _is_header(line: str, width: int, choice: ColumnChoice) -> bool:
-    """Tell whether a line names a distance, or what was chosen, in so many cells."""
+def _is_header(line: str, width: int, options: ColumnOptions) -> bool:
+    """Return whether a line with `width` cells names a distance or a selected column."""
     delimiter = _delimiter(line)
     header = _header_cells(line, delimiter, width)
     if len(header) != width or width < 2:
         return False
-    named = choice.names_one_of(header) and not is_row(header)
-    return named or names_a_distance(header, declared=choice.declares_distances, in_words=delimiter == _BLANK)
+    named = options.names_one_of(header) and not is_row(header)
+    return named or names_a_distance(header, declared=options.declares_distances, in_words=delimiter == _BLANK)
 
 
-def _uncertain_header(file: str, lines: Lines, choice: ColumnChoice) -> tuple[int, Lines]:
-    """Take the first line for the header where nothing speaks against it."""
+def _uncertain_header(file: str, lines: Lines, options: ColumnOptions) -> tuple[int, Lines]:
+    """Take the first line as the header, unless numbers far below it make that doubtful."""
     data = next((i for i, (_, t) in enumerate(lines[:_SEARCHED]) if is_row(_cells(t, _any_delimiter(t)))), None)
     if data is None:
         return 0, lines
     delimiter = _any_delimiter(lines[data][1])
     cells = [_header_cells(line, delimiter, None) for _, line in lines[:data]] + [_cells(lines[data][1], delimiter)]
-    if choice.has_a_number:
+    if options.has_a_number:
         named = data > 0 and _delimiter(lines[data - 1][1]) == delimiter and len(cells[data - 1]) == len(cells[data])
         return (data - 1, lines) if named else (-1, lines[data:])
     if data < 2 or (delimiter != _BLANK and len({len(row) for row in cells}) == 1):
         return 0, lines
     raise CalibrationDataError(
-        f"{file}, line {lines[0][0]}: found {shortened(lines[0][1])} where the header is expected, such as "
+        f"{file}, line {lines[0][0]}: found {quoted(lines[0][1])} where the header is expected, such as "
         f'"distance [mm],output [V]", and the first row of numbers in line {lines[data][0]}: put # before every line '
-        f"above the header, and name the distance in it, or say which columns are meant: "
-        f"{remedy('distance=1 [mm],output=2')}",
+        f"above the header, and name the distance in it, or name the columns with "
+        f"{columns_hint('distance=1 [mm],output=2')}",
         problem=f"{file}, line {lines[0][0]}: found no header of a calibration",
     )
 
 
 def _delimiter(line: str) -> str:
-    """Find what separates the columns, outside brackets and quotes; blanks where nothing else does."""
+    """Find the delimiter outside brackets and quotes; blanks if there is no other."""
     bare = re.sub(rf'"[^"]*"|{_BRACKETED}', "", line)
     return next((mark for mark in ("\t", ";", ",") if mark in bare.strip()), _BLANK)
 
 
 def _any_delimiter(line: str) -> str:
-    """Find what separates the columns of a row, in which commas may be decimal marks."""
-    found = _delimiter(line)
-    if found != ",":
-        return found
+    """Find the delimiter of a row, in which commas may be decimal marks."""
+    delimiter = _delimiter(line)
+    if delimiter != ",":
+        return delimiter
     by_comma, by_blank = _cells(line, ","), _cells(line, _BLANK)
     marks = len(by_blank) > 1 and all(map(is_number, by_blank)) and not all(map(is_number, by_comma))
     return _BLANK if marks or not is_row(by_comma) else ","
 
 
 def _cells(line: str, delimiter: str) -> tuple[str, ...]:
-    """Split a row."""
+    """Split a row into cells."""
     if delimiter == _BLANK:
         return tuple(word.strip('"').strip() for word in _ROW_WORD.findall(line))
     try:
@@ -265,7 +265,7 @@ def _cells(line: str, delimiter: str) -> tuple[str, ...]:
 
 
 def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str, ...]:
-    """Split a header; where blanks separate columns, units in brackets and words of one name are kept together."""
+    """Split a header; if the delimiter is blanks, units in brackets and words of one name are kept together."""
     if delimiter != _BLANK:
         return _cells(line, delimiter)
     words: list[str] = []
@@ -282,9 +282,9 @@ def _header_cells(line: str, delimiter: str, expected: int | None) -> tuple[str,
 
 
 def _hint(row: Sequence[str], delimiter: str) -> str:
-    """Say what a row with another number of cells may be due to."""
+    """Return a hint on the likely cause of a row with another number of cells."""
     if not is_row(row) and sum(is_number(cell) for cell in row) < 2:
         return "; put # before a line that holds no reading"
     if delimiter == ",":
         return "; with decimal commas separate the columns by semicolons"
-    return '; where blanks separate columns, write "nan" for what is missing' if delimiter == _BLANK else ""
+    return '; if blanks separate the columns, write "nan" for missing values' if delimiter == _BLANK else ""

@@ -1,4 +1,4 @@
-"""What somebody says about the columns of a file: which one is meant, by header or by number, and in which unit."""
+"""Options that select the columns of a table, by header or number, and give their units."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pretouch._core.errors import CalibrationDataError
 
-from .headers import TextTable, is_length, listed, shortened, split_title
+from .headers import TextTable, is_length, join_first, quoted, split_title
 
 _SHOWN = 20  # headers that a message lists
 _KEYS = ("distance", "output")
@@ -16,11 +16,10 @@ _HERE = "in a scenario file and in Python"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chosen:
-    """One column, the `distance` or the `output`, as somebody names it: by its number from 1, its name, or its unit.
+class ColumnOption:
+    """Option for the `distance` or the `output` column: its number counted from 1, its name, its unit, or nothing.
 
-    The number is None where the column is given by its header, or only its unit is; the unit where the header tells.
-    Nothing is known of a column that is left open.
+    The number is None if the column is given by its header, or by its unit only. The unit is None if the header has it.
     """
 
     key: str
@@ -31,57 +30,57 @@ class Chosen:
 
     @property
     def names_a_column(self) -> bool:
-        """Whether a column is meant, and not only its unit said."""
+        """Whether the option selects a column, not only its unit."""
         return self.number is not None or bool(self.name)
 
     def index(self, table: TextTable) -> int | None:
-        """Find the column in a table; None where only its unit was said."""
+        """Find the column in a table; None if only its unit was given."""
         return _find(table, self.number, (self.text, self.name), f"columns: found {self.text!r} for the {self.key}")
 
-    def unit_beside(self, title: str) -> str | None:
-        """Return the unit of the column, which may be said or stand in its header, but not differ between them."""
-        found = split_title(title)[1]
+    def unit_with(self, title: str) -> str | None:
+        """Return the unit of the column, from the option or from its header; refuse two different units."""
+        header_unit = split_title(title)[1]
         if self.unit is None or self.text == title:
-            return found
-        if found is not None and found != self.unit:
+            return header_unit
+        if header_unit is not None and header_unit != self.unit:
             raise CalibrationDataError(
-                f"columns: found the unit {self.unit!r} for the {self.key}, whose header {title!r} says {found!r}: "
-                "leave one of them out"
+                f"columns: found the unit {self.unit!r} for the {self.key}, but {header_unit!r} in its header "
+                f"{title!r}; give only one of them"
             )
         return self.unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ColumnChoice:
-    """What was said about the columns of distances and outputs."""
+class ColumnOptions:
+    """Options for the columns of distances and outputs."""
 
-    distance: Chosen = Chosen(key="distance")
-    output: Chosen = Chosen(key="output")
+    distance: ColumnOption = ColumnOption(key="distance")
+    output: ColumnOption = ColumnOption(key="output")
 
     @property
     def names_a_column(self) -> bool:
-        """Whether a column of distances or outputs was named, which only a long table has."""
+        """Whether a column of distances or outputs was selected, which implies a long table."""
         return self.distance.names_a_column or self.output.names_a_column
 
     @property
     def has_a_number(self) -> bool:
-        """Whether a column was given by its number, which needs no header."""
+        """Whether a column was selected by its number, which needs no header."""
         return self.distance.number is not None or self.output.number is not None
 
     @property
     def declares_distances(self) -> bool:
-        """Whether only the unit of distances was said."""
+        """Whether only the unit of distances was given."""
         return self.distance.unit is not None and not self.distance.names_a_column
 
     def names_one_of(self, header: Sequence[str]) -> bool:
-        """Tell whether a line holds a header that was given by name."""
+        """Return whether a line contains a header that was selected by name."""
         titles = {title.casefold() for title in header} | {split_title(title)[0].casefold() for title in header}
         return any(c.name and {c.text.casefold(), c.name.casefold()} & titles for c in (self.distance, self.output))
 
 
-def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:
-    """Read what somebody says about the `distance` and the `output` column, as `read_calibration` takes it."""
-    found = {}
+def parse_column_options(columns: Mapping[str, object] | None) -> ColumnOptions:
+    """Parse the options for the `distance` and the `output` column, in the format of `read_calibration`."""
+    options = {}
     for key, value in (columns or {}).items():
         if key not in _KEYS:
             raise CalibrationDataError(f"columns: found {key!r}, expected only 'distance' and 'output'")
@@ -98,30 +97,32 @@ def read_choice(columns: Mapping[str, object] | None) -> ColumnChoice:
                 f"columns: found the unit {unit!r} for the distance, expected a length such as mm"
             )
         number = int(name) if re.fullmatch(r"\d{1,6}", name) else None
-        found[key] = Chosen(key=key, text=text, number=number, name="" if number is not None else name, unit=unit)
-    return ColumnChoice(**found)
+        options[key] = ColumnOption(
+            key=key, text=text, number=number, name="" if number is not None else name, unit=unit
+        )
+    return ColumnOptions(**options)
 
 
-def chosen_labels(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
-    """Find the columns that are named as labels, by headers or numbers from 1; in the order of the file."""
-    found = set()
+def find_label_columns(table: TextTable, labels: Sequence[str | int]) -> tuple[int, ...]:
+    """Return the indices of label columns given by headers or numbers from 1, in the order of the file."""
+    indices = set()
     for label in [labels] if isinstance(labels, str) else labels:
         text = str(label).strip()
         number = int(text) if re.fullmatch(r"\d{1,6}", text) and text not in table.header else None
-        found.add(_find(table, number, (text, text), f"labels: found {text!r}"))
-    return tuple(sorted(i for i in found if i is not None))
+        indices.add(_find(table, number, (text, text), f"labels: found {text!r}"))
+    return tuple(sorted(i for i in indices if i is not None))
 
 
-def remedy(columns: str) -> str:
-    """Say what to type: on the command line, and where else it stands."""
+def columns_hint(columns: str) -> str:
+    """Return the option to use, for the command line and for other interfaces."""
     return f'--columns "{columns}" ({_HERE}: columns)'
 
 
-def _find(table: TextTable, number: int | None, names: tuple[str, str], found: str) -> int | None:
-    """Find a column by its number, its whole header, or the name in it, the stricter first."""
+def _find(table: TextTable, number: int | None, names: tuple[str, str], message: str) -> int | None:
+    """Find a column by its number, its whole header, or the name in its header, in this order."""
     if number is not None:
         if not 1 <= number <= len(table.header):
-            raise CalibrationDataError(f"{found}, expected a number from 1 to {len(table.header)}")
+            raise CalibrationDataError(f"{message}, expected a number from 1 to {len(table.header)}")
         return number - 1
     text, name = names
     if not name:
@@ -135,10 +136,10 @@ def _find(table: TextTable, number: int | None, names: tuple[str, str], found: s
         at = [i for i, title in enumerate(among) if title == wanted]
         if len(at) > 1:
             raise CalibrationDataError(
-                f"{found}, which columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file} are called: give "
-                "the number of the one that is meant"
+                f"{message}, the name of columns {' and '.join(str(i + 1) for i in at[:2])} of {table.file}; give the "
+                "number of the column instead"
             )
         if at:
             return at[0]
-    known = [shortened(title) for title in table.header]
-    raise CalibrationDataError(f"{found}, expected one of {listed(known, _SHOWN)}")
+    titles = [quoted(title) for title in table.header]
+    raise CalibrationDataError(f"{message}, expected one of {join_first(titles, _SHOWN)}")

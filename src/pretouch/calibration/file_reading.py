@@ -1,0 +1,311 @@
+"""Read calibrations from text tables: one curve, or every curve of a file."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+from pretouch._core.arguments import check_arguments
+from pretouch._core.errors import CalibrationDataError
+from pretouch._core.numbers import FloatArray, finite
+
+from .column_options import find_label_columns, parse_column_options
+from .data import Calibration, Provenance
+from .headers import Column, Layout, TextTable, is_missing, is_no_object, number, output_column, split_title
+from .table_layout import long_layout, wide_layout
+from .text_table import read_table
+
+_FEW: Final = 5  # number of distances from which a stray one is looked for
+_STRAY: Final = 50.0  # times as far as the next nearer distance
+_REMEMBERED: Final = 10_000  # cells of a column whose numbers are cached, since distances and counts repeat
+
+NoObject: TypeAlias = "float | Sequence[float] | FloatArray | str | os.PathLike[str] | None"
+
+
+@check_arguments
+def read_calibration(
+    path: str | os.PathLike[str],
+    *,
+    no_object: NoObject = None,
+    select: Mapping[str, object] | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    labels: Sequence[str | int] | None = None,
+) -> Calibration:
+    r"""Read the only calibration of a file, or the one that `select` names.
+
+    The file is a table with a header and units: long, `distance [mm],output [V]`, or wide, with a column for each
+    distance, `0 mm,5 mm,inf`. The delimiter is a comma, semicolon, tab or blanks; decimal commas are understood unless
+    the delimiter is a comma. Repeats are rows. A distance `inf`, `none`, `no object` or an empty one marks readings
+    without an object. Empty and NaN outputs are counted and dropped. Lines that start with `#`, blank lines and text
+    above the header are skipped. Other columns are labels. docs/calibration.md describes the format in full.
+
+    Args:
+        path: the file.
+        no_object: readings without an object, in the unit of the output (V for mV): one number, several, or the path
+            of a file with such readings; they are added to those in the file.
+        select: values of label columns that select the curve, such as `{"sensor": "1"}`.
+        columns: the `distance` and the `output` column, if names and units do not identify them: a header, a number
+            counted from 1, a unit in brackets, or a header or number with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; by default, all that are neither distance nor output.
+
+    Returns:
+        The calibration in SI units, with its provenance.
+
+    Raises:
+        CalibrationDataError: the file has a mistake (the message names the line), or no or several curves match.
+
+    Examples:
+        >>> import tempfile, pathlib
+        >>> file = pathlib.Path(tempfile.mkdtemp()) / "sensor.csv"
+        >>> _ = file.write_text("distance [mm];output [V]\n0;2,0\n10;1,0\ninf;0,1\n", encoding="utf-8")
+        >>> measured = read_calibration(file)
+        >>> measured.distances, measured.no_object
+        (array([0.  , 0.01]), array([0.1]))
+    """
+    curves = _curves(path, no_object, columns, labels)
+    wanted = {key: str(value).strip() for key, value in (select or {}).items()}
+    keys = {key: None for of, _ in curves for key in of}
+    for key in wanted:
+        if key not in keys:
+            available = ", ".join(sorted(keys)) or "none: the file holds one curve"
+            raise CalibrationDataError(f"select: found {key!r}, expected a label column ({available})")
+    selected = [curve for of, curve in curves if all(of[k] == v for k, v in wanted.items())]
+    if len(selected) == 1:
+        return selected[0]
+    values = "; ".join(f"{k}: {', '.join(dict.fromkeys(of[k] for of, _ in curves))}" for k in keys)
+    raise CalibrationDataError(
+        f"{Path(path).name}: found {len(selected)} curves{f' for {wanted}' if wanted else ''}, expected one: choose "
+        f"with select={{...}} among {values}"
+    )
+
+
+@check_arguments
+def read_calibrations(
+    path: str | os.PathLike[str],
+    *,
+    no_object: NoObject = None,
+    columns: Mapping[str, str | int] | None = None,
+    labels: Sequence[str | int] | None = None,
+) -> tuple[Calibration, ...]:
+    """Read every calibration of a file: one for each combination of values in its label columns.
+
+    Args:
+        path: the file, in the format of `read_calibration`.
+        no_object: readings without an object, added to every curve.
+        columns: the `distance` and the `output` column, if names and units do not identify them: a header, a number
+            counted from 1, a unit in brackets, or a header or number with a unit: `{"output": "3 [counts]"}`.
+        labels: headers or numbers of the label columns; by default, all that are neither distance nor output.
+
+    Returns:
+        The calibrations in the order of their first rows.
+    """
+    return tuple(curve for _, curve in _curves(path, no_object, columns, labels))
+
+
+def _curves(
+    path: str | os.PathLike[str],
+    no_object: NoObject,
+    columns: Mapping[str, str | int] | None,
+    labels: Sequence[str | int] | None,
+) -> list[tuple[dict[str, str], Calibration]]:
+    """Read every calibration of a file, each with a dictionary of its label columns and their values."""
+    options = parse_column_options(columns)
+    table = read_table(path, options)
+    layout = wide_layout(table, options) or long_layout(table, options)
+    used = {column.index for pair in layout.pairs for column in pair if isinstance(column, Column)}
+    label_columns = layout.labels if labels is None else find_label_columns(table, labels)
+    label_columns = tuple(i for i in label_columns if i not in used)
+    readings = _readings(table, layout)
+    groups, shared = _rows_by_label(table, label_columns, readings.distances)
+    if not groups:
+        raise CalibrationDataError.without_content(
+            f"{table.file}: found no rows below the header, expected distances and outputs"
+        )
+    if labels is None and len(groups) > 3 and max(map(len, groups.values())) * len(layout.pairs) == 1:
+        titles = ", ".join(repr(table.name(i)) for i in label_columns)
+        raise CalibrationDataError(
+            f"{table.file}: found another value of {titles} in every row, which leaves one reading per curve; name the "
+            "label columns with --labels NAME,NAME, or use --labels none (in a scenario file and in Python: labels, a "
+            "list, which may be empty)"
+        )
+    extra = _no_object_readings(no_object, layout)
+    names = tuple(table.name(i) for i in label_columns)
+    values = [dict(zip(names, key, strict=True)) for key in groups]
+    curves = zip(values, groups.values(), strict=True)
+    return [(of, _curve(table, layout, of, readings.of(rows, shared), extra)) for of, rows in curves]
+
+
+class _Readings(NamedTuple):
+    """Outputs, shape (rows, pairs), NaN if missing, and their distances, infinite without an object."""
+
+    distances: FloatArray
+    outputs: FloatArray
+
+    def of(self, rows: Sequence[int], shared: Sequence[int]) -> _Readings:
+        """Return the readings of some rows, and the no-object readings of shared rows."""
+        # A row without any label belongs to all curves if it has no object.
+        row_indices, shared_indices = (np.array(indices, dtype=np.int64) for indices in (rows, shared))
+        without_object = np.isinf(self.distances[shared_indices])
+        kept = ~np.isin(row_indices, shared_indices)[:, None] | ~np.isinf(self.distances[row_indices])
+        return _Readings(
+            *(
+                np.concatenate([column[row_indices][kept], column[shared_indices][without_object]])
+                for column in (self.distances, self.outputs)
+            )
+        )
+
+
+def _rows_by_label(
+    table: TextTable, columns: Sequence[int], distances: FloatArray
+) -> tuple[dict[tuple[str, ...], Sequence[int]], Sequence[int]]:
+    """Group rows by their labels, in the order of the file; return the no-object rows without any label, too."""
+    if not columns:
+        return ({(): range(len(distances))} if len(distances) else {}), ()
+    groups: dict[tuple[str, ...], list[int]] = {}
+    shared = []
+    for i, key in enumerate(zip(*(table.columns[k] for k in columns), strict=True)):
+        if any(key):
+            groups.setdefault(key, []).append(i)
+            continue
+        if np.isinf(distances[i]).any():
+            shared.append(i)
+        if not np.isinf(distances[i]).all():
+            groups.setdefault(key, []).append(i)
+    return dict(groups), shared
+
+
+def _readings(table: TextTable, layout: Layout) -> _Readings:
+    """Read all distances and outputs; refuse the first row with a cell that cannot be read."""
+    shape = (len(table.lines), len(layout.pairs))
+    distances, outputs = np.empty(shape), np.empty(shape)
+    bad = len(table.lines)
+    numbers: dict[int, FloatArray | int] = {}  # one distance column may belong to several output columns
+    for k, (distance, output) in enumerate(layout.pairs):
+        for column, read, target in ((distance, _distance, distances), (output, _output, outputs)):
+            if isinstance(column, float):
+                target[:, k] = column
+                continue
+            if column.index not in numbers:
+                numbers[column.index] = _numbers(table, column, read)
+            column_numbers = numbers[column.index]
+            if isinstance(column_numbers, int):
+                bad = min(bad, column_numbers)
+            else:
+                target[:, k] = column_numbers
+    if bad < len(table.lines):
+        line, row = table.lines[bad], table.row(bad)
+        for distance, output in layout.pairs:  # reading the invalid cell again raises its error
+            if not isinstance(distance, float):
+                _distance(table, line, row[distance.index], distance)
+            _output(table, line, row[output.index], output)
+    return _Readings(distances, outputs)
+
+
+def _numbers(table: TextTable, column: Column, read: Callable[..., float]) -> FloatArray | int:
+    """Read a column, with a cache for repeated cells; return the row of the first cell that cannot be read."""
+    cells = table.columns[column.index]
+    values = np.empty(len(cells))
+    cache: dict[str, float] = {}
+    for i, cell in enumerate(cells):
+        value = cache.get(cell)
+        if value is None:
+            try:
+                value = read(table, 0, cell, column)
+            except CalibrationDataError:
+                return i
+            if len(cache) < _REMEMBERED:
+                cache[cell] = value
+        values[i] = value
+    return values
+
+
+def _distance(table: TextTable, line: int, cell: str, column: Column) -> float:
+    """Read a distance; infinite without an object."""
+    value = math.inf if is_no_object(cell) else number(table, line, cell, column)
+    if value < 0:
+        raise CalibrationDataError(
+            f"{table.file}, line {line}: found the distance {cell}, which must not be negative",
+            problem=f"{table.file}, line {line}: found a distance that is negative",
+        )
+    return value
+
+
+def _output(table: TextTable, line: int, cell: str, column: Column) -> float:
+    """Read an output; NaN if it is missing."""
+    return math.nan if is_missing(cell) else number(table, line, cell, column)
+
+
+def _curve(
+    table: TextTable, layout: Layout, labels: dict[str, str], readings: _Readings, extra: list[float]
+) -> Calibration:
+    present = ~np.isnan(readings.outputs)
+    without_object = np.isinf(readings.distances)
+    label = ", ".join(f"{name}={value}" for name, value in labels.items())
+    _refuse_stray_distance(table, readings.distances[present & ~without_object])
+    if not (present & ~without_object).any():
+        raise CalibrationDataError(
+            f"{table.file}{f', {label}' if label else ''}: found no reading with an object in range, expected at "
+            "least one",
+            problem=f"{table.file}: found no reading with an object in range, expected at least one",
+        )
+    return Calibration(
+        distances=readings.distances[present & ~without_object],
+        outputs=readings.outputs[present & ~without_object],
+        unit=layout.unit,
+        no_object=np.concatenate([extra, readings.outputs[present & without_object]]),
+        label=label,
+        source=Provenance(
+            file=table.file,
+            sha256=table.sha256,
+            encoding=table.encoding,
+            delimiter=table.delimiter,
+            decimal_mark=table.decimal_mark,
+            distance_column=layout.distances,
+            output_column=layout.outputs,
+            label_columns=tuple(labels),
+            rows=len(present),
+            dropped=int((~present).sum()),
+            notes=(*table.notes, *layout.notes),
+        ),
+    )
+
+
+def _refuse_stray_distance(table: TextTable, distances: FloatArray) -> None:
+    """Refuse a single distance far beyond all others: a typing error, or a number that marks a missing object."""
+    distinct = np.unique(distances)
+    if len(distinct) < _FEW or distinct[-1] <= _STRAY * distinct[-2]:
+        return
+    message = (
+        f"{table.file}: found the distance {distinct[-1]:g} m, {distinct[-1] / distinct[-2]:,.0f} times as far as the "
+        f"next one ({distinct[-2]:g} m), expected distances without such a gap; correct it, or write inf if it means "
+        "that no object was there"
+    )
+    raise CalibrationDataError(message, problem=f"{table.file}: found one distance far beyond all others")
+
+
+def _no_object_readings(no_object: NoObject, layout: Layout) -> list[float]:
+    """Return the no-object readings given in addition to the file, in the unit of the calibration."""
+    if no_object is None:
+        return []
+    if not isinstance(no_object, (str, os.PathLike)):
+        return [float(v) for v in np.atleast_1d(finite(no_object, "no_object", layout.unit)).ravel()]
+    table = read_table(no_object)
+    index = len(table.header) - 1
+    if len(table.header) > 1:
+        names = [split_title(title)[0] for title in table.header]
+        wanted = split_title(layout.pairs[0][1].title)[0]
+        if wanted not in names:
+            raise CalibrationDataError(
+                f"{table.place}: found {len(names)} columns, expected one of readings, or one named {wanted!r}"
+            )
+        index = names.index(wanted)
+    cells = list(zip(table.lines, table.columns[index], strict=True))
+    column = output_column(table, index, layout)
+    if not any(c.isalpha() for c in column.title):  # a bare list of numbers has no header
+        cells.insert(0, (table.header_line, table.header[index]))
+    return [number(table, line, cell, column) for line, cell in cells if not is_missing(cell)]

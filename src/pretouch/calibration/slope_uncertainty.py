@@ -1,0 +1,110 @@
+"""How accurately the readings determine the slope g, and the warnings that follow from it.
+
+g is judged from the nearest usable distance to the distance at which the signal is a tenth of the signal there. The
+virtual force gives the impulse D_p ln(xi / xi_0) until xi has grown from xi_0 to xi. From a tenth of its value at
+contact, xi grows by a factor of ten, 2.3 in ln xi: most of the impulse of any motion.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from pretouch._core.units import format_quantity
+
+from .averaging import slope_weights
+from .preparation import Prepared
+from .result import SensorFit, SlopeKnowledge
+
+_ALLOWED: Final = 0.15  # largest relative uncertainty of g with which a sensor is usable without reservation
+_DECISIVE: Final = 0.1  # share of the signal at the nearest distance down to which g is judged
+_PLACES: Final = 25  # distances at which g is evaluated
+_FALL: Final = 0.5  # decrease of ln xi over which the slopes of readings and curve are compared
+_FEWEST: Final = 4  # readings in such a comparison
+_SURE: Final = 4.0  # standard errors of a difference that is significant
+_NORMAL: Final = 1.959964  # standard deviations from the mean to the end of a 95 % interval
+
+
+def slope_knowledge(prepared: Prepared) -> SlopeKnowledge | None:
+    """Return the mean and the uncertainty of g over all curves that fit the readings; None with too few readings."""
+    curves, used, offset = prepared.possible_curves, prepared.used, prepared.offset
+    if curves is None or offset is None:
+        return None
+    signal = used.output - offset.value
+    inside = np.flatnonzero(signal >= _DECISIVE * signal[0])
+    last = float(used.distance[max(int(inside[-1]), 1)])
+    places = np.linspace(float(used.distance[0]), last, _PLACES)
+    log_slope, error = curves.slope(places)
+    worst = int(error.argmax())
+    return SlopeKnowledge(
+        distances=places,
+        slope=-np.exp(log_slope),
+        uncertainty=np.expm1(_NORMAL * np.minimum(error, 10.0)),
+        worst_at=float(places[worst]),
+    )
+
+
+def slope_reservations(prepared: Prepared, best: SensorFit, slope: SlopeKnowledge | None) -> list[str]:
+    """Return warnings where g is too uncertain or differs from the best model, each with what to measure."""
+    if slope is None:
+        return []
+    warnings = []
+    worst = float(slope.uncertainty.max())
+    if worst > _ALLOWED:
+        offset = prepared.offset
+        remedy = "read more distances, each several times, where the signal is strong"
+        if offset is not None and offset.kind == "fitted":
+            used = prepared.used.output - offset.value
+            remedy = "record the output with no object, or measure out to where it no longer changes"
+            if prepared.reaches_last:
+                remaining = f"{100 * used[-1] / used[0]:.2g} %"
+                remedy += f" (at the last distance the signal is still {remaining} of its largest value)"
+        elif offset is not None and best.slope_shift > 0.5 * _ALLOWED / _NORMAL:
+            remedy = "record the output with no object more often, because its uncertainty changes the slope"
+        size = f"{100 * worst:.0f} %" if worst < 1 else f"a factor of {1 + worst:.2g}"
+        near, far = (format_quantity(float(d), "m", 3) for d in slope.distances[[0, -1]])
+        warnings.append(
+            f"The uncertainty of g is {size} at {format_quantity(slope.worst_at, 'm', 3)}; a design needs "
+            f"{100 * _ALLOWED:.0f} % or less from {near} to {far}, where most of the virtual force acts: {remedy}."
+        )
+    gap = _largest_gap(prepared, best, float(slope.distances[-1]))
+    if gap is not None:
+        share, near, far = gap[0], *(format_quantity(d, "m", 3) for d in gap[1:])
+        warnings.append(
+            f"From {near} to {far} the readings are {100 * abs(share):.0f} % {'flatter' if share > 0 else 'steeper'} "
+            f"than the best model, {best.model}: the curve has another shape, which the table model follows."
+        )
+    return warnings
+
+
+def _largest_gap(prepared: Prepared, best: SensorFit, last: float) -> tuple[float, float, float] | None:
+    """Return the largest significant difference between the local slopes of readings and fit, relative to g.
+
+    The distances between which it occurs follow [m]. Without a difference that is both significant and too large, the
+    result is None.
+    """
+    used, noise = prepared.used, prepared.noise
+    if noise is None or best.model == "table" or len(used.distance) < _FEWEST + 1:
+        return None
+    signal = used.output - best.offset.value
+    errors = np.hypot(noise.output, noise.relative * signal) / np.sqrt(used.count) / signal
+    log, worst = np.log(signal), None
+    for k in range(len(log) - _FEWEST + 1):
+        if used.distance[k] > last:
+            break
+        stop = k + _FEWEST
+        while stop < len(log) and log[k] - log[stop - 1] < _FALL:
+            stop += 1
+        if log[k] - log[stop - 1] < _FALL:  # too few readings are left for such a decrease
+            break
+        part = slice(k, stop)
+        line = slope_weights(used.distance[part], errors[part] ** 2 + 1e-12)
+        difference, error = float(line @ best.residuals[part]), math.sqrt(float(line**2 @ errors[part] ** 2))
+        g = -float(np.mean(np.asarray(best.sensor.log_slope(used.distance[part]))))
+        if abs(difference) > max(_SURE * error, _ALLOWED * g) and (
+            worst is None or abs(difference / g) > abs(worst[0])
+        ):
+            worst = (difference / g, float(used.distance[k]), float(used.distance[stop - 1]))
+    return worst

@@ -1,0 +1,146 @@
+"""The reasons of a verdict on a sensor: problems of a usable signal with their remedies, and readings left out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pretouch._core.units import format_quantity
+
+from .averaging import average
+from .data import Calibration
+from .preparation import Prepared
+from .result import SensorFit, SlopeKnowledge
+from .slope_uncertainty import slope_reservations
+
+_FEW_POINTS = 6  # distances below which a reservation is made
+_MORE_THAN_UNKNOWNS = 3  # distances needed beyond the number of unknowns, to judge a fit
+_LARGE_MISFIT = 0.1  # of ln xi: over one step of the calibration, the virtual force is wrong by as much
+_FEW_EMPTY = 4  # readings without an object from which the noise can be estimated, as from repeats
+_DOUBT = {"declared": 1.0, "measured": 3.5, "fitted": 1.0}  # allowed distance, in half intervals of the free offset
+_MOST_NAMED = 5  # readings that a sentence lists
+_SMALL_FALL = 0.3  # decrease of ln xi over the window below which only the mean slope is determined
+
+
+def left_out(prepared: Prepared) -> tuple[str, ...]:
+    """Return a sentence for each group of readings that no model was fitted to."""
+    calibration, window, groups = prepared.calibration, prepared.window, []
+    at_bad = np.isin(calibration.distances, prepared.outlier_distances)
+    single = [i for i in prepared.outliers if not at_bad[i]]
+    if single:
+        at = (format_quantity(float(calibration.distances[i]), "m") for i in single)
+        shown = [f"{_level(calibration, calibration.outputs[i])} at {d}" for i, d in zip(single, at, strict=True)]
+        named = ", ".join(shown[:_MOST_NAMED]) + (", ..." if len(shown) > _MOST_NAMED else "")
+        groups.append(f"{_readings(len(single))} ({named}): lost, or outliers among those at the same distance.")
+    for distance in prepared.outlier_distances:
+        here = calibration.distances == distance
+        named = f"{_level(calibration, np.mean(calibration.outputs[here]))} at {format_quantity(distance, 'm')}"
+        groups.append(
+            f"{_readings(here.sum())} ({named}): outliers from every curve through the others; measure again."
+        )
+    if window.distances:
+        low, high = window.l_min, window.l_max
+        for there, where, reason in (
+            (calibration.distances < low, f"nearer than {format_quantity(low, 'm')}", window.start_reason),
+            (calibration.distances > high, f"beyond {format_quantity(high, 'm')}", window.end_reason),
+        ):
+            if (there & ~at_bad).any():
+                groups.append(f"{_readings((there & ~at_bad).sum())} {where}: {reason}.")
+    return tuple(groups)
+
+
+def _level(calibration: Calibration, output: float) -> str:
+    return f"{output:.4g} {calibration.unit}".rstrip()
+
+
+def _readings(count: Any) -> str:
+    return f"{count:,} reading{'s' if count != 1 else ''}"
+
+
+def summary(prepared: Prepared, fits: list[SensorFit]) -> str:
+    """Return the sentence that describes the fit of a usable sensor without reservations."""
+    low, high = (format_quantity(d, "m") for d in (prepared.window.l_min, prepared.window.l_max))
+    if not fits:
+        return f"The signal is usable from {low} to {high}, but none of the requested models fits it."
+    best = fits[0]
+    return (
+        f"{best.model} fits {len(best.distances)} distances from {low} to {high}: averaged readings deviate by "
+        f"{100 * best.rmse_log_output:.2g} % of the signal (RMS, noise and misfit together)."
+    )
+
+
+def find_reservations(prepared: Prepared, fits: list[SensorFit], slope: SlopeKnowledge | None) -> list[str]:
+    """Return the reservations about a usable signal, each with what to do about it."""
+    calibration, window, used = prepared.calibration, prepared.window, prepared.used
+    low, high = (format_quantity(d, "m") for d in (window.l_min, window.l_max))
+    signal = used.output - (fits[0].offset.value if fits else 0.0)
+    fall = float(np.log(signal[0]) - np.log(signal[-1])) if fits else math.inf
+    count, bad = len(used.distance), len(prepared.outlier_distances)
+    dropped = calibration.source.dropped if calibration.source else 0
+    once = "Every distance was read once, so the noise is estimated from deviations from the curve"
+    unknowns = (len(fits[0].parameters) or 3) + (fits[0].offset.kind == "fitted") if fits else 0
+    few = f"The window from {low} to {high} holds only {count} distinct distances for {unknowns} unknowns of the curve"
+    lacking = count < _FEW_POINTS or count - unknowns < _MORE_THAN_UNKNOWNS
+    reasons = [f"{few}: measure at 8 or more inside it."] if lacking else []
+    if used.count.max() == 1 and len(calibration.no_object) < _FEW_EMPTY:
+        reasons.append(f"{once}: read each distance 3 times or more.")
+    reasons += _offset_reservations(prepared)
+    if bad > 1 + count // 10:
+        reasons.append(
+            f"The outputs at {bad} distances are outliers from every curve through the others: measure again."
+        )
+    if fall < _SMALL_FALL:
+        falls = f"the output falls only by a factor of {math.exp(fall):.2g}"
+        reasons.append(f"From {low} to {high} {falls}: measure over a wider range.")
+    if dropped > 0.2 * (dropped + len(calibration.outputs)):
+        reasons.append(f"{dropped} rows have no output: check the recording.")
+    if fits:
+        reasons += slope_reservations(prepared, fits[0], slope)
+        reasons += _misfits(prepared, fits)
+    return reasons
+
+
+def _offset_reservations(prepared: Prepared) -> list[str]:
+    """Return reservations about an offset that is impossible, or that the readings contradict."""
+    unit, offset, noise, reasons = prepared.calibration.unit, prepared.offset, prepared.noise, []
+    if offset is None or noise is None:
+        return []
+    curve, record = average(prepared.calibration), "record the output with no object"
+    at = int(curve.output.argmin())
+    lowest = float(curve.output[at])
+    named = f"{offset.kind} offset of {_level(prepared.calibration, offset.value)}"
+    if offset.value < 0 and offset.high < 0 and min([lowest, *prepared.calibration.no_object]) >= 0:
+        reasons.append(f"The {named} is negative, but no reading is: {record}.")
+    if offset.kind == "declared" and offset.value > lowest + 4 * noise.output / math.sqrt(float(curve.count[at])):
+        reading = _level(prepared.calibration, lowest)
+        reasons.append(f"The {named} is larger than readings ({reading}), which leaves no signal there: {record}.")
+    if offset.kind == "fitted" and prepared.flattens:
+        similar = (
+            "The offset was fitted, and the output flattens near the sensor; both change the curve in similar ways"
+        )
+        reasons.append(f"{similar}: {record}.")
+    if prepared.free is None or prepared.free.doubt(offset) <= _DOUBT[offset.kind]:
+        return reasons
+    free_offset = prepared.free.offset("fitted")
+    fitted = f"{free_offset.value:.4g} {unit} (95 % interval {free_offset.low:.4g} to {free_offset.high:.4g})"
+    contradiction = (
+        f"level off at {fitted}, above the {named}: too little is subtracted, which weakens the virtual force"
+        if free_offset.value > offset.value
+        else f"fall more steeply than any curve with the {named}; they fit {fitted}: too much is subtracted, which "
+        "makes the virtual force too strong far away"
+    )
+    return [*reasons, f"The far readings {contradiction}; {record}, or fit the offset."]
+
+
+def _misfits(prepared: Prepared, fits: list[SensorFit]) -> list[str]:
+    """Return a reservation if even the best model does not follow the readings."""
+    if prepared.noise is None or prepared.noise.misfit <= _LARGE_MISFIT:
+        return []
+    table = " The table model follows the readings." if any(f.model == "table" for f in fits) else ""
+    return [
+        f"Averaged readings deviate from the best model, {fits[0].model}, by {100 * prepared.noise.misfit:.0f} % of "
+        "the signal (RMS) beyond their noise. Over one step of distance, the virtual force has about the same error: "
+        f"check how distances were set.{table}"
+    ]

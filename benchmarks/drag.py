@@ -251,9 +251,9 @@ def compared(settings: tuple[Setting, ...], size: Size) -> Lines:
         letter, drag = (figures(run(setting, law, size)) for law in (LETTER, setting.drag()))
         told = ", ".join(f"{name} <= {limit:g}" for name, limit in setting.asked)
         text = f"{setting.name:36s}letter {in_a_row(letter)}   drag {in_a_row(drag)}"
-        found.text.append(f"{text}   asked {told}" if told else text)
+        found.text.append(f"{text}   required {told}" if told else text)
         limits = [(name, letter[name], "the letter's") for name in ("contacts", *AT_ONCE)]
-        limits += [(name, limit, "asked <=") for name, limit in setting.asked]
+        limits += [(name, limit, "required <=") for name, limit in setting.asked]
         found.missed.extend(
             f"{setting.name}: {name} {drag[name]:.4g} {FIGURES[name]}, {what} {limit:.4g}"
             for name, limit, what in limits
@@ -291,7 +291,7 @@ def leaving(size: Size) -> Lines:
         told = "   ".join(
             f"{name} {ahead:6.2f} mm, {fast:6.1f} mm/s" for name, (ahead, fast) in (("letter", letter), ("drag", drag))
         )
-        found.text.append(f"{setting.name:36s}{told}   asked 0 mm")
+        found.text.append(f"{setting.name:36s}{told}   required 0 mm")
         if drag[0] > 0:
             found.missed.append(f"{setting.name}: {drag[0]:.3g} mm after the object")
     return found
@@ -311,7 +311,7 @@ def at_rest(size: Size, horizon: float) -> Lines:
             f"{name} {(way > 1).mean():6.1%} (moved at all {(way > 0).mean():6.1%}, most {way.max():6.2f} mm)"
             for name, way in (("letter", letter), ("drag", drag))
         )
-        found.text.append(f"{where:36s}{told}   asked 0 %")
+        found.text.append(f"{where:36s}{told}   required 0 %")
         if (drag > 1).any():
             found.missed.append(f"at rest {where}: {(drag > 1).mean():.2%} move by more than 1 mm in {horizon:g} s")
     return found
@@ -319,7 +319,7 @@ def at_rest(size: Size, horizon: float) -> Lines:
 
 def ratios(size: Size) -> Lines:
     """Report contact speed over approach speed, divided by rho, at 1 kHz on a robot without lag."""
-    found = Lines([f"{'':36s}" + "".join(f"{speed:>8g}" for speed in RATIOS) + " m/s; asked within 5 %"], [])
+    found = Lines([f"{'':36s}" + "".join(f"{speed:>8g}" for speed in RATIOS) + " m/s; required within 5 %"], [])
     for name, which in RATIOS_AT.items():
         text = f"{name:36s}"
         for speed in RATIOS:
@@ -327,7 +327,7 @@ def ratios(size: Size) -> Lines:
             share = figures(run(setting, setting.drag(), size))["mean"] / (1e3 * speed * RATIO)
             text += f"{share:8.3f}"
             if not abs(share - 1) <= 0.05:
-                found.missed.append(f"{name}: ratio over rho {share:.3f} at {speed:g} m/s, asked within 5 %")
+                found.missed.append(f"{name}: ratio over rho {share:.3f} at {speed:g} m/s, required within 5 %")
         found.text.append(text)
     return found
 
@@ -352,7 +352,7 @@ def witnessed(speeds: tuple[float, ...]) -> Lines:
         theirs = witness_encounter(scenario, sensor, law, time_step=2.5e-5, follow=FOLLOW, **around).relative_velocity
         apart = abs(theirs / ours - 1)
         found.text.append(
-            f"{speed:g} m/s: contact at {-1e3 * ours:.3f} mm/s, MuJoCo differs by {apart:.1e}, asked <= 1e-3"
+            f"{speed:g} m/s: contact at {-1e3 * ours:.3f} mm/s, MuJoCo differs by {apart:.1e}, required <= 1e-3"
         )
         if not apart <= 1e-3:
             found.missed.append(f"MuJoCo at {speed:g} m/s: {apart:.1e}")

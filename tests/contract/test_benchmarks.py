@@ -150,7 +150,7 @@ def test_the_program_prints_a_row_per_way_and_writes_its_numbers(tmp_path: Path)
             "drag",
             ["--quick"],
             [
-                r"0\.3 m/s +letter .* drag .* asked mean <= 48",
+                r"0\.3 m/s +letter .* drag .* required mean <= 48",
                 r"VCNL4040",
                 r"\(6\) peak acceleration +[01]\.",
                 r"missed requirements:",

@@ -1,1 +1,1 @@
-"""Programs that measure; each prints what it measured, beside a peer run in the same call."""
+"""Benchmarks of speed and accuracy; each program prints its measurements."""

@@ -1,6 +1,6 @@
-"""How exact contacts are: random encounters of every kind and curve beside an independent integration of order 8.
+"""Measure the accuracy of contacts: random encounters compared with an independent integration of order 8.
 
-The encounters and the integrator are those of the tests, which hold the claim; this prints what is measured.
+The encounters and the integrator are those of the tests; this program prints the errors.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ STEPS = 600
 
 
 def main() -> None:
-    """Print the largest errors per curve, over the encounters that the reference itself resolves to 1e-10."""
+    """Print the largest errors per curve, over the encounters that the reference resolves to 1e-10."""
     print(f"\n{'accuracy of contacts':32s} encounters  compared   time, relative   l', relative   impulse balance")
     for name, sensor in CURVES.items():
         if name == "table":  # fixed steps pass its corners: tests compare it from knot to knot

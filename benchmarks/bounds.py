@@ -1,6 +1,6 @@
-"""Whether the bounds of the virtual drag hold: random encounters, followed in time by a method that knows none of them.
+"""Check the bounds of the virtual drag on random encounters, integrated in time by a method that does not use them.
 
-Run with `python -m benchmarks.bounds`; `--count` says over how many encounters, a thousand to a drag.
+Run with `python -m benchmarks.bounds`; `--count` is the number of encounters, a thousand per drag.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ MASS = 1.0
 
 
 class Ends(NamedTuple):
-    """How encounters ended, each array of the shape (n,).
+    """Results of encounters, arrays of shape (n,).
 
     Args:
-        speed: |l'| at contact [m/s]; NaN where there was none in sight.
+        speed: |l'| at contact [m/s]; NaN without a contact in the detection range.
         time: from l_d to contact [s].
         largest: the robot's largest acceleration until then [m/s^2].
-        turned: which objects turned back on their way.
+        turned: whether the object turned back before contact.
     """
 
     speed: np.ndarray
@@ -42,7 +42,7 @@ Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarr
 
 
 def stepping(sensor: pt.SensorModel, strength: np.ndarray, acceleration: np.ndarray) -> Step:
-    """Return a step of order 4 of Runge and Kutta for l'' = a_o + (phi/M) g^2 l'^2 while l' < 0, else a_o."""
+    """Return a Runge-Kutta step of order 4 for l'' = a_o + (phi/M) g^2 l'^2 while l' < 0, else a_o."""
 
     def rate(l: np.ndarray, u: np.ndarray) -> np.ndarray:  # noqa: E741
         return acceleration + strength * sensor.log_slope(np.maximum(l, 0.0)) ** 2 * np.minimum(u, 0.0) ** 2
@@ -63,7 +63,7 @@ def stepping(sensor: pt.SensorModel, strength: np.ndarray, acceleration: np.ndar
 def follow(
     sensor: pt.SensorModel, distance: float, speed: np.ndarray, strength: np.ndarray, acceleration: np.ndarray
 ) -> Ends:
-    """Follow encounters to contact, out of sight or through all pieces.
+    """Integrate encounters until contact, until the object is out of range, or through all pieces.
 
     Args:
         sensor: the curve.
@@ -73,7 +73,7 @@ def follow(
         acceleration: a_o [m/s^2], a row per piece.
 
     Returns:
-        How they ended.
+        The results.
     """
     count = len(speed)
     ends = Ends(*np.full((2, count), np.nan), np.zeros(count), np.zeros(count, dtype=bool))
@@ -113,18 +113,18 @@ def drawn_rails(rng: np.random.Generator) -> DragRails:
 
 
 class Shares(NamedTuple):
-    """The largest shares of what each bound allows, over encounters that came to a contact; 1 where it is met.
+    """The largest ratios of results to bounds, over encounters with contact; 1 is equality.
 
     Args:
-        contacts: how many came to a contact of those that accelerate.
-        turned: how many of these had turned back before.
-        pushed: contact speed over (5), with a schedule of the drag that any time changes.
-        steady: the same for the weak drag and the object that is pushed all along, which (5) is met by.
-        slow: contact speed of a uniform approach over that of the weak drag; (6).
-        fast: that of the strong drag over it.
-        short: the excursion of the weak drag over it.
-        long: it over the excursion of the strong drag.
-        sharp: its largest acceleration over what the rails allow.
+        contacts: number of accelerated encounters with contact.
+        turned: number of these that had turned back before.
+        pushed: contact speed over bound (5), with a time-dependent schedule of the drag.
+        steady: the same for the weak drag and a constantly pushed object, which reaches bound (5).
+        slow: contact speed of an object with constant speed over that of the weak drag; (6).
+        fast: contact speed of the strong drag over that contact speed.
+        short: excursion of the weak drag over that excursion.
+        long: that excursion over the excursion of the strong drag.
+        sharp: largest acceleration over the limit of the rails.
     """
 
     contacts: int
@@ -139,7 +139,7 @@ class Shares(NamedTuple):
 
 
 def shares(rails: DragRails, rng: np.random.Generator, count: int) -> Shares:
-    """Follow random encounters between rails: courses of both signs, at most A toward the robot, and schedules."""
+    """Integrate random encounters between rails: courses of both signs, at most A toward the robot, and schedules."""
     sensor, distance = rails.weak.sensor, rails.weak.detection_distance
     low, high = (np.log(1 / d.ratio) / d.slope_integral for d in (rails.weak, rails.strong))
     speed = 10 ** rng.uniform(-1.5, 0.5, count)
@@ -165,7 +165,7 @@ def shares(rails: DragRails, rng: np.random.Generator, count: int) -> Shares:
 
 
 def measure(count: int) -> tuple[list[str], list[str]]:
-    """Return what is printed, and what is exceeded."""
+    """Return the printed lines and the exceeded bounds."""
     rng = np.random.default_rng(SEED)
     found = [shares(drawn_rails(rng), rng, CHUNK) for _ in range(max(1, count // CHUNK))]
     counts, largest = (list(zip(*found, strict=True))[part] for part in (slice(2), slice(2, None)))
@@ -185,7 +185,7 @@ def measure(count: int) -> tuple[list[str], list[str]]:
 
 
 def main() -> None:
-    """Print all of it."""
+    """Print all results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bounds", description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=100_000, help="how many encounters, in thousands")
     count = parser.parse_args().count

@@ -1,22 +1,25 @@
-"""Whether a calibration can be relied on: designs on the fit, motions on the truth, over generated sensors.
+"""Measure the reliability of calibrations: designs on the fit, motions on the true curve of generated sensors.
 
     python -m benchmarks.calibrations --count 2400 --seed 1
     python -m benchmarks.calibrations --sparse --count 5000 --seed 1
 
-Sensors of every family and mechanism are drawn (tests/made_sensors.py): offsets, noise, steps, repeats, few and many
-distances. Each is fitted as `pretouch fit` does it; a gain is designed on the best fit, for an object that comes at
-0.3 m/s from the far end of the window; where the window begins in front of the sensor, the sensor is sunk by so much.
-Then the motion is integrated, by another method, on what the sensor really gives, with the fitted offset subtracted.
+Sensors of every family and mechanism are generated (tests/made_sensors.py): offsets, noise, steps, repeats, few and
+many distances. Each is fitted as by `pretouch fit`. A gain is designed on the best fit, for an object that
+approaches at 0.3 m/s from the far end of the window. If the window does not start at 0, the sensor is recessed by
+its start. Then another method integrates the motion on the true sensor output, with the fitted offset subtracted.
 
-With --sparse each sensor is read once at 6 to 18 distances, many under a ceiling that begins anywhere; its form is the
-fitted one for half of the sensors, and another for the others.
+With --sparse each sensor is read once at 6 to 18 distances, many with a ceiling at any level. For half of the sensors
+it has the fitted form, for the others another one.
 
-Printed: how often a design whose first line carries no caution comes within 15 % of the contact speed that it promised
-(95 % are wanted); how many sensors are cautioned about, or refused, although the design keeps its promise or could
-(at most 10 %); contacts harder than without mitigation that were not said beforehand (none); the share of sensors that
-are refused; the share of those with 15 good distances and a known offset that are usable (95 %); how often the interval
-of a fitted offset holds the true one (90 to 98 %); and what a fit takes. The exit code is 1 where one of these is
-missed.
+It prints, with the requirement in parentheses; the exit code is 1 if one is missed:
+
+- designs without a warning in the first line that come within 15 % of the predicted contact speed (95 %);
+- sensors that are refused or warned about although the design is or could be right (at most 10 %);
+- contacts harder than without mitigation without a warning (none);
+- sensors that are refused;
+- sensors with 15 good distances and a known offset that are usable (95 %);
+- intervals of a fitted offset that contain the true one (90 to 98 %);
+- the time of a fit.
 """
 
 from __future__ import annotations
@@ -57,7 +60,7 @@ SPARSE = tuple(name for other in OTHERS for name in ("soft", other))
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one sensor."""
+    """Result of one sensor."""
 
     kind: str
     number: int
@@ -79,7 +82,7 @@ def slope_seen(made: MadeSensor, offset: float, floor: float, places: Array) -> 
 
 
 def contact_speed(slope: Array, start: float, recess: float, span: float, gain: float) -> float:
-    """Integrate L(1) with L(2) by Runge and Kutta's method of fourth order until contact; return |l'| there [m/s]."""
+    """Integrate L(1) with L(2) by a Runge-Kutta method of order 4 until contact; return |l'| there [m/s]."""
     m, d, k = ADMITTANCE.mass, ADMITTANCE.damping, ADMITTANCE.stiffness
 
     def change(t: float, x: float, u: float) -> tuple[float, float]:
@@ -102,11 +105,11 @@ def contact_speed(slope: Array, start: float, recess: float, span: float, gain: 
 
 
 def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float, bool]:
-    """Design on the fit and move on the truth.
+    """Design on the fit and integrate the motion on the true curve.
 
     Returns:
-        The promised contact speed and the true one [m/s], nan where there is none, and whether the first line of the
-        answer carries a caution.
+        The predicted and the true contact speed [m/s], NaN without a contact, and whether the first line of the
+        answer has a warning.
     """
     best, offset = report.best, report.offset
     if best is None or offset is None:
@@ -127,7 +130,7 @@ def judge(made: MadeSensor, report: CalibrationReport) -> tuple[float, float, bo
 
 
 def one(task: tuple[int, int, bool]) -> Outcome:
-    """Draw, fit, design and judge one sensor."""
+    """Generate, fit, design and evaluate one sensor."""
     seed, number, sparse = task
     rng = np.random.default_rng([seed, number])
     if sparse:
@@ -162,7 +165,7 @@ def share(part: float, whole: float) -> str:
 
 
 def main() -> int:
-    """Run, and print what is asked for."""
+    """Run and print all results."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--count", type=int, default=2400, help="how many sensors")
     parser.add_argument("--seed", type=int, default=1)
@@ -196,15 +199,15 @@ def main() -> int:
         near = sum(o in close for o in mine)
         print(f"  {kind:18s} {dict(told)}; within 15 %: {share(near, len(mine))}")
     print(f"no usable signal: {share(sum(o.verdict == 'no usable signal' for o in found), len(found))}")
-    print(f"designs without caution within 15 % of the promised contact speed: {share(len(close), len(free))}")
+    print(f"designs without warning within 15 % of the predicted contact speed: {share(len(close), len(free))}")
     for o in [o for o in free if o not in close][:12]:
-        print(f"    {o.kind}, number {o.number}: {o.promised:.4f} m/s promised, {o.met:.4f} m/s met")
-    print(f"harder than without mitigation, not said beforehand: {len(harder)}")
-    print(f"refused, or cautioned about although within 15 %: {share(len(needless), len(found))}")
+        print(f"    {o.kind}, number {o.number}: {o.promised:.4f} m/s predicted, {o.met:.4f} m/s true")
+    print(f"harder than without mitigation, without a warning: {len(harder)}")
+    print(f"refused or warned about, although within 15 %: {share(len(needless), len(found))}")
     print(f"usable, of those with 15 good distances and a known offset: {share(len(usable), len(good))}")
     for o in [o for o in good if o not in usable][:12]:
         print(f"    {o.kind}, number {o.number}: {o.reason}")
-    print(f"intervals of fitted offsets that hold the true one: {share(len(held), len(fitted))}")
+    print(f"intervals of fitted offsets that contain the true one: {share(len(held), len(fitted))}")
     ok = len(close) >= 0.95 * len(free) and not harder
     if asked.sparse:
         return 0 if ok and len(needless) <= 0.1 * len(found) else 1

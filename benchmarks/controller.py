@@ -1,4 +1,4 @@
-"""How long one step of the controller takes, from C and from Python, with and without the letter's filters."""
+"""Time one step of the controller, from C and from Python, with and without the letter's filters."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CASES = {
 
 
 def main() -> None:
-    """Print the best and the median of several rounds over a noisy approach, which no branch predictor foresees."""
+    """Print the best and the median of several rounds over a noisy approach, which defeats branch prediction."""
     noise = np.random.default_rng(1).normal(size=STEPS)
     rows = rows_of(0.1 + 0.09 * np.sin(np.arange(STEPS) * 1e-3) + 1e-3 * noise)
     print(f"\n{'one step of the controller':36s} from C, best   median   a run in Python   controller.step")

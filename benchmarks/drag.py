@@ -1,6 +1,6 @@
-"""The virtual drag beside the letter's damper on noisy loops: contact, excursion, acceleration, rest, and its bounds.
+"""Compare the virtual drag with the letter's damper on noisy loops: contact, excursion, acceleration, rest, bounds.
 
-Run with `python -m benchmarks.drag`; `--quick` takes few encounters of each kind, to see that it runs.
+Run with `python -m benchmarks.drag`; `--quick` runs few encounters of each kind.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ Law = VirtualDamper | VirtualDrag
 
 @dataclass(frozen=True)
 class Part:
-    """A sensor behind which the laws run, and what is set for it.
+    """A sensor with the settings of the controller and the drag.
 
     Args:
-        chain: the sensor chain, whose noise the drag is told.
-        scale: of the inverse power whose exponent is the letter's.
-        floor: below which a reading tells no object.
+        chain: the sensor chain; its noise is a parameter of the drag.
+        scale: of the inverse power with the letter's exponent.
+        floor: readings below it count as no object.
         smoothing_time: of the drag [s].
-        share: of xi, noise that the drag is told and the chain does not have as such.
+        share: additional noise relative to xi that the drag assumes.
         period: of the controller [s].
     """
 
@@ -55,7 +55,7 @@ class Part:
     period: float = 1e-3
 
     def drag(self, drag: float, known_acceleration: float) -> VirtualDrag:
-        """Return the drag of so many N s^2 as it knows the noise of the part."""
+        """Return the drag of this many N s^2 with the noise of the part."""
         return VirtualDrag(
             drag=drag,
             noise=self.chain.noise,
@@ -67,14 +67,14 @@ class Part:
         )
 
     def controller(self, law: Law) -> Controller:
-        """Put a law behind the part."""
+        """Return a controller with this law for the part."""
         conditioning = Conditioning(floor=self.floor, sensor_period=max(self.chain.period, self.period))
         admittance = VirtualAdmittance(**ADMITTANCE)
         return Controller(period=self.period, conditioning=conditioning, law=law, admittance=admittance)
 
 
 def bought(name: str, relative_noise: float = 0.0) -> pt.SensorChain:
-    """Return the chain of a part that is sold, with a share of noise that its data sheet does not state."""
+    """Return the chain of a commercial part, with relative noise that its data sheet does not state."""
     return replace(pt.simulation.sensor_part(name).chain, random_phase=True, relative_noise=relative_noise)
 
 
@@ -98,22 +98,22 @@ RATIOS_AT = {
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """A row: what comes, onto which robot, behind which part, and what is asked of the drag.
+    """One row of the table: object, robot, sensor part, and requirements for the drag.
 
     Args:
         name: of the row.
-        speed: at which the object comes [m/s].
+        speed: approach speed of the object [m/s].
         push: its acceleration toward the robot [m/s^2].
-        position: where it begins [m].
+        position: start of the object [m].
         course: stretches of another acceleration that come first: until [s], away from the robot [m/s^2].
         exponent: of the true curve, over the one that the drag is designed for.
         ratio: rho of the drag.
-        known: acceleration of the object that the drag is told [m/s^2].
+        known: acceleration of the object that the drag feeds forward [m/s^2].
         robot: the plant.
         contact: the contact force; None: a run ends at the touch.
         part: the sensor.
         horizon: how long a run waits for contact [s].
-        asked: figures that the drag is to keep, by their names in FIGURES.
+        asked: requirements for the drag, by their names in FIGURES.
     """
 
     name: str
@@ -137,7 +137,7 @@ class Setting:
 
 
 class Size(NamedTuple):
-    """How many encounters make a cell: over reflectances from a half to twice the assumed, so many of each."""
+    """Number of encounters per cell: reflectances from half to twice the assumed one, and runs of each."""
 
     reflectances: int
     draws: int
@@ -238,7 +238,7 @@ LEAVING = (
 
 
 class Lines(NamedTuple):
-    """What is printed of a section, and the figures in it that are not reached."""
+    """Printed lines of a section, and its missed requirements."""
 
     text: list[str]
     missed: list[str]
@@ -251,9 +251,9 @@ def compared(settings: tuple[Setting, ...], size: Size) -> Lines:
         letter, drag = (figures(run(setting, law, size)) for law in (LETTER, setting.drag()))
         told = ", ".join(f"{name} <= {limit:g}" for name, limit in setting.asked)
         text = f"{setting.name:36s}letter {in_a_row(letter)}   drag {in_a_row(drag)}"
-        found.text.append(f"{text}   asked {told}" if told else text)
+        found.text.append(f"{text}   required {told}" if told else text)
         limits = [(name, letter[name], "the letter's") for name in ("contacts", *AT_ONCE)]
-        limits += [(name, limit, "asked <=") for name, limit in setting.asked]
+        limits += [(name, limit, "required <=") for name, limit in setting.asked]
         found.missed.extend(
             f"{setting.name}: {name} {drag[name]:.4g} {FIGURES[name]}, {what} {limit:.4g}"
             for name, limit, what in limits
@@ -263,7 +263,7 @@ def compared(settings: tuple[Setting, ...], size: Size) -> Lines:
 
 
 def in_a_row(found: dict[str, float]) -> str:
-    """Write figures in the order of FIGURES."""
+    """Format figures in the order of FIGURES."""
     contacts, mean, high, worst, excursion, acceleration = found.values()
     return f"{contacts:3.0f} %: {mean:6.1f}/{high:6.1f}/{worst:6.1f}; {excursion:5.1f}; {acceleration:5.2f}"
 
@@ -284,21 +284,21 @@ def after_it(result: pt.SimulationResult) -> tuple[float, float]:
 
 
 def leaving(size: Size) -> Lines:
-    """Say how far and how fast the robot goes after an object that leaves: at most, over all encounters."""
+    """Report how far and how fast the robot follows an object that leaves: the maximum over all encounters."""
     found = Lines([], [])
     for setting in LEAVING:
         letter, drag = (after_it(run(setting, law, size)) for law in (LETTER, setting.drag()))
         told = "   ".join(
             f"{name} {ahead:6.2f} mm, {fast:6.1f} mm/s" for name, (ahead, fast) in (("letter", letter), ("drag", drag))
         )
-        found.text.append(f"{setting.name:36s}{told}   asked 0 mm")
+        found.text.append(f"{setting.name:36s}{told}   required 0 mm")
         if drag[0] > 0:
             found.missed.append(f"{setting.name}: {drag[0]:.3g} mm after the object")
     return found
 
 
 def at_rest(size: Size, horizon: float) -> Lines:
-    """Say how many runs move by more than 1 mm before an object at rest, and how many at all."""
+    """Report how many runs move by more than 1 mm in front of an object at rest, and how many at all."""
     places = {"at 100 mm": (0.1, size)}
     for level in (110.0, 150.0, 250.0, 600.0):
         distance = ((level - NOISY.chain.offset) / NOISY.scale) ** (-1 / EXPONENT) - OFFSET
@@ -311,15 +311,15 @@ def at_rest(size: Size, horizon: float) -> Lines:
             f"{name} {(way > 1).mean():6.1%} (moved at all {(way > 0).mean():6.1%}, most {way.max():6.2f} mm)"
             for name, way in (("letter", letter), ("drag", drag))
         )
-        found.text.append(f"{where:36s}{told}   asked 0 %")
+        found.text.append(f"{where:36s}{told}   required 0 %")
         if (drag > 1).any():
             found.missed.append(f"at rest {where}: {(drag > 1).mean():.2%} move by more than 1 mm in {horizon:g} s")
     return found
 
 
 def ratios(size: Size) -> Lines:
-    """Say the share of the speed that is left at 1 kHz, over rho, on a robot without a lag of its own."""
-    found = Lines([f"{'':36s}" + "".join(f"{speed:>8g}" for speed in RATIOS) + " m/s; asked within 5 %"], [])
+    """Report contact speed over approach speed, divided by rho, at 1 kHz on a robot without lag."""
+    found = Lines([f"{'':36s}" + "".join(f"{speed:>8g}" for speed in RATIOS) + " m/s; required within 5 %"], [])
     for name, which in RATIOS_AT.items():
         text = f"{name:36s}"
         for speed in RATIOS:
@@ -327,13 +327,13 @@ def ratios(size: Size) -> Lines:
             share = figures(run(setting, setting.drag(), size))["mean"] / (1e3 * speed * RATIO)
             text += f"{share:8.3f}"
             if not abs(share - 1) <= 0.05:
-                found.missed.append(f"{name}: ratio over rho {share:.3f} at {speed:g} m/s, asked within 5 %")
+                found.missed.append(f"{name}: ratio over rho {share:.3f} at {speed:g} m/s, required within 5 %")
         found.text.append(text)
     return found
 
 
 def witnessed(speeds: tuple[float, ...]) -> Lines:
-    """Compare single encounters with MuJoCo: the same law around another robot and contact, read without noise."""
+    """Compare single encounters with MuJoCo: the same law with another robot and contact, without noise."""
     absent = missing("mujoco")
     if absent:
         return Lines([absent], [])
@@ -352,7 +352,7 @@ def witnessed(speeds: tuple[float, ...]) -> Lines:
         theirs = witness_encounter(scenario, sensor, law, time_step=2.5e-5, follow=FOLLOW, **around).relative_velocity
         apart = abs(theirs / ours - 1)
         found.text.append(
-            f"{speed:g} m/s: contact at {-1e3 * ours:.3f} mm/s, MuJoCo differs by {apart:.1e}, asked <= 1e-3"
+            f"{speed:g} m/s: contact at {-1e3 * ours:.3f} mm/s, MuJoCo differs by {apart:.1e}, required <= 1e-3"
         )
         if not apart <= 1e-3:
             found.missed.append(f"MuJoCo at {speed:g} m/s: {apart:.1e}")
@@ -360,7 +360,7 @@ def witnessed(speeds: tuple[float, ...]) -> Lines:
 
 
 def sections(quick: bool) -> Iterator[tuple[str, Lines]]:
-    """Yield each section as it is done, with its title."""
+    """Yield each section when it is finished, with its title."""
     size, speeds = (QUICK, SPEEDS[2:3]) if quick else (FULL, SPEEDS)
     yield f"contact speed [mm/s], excursion [mm], acceleration [m/s^2], rho {RATIO}", compared(SETTINGS, size)
     yield "impact force at 0.3 m/s", impacts(size)
@@ -379,7 +379,7 @@ def sections(quick: bool) -> Iterator[tuple[str, Lines]]:
 
 
 def main() -> None:
-    """Print all of it, and in the end what is not reached."""
+    """Print all sections, then the missed requirements."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.drag", description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few encounters, one speed of each part")
     quick, missed = parser.parse_args().quick, []
@@ -388,7 +388,7 @@ def main() -> None:
     for title, (text, misses) in sections(quick):
         print(f"\n{title}", *text, sep="\n", flush=True)
         missed += misses
-    print("\nnot reached:", *(missed or ["nothing"]), sep="\n")
+    print("\nmissed requirements:", *(missed or ["none"]), sep="\n")
 
 
 if __name__ == "__main__":

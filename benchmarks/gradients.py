@@ -1,8 +1,8 @@
-"""What derivatives and largest demands cost on top of contacts: pairs that are run in turn, and their ratios.
+"""Measure the additional time of derivatives and largest demands over contacts, as ratios of pairs run in turn.
 
-Times are those that the processors spent on this program, on all threads: a busy machine changes them little.
+Times are processor times of all threads, which hardly depend on other programs.
 
-Run with `python -m benchmarks.gradients`; `--count` says how many encounters, `--seconds` how long a pair is timed.
+Run with `python -m benchmarks.gradients`; `--count` is the number of encounters, `--seconds` the time per pair.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Run = Callable[[], pt.ContactResult]
 
 
 def states(run: Run, names: tuple[str, ...] = STATES) -> pt.ContactResult:
-    """Find contacts and read quantities at their end."""
+    """Find contacts and read quantities at contact."""
     found = run()
     for name in names:
         getattr(found.end, name)
@@ -101,7 +101,7 @@ def rows(name: str, count: int, seconds: float) -> str:
 
 
 def followed(count: int) -> str:
-    """Measure derivatives that are followed along the motion, by the order of a Mittag-Leffler curve."""
+    """Measure derivatives that are integrated along the motion: by the order of a Mittag-Leffler curve."""
     speed, gain = contacts(count)
     scenario = pt.Scenario(
         admittance=SCENARIO.admittance, obstacle=pt.Obstacle(position=SCENARIO.obstacle.position, velocity=speed)

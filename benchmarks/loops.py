@@ -1,6 +1,6 @@
-"""How many encounters of the sampled loop a second holds, beside MuJoCo, and how exact predicted stability limits are.
+"""Measure encounters of the sampled loop per second, compared with MuJoCo, and the accuracy of stability limits.
 
-Run with `python -m benchmarks.loops`; `--quick` takes fewer runs and a corner of the grid, to see that it runs.
+Run with `python -m benchmarks.loops`; `--quick` uses fewer runs and part of the grid.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def throughput(count: int, rounds: int) -> list[str]:
 
 
 def beside_mujoco(rounds: int) -> str:
-    """Time single encounters of both in turn: robot, contact and an ideal sensor; ours alone, and out of many."""
+    """Time encounters of pretouch and MuJoCo in turn: robot, contact, ideal sensor; pretouch alone and in a batch."""
     pair = CASES["robot and contact, 0.2 s beyond"]
     many = 1000
     ours, each, theirs, ratios = [], [], [], []
@@ -102,7 +102,7 @@ def beside_mujoco(rounds: int) -> str:
 def difference(rate: float, part: float) -> tuple[float, float]:
     """Compare the limit of one loop; return the predicted damping [N s/m] and the relative difference of the simulated.
 
-    The curve has g = -1/m all along, so that the damping is -D_p; the loop steps twenty times per reading.
+    The curve has g = -1/m everywhere, so the damping is -D_p; the loop steps twenty times per reading.
     """
     chain = pt.SensorChain(rate=rate, delay=part / rate)
     predicted = pt.simulation.largest_damping(
@@ -134,7 +134,7 @@ def grid(rates: tuple[float, ...], parts: tuple[float, ...]) -> tuple[list[str],
 
 
 def main() -> None:
-    """Print all of it; end with an error where a limit is missed."""
+    """Print all results; end with an error if a limit is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.loops", description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="fewer runs, a corner of the grid")
     quick = parser.parse_args().quick
@@ -142,12 +142,12 @@ def main() -> None:
     print(f"\n{count:,} encounters at {1 / PERIOD:g} Hz, warm, {processors()} processors: shortest and median")
     print("\n".join(throughput(count, rounds)))
     absent = missing("mujoco")
-    print(f"one encounter beside MuJoCo: {absent}" if absent else beside_mujoco(rounds))
+    print(f"one encounter compared with MuJoCo: {absent}" if absent else beside_mujoco(rounds))
     rates, parts = (RATES[2:4], PARTS[1:4:2]) if quick else (RATES, PARTS)
     print(f"\nstability limits at {len(rates) * len(parts)} points")
     lines, largest = grid(rates, parts)
     print("\n".join(lines))
-    print(f"largest difference {largest:.2%}, which must be below {LARGEST_DIFFERENCE:.0%}")
+    print(f"largest difference {largest:.2%}, allowed below {LARGEST_DIFFERENCE:.0%}")
     if largest >= LARGEST_DIFFERENCE:
         sys.exit("a predicted limit is missed")
 

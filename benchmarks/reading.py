@@ -1,4 +1,4 @@
-"""How long a calibration file of many rows takes to read, in a fresh process, and how much memory."""
+"""Measure time and memory of reading a large calibration file in a fresh process."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write(path: Path, rows: int, unit: str) -> None:
 
 
 def main() -> None:
-    """Measure each size and unit once; integers repeat, decimals hardly do."""
+    """Measure each size and unit once; integers repeat often, decimals rarely."""
     print("\nreading a calibration        processor time   memory of the process")
     with tempfile.TemporaryDirectory() as folder:
         for unit in ("counts", "V"):

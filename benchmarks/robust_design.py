@@ -1,9 +1,9 @@
-"""How long a robust design takes: four uncertain inputs, 10,000 samples and as many fresh ones, a chance constraint.
+"""Time robust designs: four uncertain inputs, 10,000 samples, 10,000 samples for validation, a chance constraint.
 
-And what an uncertain parameter of the sensor costs, kind by kind, beside that of an inverse power.
+The second part times an uncertain parameter of each kind of sensor, compared with an inverse power.
 
-Run with `python -m benchmarks.robust_design`; `--families` for the second part alone. The shortest of three runs
-counts, of five in the second part, in turn with the inverse power; the first compiles.
+Run with `python -m benchmarks.robust_design`; `--families` runs the second part only. The shortest of three runs
+counts, in the second part of five, in turn with the inverse power.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ SIZES = (64, 1000)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gaussian(pt.SensorModel):
-    """A curve of somebody else's."""
+    """A custom sensor curve."""
 
     width: float = parameter("w", "m")
     offset: float = parameter("l_0", "m")
@@ -104,7 +104,7 @@ FAMILIES = {
 
 
 def seconds(sensor: pt.SensorModel, uncertainty: dict[str, object], count: int) -> tuple[float, float]:
-    """Time a design, by the clock and by the processors."""
+    """Time a design: wall time and processor time."""
     start, used = time.perf_counter(), time.process_time()
     pt.robust.design_robust_gain(
         pt.Task(
@@ -164,7 +164,7 @@ def designs() -> None:
 
 
 def main() -> None:
-    """Run what is asked for."""
+    """Run the requested parts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--families", action="store_true", help="only what an uncertain sensor costs")
     if not parser.parse_args().families:

@@ -1,4 +1,4 @@
-"""How long one contact and one design take, beside SciPy on the same work in the same process, with their accuracy."""
+"""Time one contact and one design, compared with SciPy on the same problem, with their accuracy."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OBJECTIVE = pt.excursion_objective(position_scale=0.5, velocity_scale=0.3)
 
 
 def scipy_contact(sensor: pt.SensorModel, gain: float) -> tuple[float, float, float]:
-    """Solve one contact as its own expert would: DOP853 with a terminal event; return time, x and l'."""
+    """Solve one contact by DOP853 with a terminal event, as an expert would; return time, x and l'."""
     slope = (lambda l: -3.32 / (l + 0.0419)) if sensor.name == "inverse-power" else (lambda _: -61.0)  # noqa: E741
 
     def motion(t: float, y: np.ndarray) -> tuple[float, float]:
@@ -41,7 +41,7 @@ def scipy_contact(sensor: pt.SensorModel, gain: float) -> tuple[float, float, fl
 
 
 def scipy_design(sensor: pt.SensorModel) -> float:
-    """Bounded Brent over SciPy's contacts; a local search, which this objective forgives."""
+    """Minimize over SciPy's contacts by bounded Brent, a local search that suffices for this objective."""
 
     def objective(log_gain: float) -> float:
         _, x, l_dot = scipy_contact(sensor, -float(np.exp(log_gain)))

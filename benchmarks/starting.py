@@ -1,4 +1,4 @@
-"""How long a fresh process takes: `import pretouch` beside `import numpy`, and whole commands."""
+"""Time fresh processes: `import pretouch` compared with `import numpy`, and whole commands."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def seconds(*arguments: str, folder: str) -> float:
 
 
 def main() -> None:
-    """Measure in turn, so that a drift of the machine meets all alike."""
+    """Measure in turn, so that a drift of the machine affects all equally."""
     cases = {
         "import numpy": ("-c", "import numpy"),
         "import pretouch": ("-c", "import pretouch"),

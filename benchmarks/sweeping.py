@@ -1,4 +1,4 @@
-"""What bounds a sweep: computing beside writing, memory, and what every chunk, block and task costs on top.
+"""Measure sweeps: computing and writing, memory, and the overhead of chunks, blocks and tasks.
 
 `python -m benchmarks.sweeping --encounters 1e8 --folder .` needs 9 bytes of disk per encounter and result.
 """
@@ -32,13 +32,13 @@ CASES = (
 
 
 def grid(count: int) -> dict[str, np.ndarray]:
-    """Return velocities and gains, about so many combinations."""
+    """Return velocities and gains with about this many combinations."""
     gains = int(np.sqrt(count))
     return {"obstacle.velocity": np.linspace(-1.0, -0.05, count // gains), "gain": -np.geomspace(2.0, 0.05, gains)}
 
 
 def plain_writing(folder: Path, size: float) -> float:
-    """Write so many bytes to files of 8 MB, and nothing else; return the seconds until the disk has them."""
+    """Write this many bytes to files of 8 MB; return the seconds until the disk has them."""
     block = np.random.default_rng(1).random(1 << 20)
     _sync()
     with tempfile.TemporaryDirectory(dir=folder) as place:
@@ -50,7 +50,7 @@ def plain_writing(folder: Path, size: float) -> float:
 
 
 def _sync() -> None:
-    """Wait until the disk has what was written."""
+    """Wait until all data are on disk."""
     if hasattr(os, "sync"):
         os.sync()
 
@@ -101,7 +101,7 @@ def tiny(blocks: int) -> Plan:
 
 
 def overheads(folder: Path) -> list[str]:
-    """Measure what a block, a chunk and a worker's look at the store cost where there is nearly nothing to compute."""
+    """Measure the overhead of a block, a chunk and a worker's check of the store, with almost no computation."""
     plan = tiny(1000)
     in_memory = MemoryStore(plan, 1)
     rows = [f"block of one chunk, in memory          {shortest(lambda: run_block(plan, in_memory, 0)) * 1e3:8.2f} ms"]
@@ -120,7 +120,7 @@ def overheads(folder: Path) -> list[str]:
 
 
 def tasks(folder: Path, count: int = 1000) -> str:
-    """Run blocks of one encounter on two worker processes; return what each costs."""
+    """Run blocks of one encounter on two worker processes; return the time per block."""
     from distributed import LocalCluster  # noqa: PLC0415 - only for this row
 
     from pretouch.sweep import cluster  # noqa: PLC0415
@@ -154,22 +154,22 @@ def designs(count: int) -> list[str]:
 
 
 def main() -> None:
-    """Print all of it."""
+    """Print all results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sweeping", description=__doc__.splitlines()[0])
     parser.add_argument("--encounters", type=float, default=1e7, help="of each sweep (default 1e7)")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="on the disk to be measured")
     parser.add_argument("--no-dask", action="store_true", help="without a local cluster")
     asked = parser.parse_args()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    print(f"{cores} cores; plain: files of 8 MB with as many bytes, and nothing else")
+    print(f"{cores} cores; plain: time of writing as many bytes to files of 8 MB")
     for sensor in SENSORS:  # the kernels are compiled once
         pt.sweep(pt.Task(SCENARIO, SENSORS[sensor]), grid(1000), results=QUICK)
-    print("\nsensor         results   encounters     ended   on disk   computing    writing", end="")
+    print("\nsensor         results   encounters  finished   on disk   computing    writing", end="")
     print("  comp/write       size    plain  to plain")
     for sensor, results in CASES:
         print(sweep_row(sensor, results, int(asked.encounters), asked.folder), flush=True)
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6  # Linux counts kilobytes
-    print(f"largest memory of this process: {largest:.2f} GB")
+    print(f"peak memory of this process: {largest:.2f} GB")
     print("\n" + "\n".join(designs(4096)))
     print("\n" + "\n".join(overheads(asked.folder)))
     if not asked.no_dask:

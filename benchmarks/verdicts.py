@@ -1,6 +1,6 @@
-"""How long a verdict takes, and what a gain that is designed on a loop gains there over the ideal one.
+"""Time verdicts, and measure the advantage of a gain designed on a loop over the ideal one.
 
-Run with `python -m benchmarks.verdicts`; `--quick` takes one loop and few runs, to see that it runs.
+Run with `python -m benchmarks.verdicts`; `--quick` uses one loop and few runs.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NOISE = {"noise": 1e-3, "relative_noise": 2e-3}
 
 
 def loop(chain: pt.SensorChain, period: float = 1e-3, **conditioning: int | float) -> pt.ClosedLoop:
-    """The letter's admittance behind a sensor chain."""
+    """Return a loop of the letter's admittance and a sensor chain."""
     told = pt.control.Conditioning(floor=1e-3, sensor_period=chain.period, **conditioning)
     admittance = pt.control.VirtualAdmittance(mass=1.0, damping=10.0, stiffness=25.0)
     law = pt.control.Controller(
@@ -46,7 +46,7 @@ DESIGNS = {"250 readings per second": FAST, "60 per second, exposure 16 ms, dela
 
 
 def verdict_times(runs: int, most: int) -> list[str]:
-    """Time verdicts, warm; return a row for each loop, for so many at most."""
+    """Time verdicts, warm; return a row for each loop, up to a number of loops."""
     rows = []
     for name, (which, uncertainty) in list(VERDICTS.items())[:most]:
         seconds = []
@@ -70,7 +70,7 @@ def verdict_times(runs: int, most: int) -> list[str]:
 
 
 def designs(samples: int, most: int) -> list[str]:
-    """Design on loops, so many at most; return a row for each with the gain and what the ideal one loses."""
+    """Design on loops, up to a number of them; return a row for each with the gain and the loss of the ideal one."""
     rows = []
     for name, which in list(DESIGNS.items())[:most]:
         start = time.perf_counter()
@@ -85,7 +85,7 @@ def designs(samples: int, most: int) -> list[str]:
 
 
 def main() -> None:
-    """Print all of it."""
+    """Print all results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdicts", description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="one loop, few runs")
     quick = parser.parse_args().quick

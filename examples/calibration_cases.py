@@ -1,7 +1,8 @@
-"""The cases of docs/good-calibration.md: one reflective sensor, read well, and read with everything that goes wrong.
+"""Calibration cases of docs/good-calibration.md: one reflective sensor, measured well and with each common mistake.
 
-The sensor follows an inverse power (l_0 = 30 mm, n = 3; 9000 counts at contact) on a pedestal of 600 counts. A reading
-has a noise of 6 counts and a jitter of 0.3 % of the signal. Every case is made from a seed, so its truth is known.
+The sensor follows an inverse power (l_0 = 30 mm, n = 3; 9000 counts at contact) with an offset of 600 counts. A reading
+has a noise of 6 counts and a jitter of 0.3 % of the signal. Every case is generated from a seed, so its true curve is
+known.
 """
 
 from __future__ import annotations
@@ -19,19 +20,19 @@ Array = NDArray[np.float64]
 
 PEDESTAL, NOISE, JITTER, FULL_SCALE = 600.0, 6.0, 0.003, 16383.0
 DISTANCES = np.array([0, 2, 4, 6, 8, 10, 13, 16, 20, 24, 29, 34, 40, 47, 55, 65, 80]) * 1e-3
-"""Where the good calibration reads [m]: from one distance to the next the signal falls by a fifth or so."""
+"""Distances of the good calibration [m]: the signal falls by about a fifth from one to the next."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One calibration of the page.
+    """One calibration case of the page.
 
     Args:
         name: of the case.
-        title: what its panel says above it.
+        title: of its panel.
         calibration: the readings.
-        signal: what the readings have above the pedestal at l [m] without noise, in counts.
-        offset: as `rank_models` takes it.
+        signal: noiseless signal above the offset at l [m], in counts.
+        offset: argument of `rank_models`.
     """
 
     name: str
@@ -41,7 +42,7 @@ class Case:
     offset: str | float = "auto"
 
     def slope(self, distance: Array) -> Array:
-        """Return g of what is read [1/m]."""
+        """Return the slope g of the signal [1/m]."""
         step = 1e-6
         return np.asarray(np.log(self.signal(distance + step) / self.signal(distance)) / step)
 
@@ -63,27 +64,27 @@ def amplified(distance: Array) -> Array:
 
 
 def clipped(distance: Array) -> Array:
-    """Return what a converter that ends at its full scale gives of a gain four times as large."""
+    """Return the signal with a gain four times as large, clipped at the full scale of the converter."""
     return np.asarray(np.minimum(amplified(distance), FULL_SCALE - PEDESTAL))
 
 
 def peaked(distance: Array) -> Array:
-    """Return the signal where light source and receiver stand apart: near the sensor the object is not lit."""
+    """Return the signal of a source and a receiver that are apart: near the sensor the object is not lit."""
     return np.asarray(true_signal(distance) * (1 - 0.75 * np.exp(-((distance / 0.007) ** 2))))
 
 
 def reflected(distance: Array) -> Array:
-    """Return the signal with a wall that the object comes close to."""
+    """Return the signal with a wall behind the object."""
     return np.asarray(true_signal(distance) + 700 * np.exp(-(((distance - 0.085) / 0.013) ** 2)))
 
 
 def wavy(distance: Array) -> Array:
-    """Return the signal with distances that are off, as by a bent ruler: 3 % of the signal, slowly changing."""
+    """Return the signal with a wavy distance error, as from a bent ruler: 3 % of the signal."""
     return np.asarray(true_signal(distance) * np.exp(0.03 * np.sin(2 * np.pi * distance / 0.045)))
 
 
 def rising(distance: Array) -> Array:
-    """Return what stands above the pedestal where electronics invert."""
+    """Return the signal of inverting electronics."""
     return np.asarray(9600.0 - true_signal(distance))
 
 
@@ -104,13 +105,13 @@ def read(
     """Read a sensor.
 
     Args:
-        signal: what stands above the pedestal at l [m], in counts.
+        signal: signal above the offset at l [m], in counts.
         seed: of the noise.
-        distances: where it is read [m].
-        repeats: how often at each.
-        empty: how often with no object.
+        distances: of the readings [m].
+        repeats: readings per distance.
+        empty: number of readings with no object.
         noise: standard deviation of a reading [counts].
-        spoil: what happens to outputs at distances before they are written down.
+        spoil: function that changes outputs at distances before they are recorded.
 
     Returns:
         The readings.
@@ -224,6 +225,6 @@ def cases() -> dict[str, Case]:
 
 @cache
 def report(name: str) -> pt.CalibrationReport:
-    """Return what pretouch says of a case, as `pretouch fit` does."""
+    """Return the calibration report of a case, as `pretouch fit` makes it."""
     case = cases()[name]
     return pt.rank_models(case.calibration, offset=case.offset)

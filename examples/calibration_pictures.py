@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/good-calibration.md into a folder: python examples/calibration_pictures.py docs/images."""
+"""Draw the plots of docs/good-calibration.md into a folder: python examples/calibration_pictures.py docs/images."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SMALL: Final = 7.5
 
 
 def output_panel(axes: Axes, case: Case) -> None:
-    """Draw what stands above the offset, on a logarithmic axis: readings, fitted and true curve, window."""
+    """Plot the signal above the offset on a logarithmic axis: readings, fitted and true curve, window."""
     found = report(case.name)
     readings, left_out = case.calibration, _left_out(case)
     offset = 0.0 if found.offset is None else found.offset.value
@@ -67,7 +67,7 @@ def output_panel(axes: Axes, case: Case) -> None:
 
 
 def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None = None, title: str = "") -> None:
-    """Draw g: of neighboring readings, of the fitted curve with what is known of it, and the true one."""
+    """Plot the slope g: of neighboring readings, of the fitted curve with its uncertainty, and the true one."""
     found = report(case.name)
     if found.best is None or found.offset is None or found.slope is None:
         raise AssertionError
@@ -121,7 +121,7 @@ def slope_panel(axes: Axes, case: Case, wrong: Callable[[Array], Array] | None =
 
 
 def residual_panel(axes: Axes, case: Case) -> None:
-    """Draw how far readings and their means lie from the fitted curve, and how far that lies from the true one."""
+    """Plot residuals of readings and means from the fitted curve, and the difference between fitted and true curve."""
     found = report(case.name)
     if found.best is None or found.offset is None:
         raise AssertionError
@@ -179,7 +179,7 @@ def _name_window(axes: Axes, case: Case, heights: Array) -> None:
 
 
 def _left_out(case: Case) -> Array:
-    """Return which readings no model saw."""
+    """Return which readings were left out of all fits."""
     found, given = report(case.name), case.calibration.distances
     if found.best is None:
         return np.zeros(len(given), dtype=bool)
@@ -193,14 +193,14 @@ def _left_out(case: Case) -> Array:
 
 
 def through_all(case: Case) -> Callable[[Array], Array]:
-    """Return g of a parabola in ln xi through all readings, as an exponential of second order is fitted by hand."""
+    """Return g of a parabola in ln xi through all readings, a simple fit of a second-order exponential."""
     signal = case.calibration.outputs - case.calibration.no_object.mean()
     bend = np.polyfit(case.calibration.distances, np.log(signal), 2)
     return lambda distance: np.asarray(np.polyval(np.polyder(bend), distance))
 
 
 def _figure(*panels: Callable[[Axes], None]) -> Figure:
-    """Put panels into rows of two."""
+    """Arrange panels in rows of two."""
     rows = (len(panels) + 1) // 2
     with drawing():
         figure = new_figure(7.4, 2.9 * rows)
@@ -222,14 +222,14 @@ def _slope(name: str) -> Callable[[Axes], None]:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of the page: the cases that it shows, and what draws it."""
+    """A plot of the page: its cases and the function that draws it."""
 
     cases: tuple[str, ...]
     draw: Callable[[], Figure]
 
 
 def pictures() -> dict[str, Picture]:
-    """Return the pictures by their names."""
+    """Return the plots by name."""
     soft = cases()["soft saturation"]
     return {
         "good": Picture(("good",), lambda: _figure(*_outputs("good"), _slope("good"))),
@@ -262,12 +262,12 @@ def _beside(left: str, right: str) -> Picture:
 
 
 def write(picture: Picture, file: str | Path | BinaryIO) -> None:
-    """Draw a picture to a PNG file."""
+    """Write a plot to a PNG file."""
     picture.draw().savefig(file, format="png", dpi=110, metadata={"Software": None}, pil_kwargs={"optimize": True})
 
 
 def main(folder: str) -> None:
-    """Draw every picture."""
+    """Draw all plots."""
     for name, picture in pictures().items():
         write(picture, Path(folder) / f"calibration-{name}.png")
 

@@ -1,4 +1,4 @@
-"""What `make demo` runs: from a fit to a gain, the loop it is to run on, and the letter; into demo-output/."""
+"""Run the demonstration of `make demo`: fit, design, robust design, verdict and letter; reports go to demo-output/."""
 
 import subprocess
 import sys
@@ -9,7 +9,7 @@ OUTPUT = EXAMPLES.parent / "demo-output"
 
 
 def pretouch(*arguments: str, expected: int = 0) -> None:
-    """Run one command as a user would, show it, and end here if it ends in another way than it should."""
+    """Print and run one command; stop if its exit status is not the expected one."""
     shown = " ".join(a.replace(f"{EXAMPLES.parent}/", "") for a in arguments)
     print(f"\n$ pretouch {shown}\n", flush=True)
     ended = subprocess.run([sys.executable, "-m", "pretouch", *arguments], check=False).returncode  # noqa: S603
@@ -28,9 +28,11 @@ def main() -> None:
     pretouch("pareto", str(EXAMPLES / "tradeoff.toml"), "--output", str(OUTPUT / "tradeoff-pareto.html"))
     loop = str(EXAMPLES / "loop.toml")
     pretouch("simulate", loop, "--output", str(OUTPUT / "loop-simulate.html"))
-    pretouch("verify", loop, "--output", str(OUTPUT / "loop-verify.html"), expected=1)  # it says what to change ...
+    pretouch(
+        "verify", loop, "--output", str(OUTPUT / "loop-verify.html"), expected=1
+    )  # the verdict: it does not hold; change the gain
     better = str(OUTPUT / "loop-verify-stronger.html")
-    pretouch("verify", loop, "--gain", "-0.86 N*s", "--output", better)  # ... and that it holds
+    pretouch("verify", loop, "--gain", "-0.86 N*s", "--output", better)  # the changed gain holds
     pretouch("reproduce", "table-2", "figure-4", "figure-5", "--output", str(OUTPUT / "letter-reproduction.html"))
     print(f"\nReports with figures: {', '.join(sorted(p.name for p in OUTPUT.glob('*.html')))} in {OUTPUT.name}/")
 

@@ -1,8 +1,8 @@
-"""Make examples/sensor.csv: a synthetic reflective sensor with everything that a real one has, from a seed.
+"""Print examples/sensor.csv: readings of a synthetic reflective sensor with realistic errors, from a fixed seed.
 
-The sensor follows an inverse power curve (l_0 = 14 mm, n = 2.4) on a pedestal of 62 counts, read by a 10-bit
+The sensor follows an inverse power curve (l_0 = 14 mm, n = 2.4) with an offset of 62 counts, read by a 10-bit
 converter that clips at 1023, with noise of 2 counts, three readings per distance, one dropped reading, and ten
-readings without an object. Run it from any folder: it prints the file.
+readings without an object. It runs in any folder.
 """
 
 import numpy as np

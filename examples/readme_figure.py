@@ -1,4 +1,4 @@
-"""The figures of the README, for examples/approach.toml: python examples/readme_figure.py docs/images."""
+"""Draw the figures of the README, for examples/approach.toml: python examples/readme_figure.py docs/images."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,7 @@ import pretouch as pt
 
 
 def main(folder: Path) -> None:
-    """Draw the motion with the optimal gain and without mitigation, and the virtual drag beside that gain."""
+    """Draw the motion with the optimal gain and without mitigation, and the virtual drag compared with that gain."""
     task = pt.load_scenario(Path(__file__).parent / "approach.toml")
     drag = pt.design_drag(task.replace(effect=pt.DragEffect(ratio=0.15)))
     drawn = {"approach": pt.plots.motion(pt.design_gain(task)), "virtual-drag": pt.plots.drag(drag)}

@@ -1,16 +1,18 @@
-"""Self-ranging: a law of one's own that estimates the distance as it goes, and moves a virtual drag between two rails.
+"""Self-ranging: a custom law that estimates the distance and varies a virtual drag between two rails.
 
     python examples/self_ranging.py
 
-Of an inverse power curve, y = xi^(-1/n) = theta (l + l_0): linear in the distance l, with one unknown theta for the
-reflectance. What the robot gives way itself is known, so theta shows, and a linear Kalman filter tells distance and
-speed. The drag is then what a constant deceleration over that distance asks for, but never outside two constant drags,
-so whatever the filter believes, the guarantee of the weak one holds (docs/drag.md, rails). An exponential curve is
-refused: there a brighter object reads as a nearer one at every distance, so the distance is not observable.
+For an inverse power curve, y = xi^(-1/n) = theta (l + l_0) is linear in the distance l, with one unknown theta for
+the reflectance. The robot's own retreat is known, so theta is observable, and a linear Kalman filter estimates
+distance and speed. The drag is the one for a constant deceleration over that distance, limited to the range between
+two constant drags. So the guarantee of the weak one holds, however wrong the estimate is (docs/drag.md, rails). An
+exponential curve is refused: there a brighter object looks like a nearer one at every distance, so the distance is
+not observable.
 
-It prints contact speed and excursion over five reflectances, beside the constant drag that gives way as far at 0.3
-m/s: there it comes some 17 % softer to contact. It gains nothing where the object accelerates, which the filter does
-not expect: it then stays at its weak rail. Never the default: its guarantee is that of the weak rail alone.
+The program prints contact speed and excursion over five reflectances, compared with the constant drag that has the
+same excursion at 0.3 m/s. There the contact speed is about 17 % lower. The law gains nothing if the object
+accelerates, which the filter does not expect. It then stays at its weak rail. Its guarantee is that of the weak
+rail only.
 """
 
 from __future__ import annotations
@@ -25,18 +27,18 @@ from pretouch import control
 from pretouch.control import Controller, Observation, Output, Parts, Sample, VirtualDrag
 from pretouch.design.drag import DragRails, predict_drag
 
-SPREAD = 0.45  # standard deviation of ln reflectance that is expected: half to twice as bright are 1.5 of it
+SPREAD = 0.45  # expected standard deviation of ln reflectance: half and twice are 1.5 standard deviations away
 
 
 class Memory(NamedTuple):
-    """What the law knows between two steps.
+    """State of the law between two steps.
 
     Args:
         drag: state of the virtual drag.
-        mean: of y, of what the object alone adds to it per second, and of theta = dy/dl.
-        covariance: of the three.
-        position: of the plant at the reading before [m].
-        phi: the drag in force [N s^2].
+        mean: estimates of y, of the rate dy/dt that the object causes, and of theta = dy/dl.
+        covariance: of these three estimates.
+        position: of the plant at the previous reading [m].
+        phi: the current drag [N s^2].
     """
 
     drag: Any
@@ -48,13 +50,13 @@ class Memory(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class SelfRanging:
-    """A drag between two rails, for a constant deceleration over the distance that a Kalman filter tells.
+    """A drag between two rails, for a constant deceleration over the distance that a Kalman filter estimates.
 
     Args:
-        drag: noise, dead zone and smoothing of the drag; its own phi is not used.
-        rails: the constant drags that bound it, for the sensor's curve as it was calibrated.
-        share: of the approach speed that is to be left at contact.
-        sway: standard deviation of the object's acceleration that is expected [m/s^2].
+        drag: noise, dead zone and smoothing of the drag; its phi is not used.
+        rails: the weak and the strong constant drag, for the calibrated sensor curve.
+        share: desired contact speed over approach speed.
+        sway: expected standard deviation of the object's acceleration [m/s^2].
     """
 
     drag: VirtualDrag
@@ -71,27 +73,27 @@ class SelfRanging:
 
     @property
     def sensor(self) -> Any:
-        """The curve as it was calibrated."""
+        """The calibrated sensor curve."""
         return self.rails.weak.sensor
 
     @property
     def theta(self) -> float:
-        """Of the reflectance of the calibration, xi^(-1/n) per meter."""
+        """Parameter theta at the reflectance of the calibration, xi^(-1/n) per meter."""
         return float(self.sensor.scale ** (-1 / self.sensor.exponent))
 
     @property
     def continuous(self) -> str:
-        """It is predicted as its weak rail, than which it is never weaker."""
+        """The law by which predictions are made: the virtual drag of the weak rail."""
         return "virtual-drag"
 
     @property
     def value(self) -> float:
-        """The weak rail [N s^2]."""
+        """The drag of the weak rail [N s^2]."""
         return float(self.rails.weak.drag)
 
     @property
     def step(self) -> Any:
-        """The step, as a method that knows rails and curve."""
+        """The step of the law, as a method with access to rails and curve."""
         return self._step
 
     def with_value(self, value: float) -> SelfRanging:
@@ -101,7 +103,7 @@ class SelfRanging:
         return replace(self, rails=replace(self.rails, weak=made))
 
     def numbers(self, controller: Any) -> Any:
-        """Return the drag's numbers for phi = 1 N s^2: its impulse is in proportion to phi."""
+        """Return the parameters of the drag for phi = 1 N s^2; the impulse is proportional to phi."""
         return self.drag.with_value(1.0).numbers(controller)
 
     def start(self) -> Memory:
@@ -121,7 +123,7 @@ class SelfRanging:
         return Parts(sensing, driven, law), output
 
     def _estimated(self, law: Memory, seen: Observation, numbers: Any, position: float) -> Memory:
-        """Take a reading into the linear Kalman filter of (y, dy/dt by the object, theta)."""
+        """Update the linear Kalman filter of (y, dy/dt by the object, theta) with a reading."""
         n = self.sensor.exponent
         y = seen.level ** (-1 / n)
         variance = (y / n) ** 2 * (numbers.variance / seen.level**2 + numbers.relative_variance)
@@ -137,12 +139,12 @@ class SelfRanging:
         return law._replace(mean=mean, covariance=spread, position=position)
 
     def _chosen(self, law: Memory, mass: float, velocity: float) -> float:
-        """Return phi [N s^2] for a constant deceleration to the wished share of the speed, within the rails."""
+        """Return phi [N s^2] for a constant deceleration to the desired share of the speed, within the rails."""
         y, by_object, theta = law.mean
-        rate = -self.sensor.exponent * (by_object - theta * velocity) / y  # s' = -n y'/y, which needs no theta
+        rate = -self.sensor.exponent * (by_object - theta * velocity) / y  # s' = -n y'/y, without theta
         theta = min(max(theta, 0.6 * self.theta), 1.6 * self.theta)
         distance = max(y / theta - self.sensor.distance_offset, 1e-3)
-        first = -by_object / theta  # of the object, as it came
+        first = -by_object / theta  # initial velocity of the object
         now = first + velocity
         force = mass * max(now**2 - (self.share * first) ** 2, 0.0) / (2 * distance)
         weak, strong = self.rails.weak.drag, self.rails.strong.drag
@@ -173,7 +175,7 @@ def controller_of(law: Any) -> Controller:
 
 
 def encounters(law: Any, speed: float, acceleration: float = 0.0, runs: int = 25) -> tuple[Any, Any]:
-    """Return contact speeds [m/s] and excursions [m] of runs over objects half to twice as bright as calibrated."""
+    """Return contact speeds [m/s] and excursions [m] for objects half to twice as bright as in the calibration."""
     scenario = pt.Scenario(
         admittance=pt.Admittance(mass=1.0, damping=10.0, stiffness=25.0),
         obstacle=pt.Obstacle(position=START, velocity=-speed, acceleration=acceleration),
@@ -186,7 +188,7 @@ def encounters(law: Any, speed: float, acceleration: float = 0.0, runs: int = 25
 
 
 def main() -> None:
-    """Print a line for each setting."""
+    """Print one line per setting."""
     print(f"{'':22}{'self-ranging':>28}{'constant drag':>28}")
     print(f"{'':22}{'mean, 95 % [mm/s]':>20}{'[mm]':>8}" + f"{'mean, 95 % [mm/s]':>20}{'[mm]':>8}")
     for speed, acceleration in SETTINGS:

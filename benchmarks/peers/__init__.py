@@ -1,1 +1,1 @@
-"""pretouch and each peer on the same work, in one process and pair by pair: `python -m benchmarks.peers --help`."""
+"""Compare pretouch with other tools (peers) in one process, pair by pair: `python -m benchmarks.peers --help`."""

@@ -1,4 +1,4 @@
-"""Run ours and each peer on the same work, pair by pair: `python -m benchmarks.peers --help`."""
+"""Run pretouch and each peer on the same problems, pair by pair: `python -m benchmarks.peers --help`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .work import CASES, QUICK, SIZES
 
 
 def arguments() -> argparse.Namespace:
-    """Read the command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__.splitlines()[0])
     parser.add_argument(
         "--case", nargs="+", choices=CASES, default=list(CASES), help="which work; all of it by default"
@@ -30,7 +30,7 @@ def arguments() -> argparse.Namespace:
 
 
 def hold_to(threads: int) -> None:
-    """Hold this process and those that it starts to so many processors, before any library counts them."""
+    """Limit this process and its children to a number of processors, before any library counts them."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-threads:])
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -38,7 +38,7 @@ def hold_to(threads: int) -> None:
 
 
 def installed(names: list[str]) -> dict[str, Peer]:
-    """Load the peers, and print which are left out."""
+    """Load the installed peers, and print the missing ones."""
     peers = {}
     for name in dict.fromkeys([OURS, *names]):
         peer = load(name)
@@ -51,7 +51,7 @@ def installed(names: list[str]) -> dict[str, Peer]:
 
 
 def main() -> None:
-    """Measure what was asked for."""
+    """Run the requested cases."""
     asked = arguments()
     hold_to(asked.threads)
     seconds = asked.seconds or (0.3 if asked.quick else 3.0)

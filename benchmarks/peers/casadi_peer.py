@@ -77,7 +77,7 @@ def _mapped(v: Column, gain: Column) -> Job:
 
 
 def _closed(solver: str, v: Column) -> Job:
-    """D_p and t are the unknowns, l(t, D_p) = 0 an equality; v is a parameter, the program is built once."""
+    """Build a program with unknowns D_p and t, the equality l(t, D_p) = 0, and the parameter v."""
     import casadi as ca  # noqa: PLC0415
 
     gain, t, speed = ca.SX.sym("gain"), ca.SX.sym("t"), ca.SX.sym("v")
@@ -115,7 +115,7 @@ def _cvodes(v: Column, gain: Column) -> Job:
 
 
 def _collocated(solver: str, v: Column) -> Job:
-    """The motion is part of the program: Gauss-Radau points on equal intervals of the distance."""
+    """Build a program with the motion as collocation at Gauss-Radau points on equal intervals of the distance."""
     import casadi as ca  # noqa: PLC0415
 
     gain, speed, motion = ca.MX.sym("gain"), ca.MX.sym("v"), _motion(ca)

@@ -1,6 +1,6 @@
-"""The closed form L(10)-(13) of the work, over-damped: one text for math, NumPy, JAX, CasADi and heyoka alike.
+"""The overdamped closed form L(10)-(13), written once for math, NumPy, JAX, CasADi and heyoka.
 
-`m` is the module whose `exp` and `sqrt` understand the arguments.
+`m` is the module with `exp` and `sqrt` for the arguments.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ __all__ = ["distance", "householder", "merit", "polish", "slopes", "solve", "sta
 
 
 def _motion(m: Any, v: Any, gain: Any) -> tuple[Any, ...]:
-    """Return both eigenvalues, the drift that is left in the end, and the amplitude of each eigenvalue."""
+    """Return both eigenvalues, the final drift, and the amplitude of each eigenvalue."""
     half = (DAMPING + RATE * gain) / (2 * MASS)
     fast = -(half + m.sqrt(half * half - STIFFNESS / MASS))
     slow = STIFFNESS / MASS / fast
@@ -32,7 +32,7 @@ def distance(m: Any, t: Any, v: Any, gain: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def start(m: Any, v: Any, gain: Any) -> Any:
-    """Guess the contact between that without any force and that of the motion that is left in the end."""
+    """Estimate the contact between that without a force and that of the final steady motion."""
     free = -DISTANCE / v
     return m.sqrt(free * (free + RATE / STIFFNESS * gain))
 
@@ -66,7 +66,7 @@ def polish(m: Any, t: Any, v: Any, gain: Any) -> Any:
 
 
 def solve(m: Any, v: Any, gain: Any) -> Any:
-    """Return the contact time to 2e-11 all over the work, by two evaluations of the closed form."""
+    """Return the contact time by two evaluations of the closed form, with an error of 2e-11 in all cases."""
     return polish(m, householder(m, start(m, v, gain), v, gain), v, gain)
 
 

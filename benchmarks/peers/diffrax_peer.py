@@ -1,4 +1,4 @@
-"""diffrax: the motion of any curve, over time with an event, and over the distance, which needs none."""
+"""diffrax: the motion of any curve, over time with an event, and over the distance without one."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _in_time(v: Any, gain: Any) -> Any:
 
 
 def _over_distance(v: Any, log_gain: Any, varied: bool) -> Any:
-    """Return t and q = -l' at contact, and their derivatives by ln(-D_p) where those are asked for."""
+    """Return t and q = -l' at contact, and, if requested, their derivatives by ln(-D_p)."""
     import diffrax as dfx  # noqa: PLC0415
 
     jnp = numerics()
@@ -109,7 +109,7 @@ def _over_distance(v: Any, log_gain: Any, varied: bool) -> Any:
 
 
 def _mapped(function: Any, order: Column, *columns: Column) -> Job:
-    """Run a function over sorted columns in lanes, and put the answers back in place."""
+    """Run a function over sorted columns in lanes, and restore the order of the results."""
     import jax  # noqa: PLC0415
 
     if len(order) == 1:

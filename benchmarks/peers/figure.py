@@ -1,4 +1,4 @@
-"""The figure: cost per contact over batch size, beside what the exponentials alone would cost on this machine."""
+"""Draw the time per contact over batch size, compared with the time of the exponentials alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STYLES = {"pretouch": 0, "heyoka": 1, "JAX": 2, "diffrax": 2, "NumPy": 3, "SciP
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Growth:
-    """The cost per contact of one way over batch sizes.
+    """The time per contact of one method over batch sizes.
 
     Args:
         peer: the library.
@@ -43,7 +43,7 @@ class Growth:
 
 
 def follow(peers: Sequence[Peer], largest: int, budget: float) -> list[Growth]:
-    """Measure each way that the figure follows, over batch sizes up to the largest."""
+    """Measure each method of the figure over batch sizes up to the largest."""
     sizes = [round(10 ** (k / 2)) for k in range(13)]
     sizes = [size for size in sizes if size <= largest]
     return [
@@ -69,7 +69,7 @@ def _follow(peer: str, way: Way, sizes: Sequence[int], budget: float) -> Growth:
 
 
 def draw(grown: Sequence[Growth], limit: float, file: Path) -> None:
-    """Draw the figure; `limit` is the cost of one exp() [s]."""
+    """Draw the figure; `limit` is the time of one exp() [s]."""
     from pretouch.report import Curve, Panel, panel_figure  # noqa: PLC0415
 
     floor = {f"limit: {_EXPONENTIALS} exp() of {limit * 1e9:.2g} ns": _EXPONENTIALS * limit * 1e6}

@@ -1,4 +1,4 @@
-"""Design one gain in this process and print it: `python -m benchmarks.peers.fresh PEER SENSOR`, what case D times."""
+"""Design one gain in this process and print it: `python -m benchmarks.peers.fresh PEER SENSOR`; case D times it."""
 
 from __future__ import annotations
 

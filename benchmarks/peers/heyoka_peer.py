@@ -1,6 +1,6 @@
 """heyoka: compiled expressions for the closed form, Taylor series in lanes for the motion over the distance.
 
-While l' < 0 the distance is a clock: with s = 1 - l / l(0) the contact is the end of the interval and needs no event.
+While l' < 0 the distance replaces time: with s = 1 - l / l(0) the contact ends the interval, without event.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _integrator(lanes: int) -> Any:
 
 
 def _lanes(v: Column, gain: Column) -> Job:
-    """Encounters that take as many steps as each other run side by side: sorted by D_p / v."""
+    """Sort encounters by D_p / v, so that those with equal numbers of steps run in parallel."""
     if len(v) < _LANES // 2:
         return one_by_one(_contact, v, gain)
     motion, count = _integrator(_LANES), len(v)
@@ -149,7 +149,7 @@ def _contact(v: float, gain: float) -> float:
 
 
 def _with_event(v: Column, gain: Column) -> Job:
-    """The way of its manual: over time, with a terminal event at l = 0."""
+    """Integrate over time with a terminal event at l = 0, as in the manual."""
     import heyoka as hy  # noqa: PLC0415
 
     x, u = hy.make_vars("x", "u")

@@ -1,4 +1,4 @@
-"""JAX: the closed form compiled and mapped over columns, the optimum by its own derivatives and by optimistix."""
+"""JAX: the closed form compiled and mapped over columns; the optimum by JAX derivatives and by optimistix."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def numerics() -> Any:
 
 
 def job_of(function: Any, *columns: Column) -> Job:
-    """Compile a function of columns, and make the job of calling it on those."""
+    """Compile a function of columns, and return a job that calls it."""
     import numpy as np  # noqa: PLC0415
 
     jnp = numerics()

@@ -1,4 +1,4 @@
-"""How times are taken: ours and a peer's in turn, so that a drift of the machine meets both."""
+"""Time pretouch and a peer in turn, so that a drift of the machine affects both."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Pair:
         first: the shortest time of the first [s].
         second: the shortest time of the second [s].
         ratio: the median over the rounds of second / first, each the shortest of its samples.
-        rounds: how many rounds there were.
+        rounds: number of rounds.
     """
 
     first: float
@@ -53,7 +53,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """The inputs of a case for one sensor, and the answers to hold results against.
+    """The inputs of a case for one sensor, and the reference results.
 
     Args:
         inputs: (v, D_p) in case B, (v,) in the others.
@@ -65,14 +65,14 @@ class Problem:
 
 
 def job_for(way: Way, problem: Problem) -> tuple[Callable[[], Any], int, Column]:
-    """Prepare a way for as much of a problem as it can bear; return its job, its number of solves and its answers."""
+    """Prepare a method for as many solves as it can handle; return job, number of solves and reference results."""
     count = min(len(problem.answers), way.largest)
     job = way.make(*(column[:count] for column in problem.inputs))
     return job, count, problem.answers[:count]
 
 
 def relative_error(found: Any, answers: Column) -> float:
-    """Return the largest relative error; infinite where there is no number."""
+    """Return the largest relative error; infinite if a result is not a number."""
     error = np.abs(np.asarray(found, dtype=np.float64) / answers - 1)
     return float(np.where(np.isfinite(error), error, np.inf).max())
 
@@ -134,7 +134,7 @@ def fresh(peer: str, sensor: str) -> Callable[[], Column]:
 
 
 def exp_cost() -> float:
-    """Return what one exp() costs on this machine [s]: NumPy's vectorized one, on numbers that stay in the cache."""
+    """Return the time of one exp() on this machine [s]: NumPy's vectorized one, on numbers in the cache."""
     numbers = np.linspace(-8.0, 0.0, 2048)
     out = np.empty_like(numbers)
     return cost(lambda: np.exp(numbers, out=out), 0.5) / len(numbers)
@@ -146,7 +146,7 @@ def inputs_for(case: str, count: int) -> tuple[Column, ...]:
 
 
 def problem_for(case: str, sensor: str, count: int) -> Problem:
-    """Draw the work and solve it by the reference."""
+    """Draw a problem and solve it by the reference."""
     from .reference import trusted_gains, trusted_times  # noqa: PLC0415 - it loads pretouch
 
     inputs = inputs_for(case, count)

@@ -1,4 +1,4 @@
-"""MuJoCo with Optuna: trial and error in simulation, what practitioners do.
+"""MuJoCo with Optuna: trial and error in simulation, the usual practice.
 
 A slider carries the admittance; at each step the program reads the sensor curve, forms the virtual force from two
 readings, and applies it. The gain is searched by Optuna's tree-structured Parzen estimator.
@@ -74,7 +74,7 @@ def _simulator() -> tuple[Any, Any]:
 
 
 def _simulate(sensor: str, v: float, gain: float) -> tuple[float, float]:
-    """Return t and l' where l passes zero, by a line between two steps."""
+    """Return t and l' at l = 0, interpolated linearly between two steps."""
     import mujoco  # noqa: PLC0415
 
     model, data = _simulator()

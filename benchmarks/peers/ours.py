@@ -47,7 +47,7 @@ def sensor_named(name: str) -> Any:
 
 
 def scenario(velocity: Any) -> Any:
-    """Return the encounter of the work, or an array of them."""
+    """Return the encounter of the cases, or an array of them."""
     import pretouch as pt  # noqa: PLC0415
 
     return pt.Scenario(
@@ -101,7 +101,7 @@ def _one_by_one(name: str, v: Column) -> Job:
 
 
 def _scattered(name: str, v: Column) -> Job:
-    """Return the same designs for encounters that differ in more than the speed, if only by a unit of rounding."""
+    """Return the same designs for encounters that also differ in a second input, by a unit of rounding."""
     import numpy as np  # noqa: PLC0415
 
     from pretouch import Admittance, Obstacle, Scenario  # noqa: PLC0415

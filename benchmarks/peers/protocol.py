@@ -1,4 +1,4 @@
-"""What a peer is: a name, whether it is installed, and its ways of doing the work."""
+"""Define a peer: its name, whether it is installed, and its methods for each case."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Job: TypeAlias = Callable[[], Column]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """One way of a peer to do one kind of work for one sensor.
+    """One method of a peer for some cases and one sensor.
 
     Args:
         name: what it does, in a few words.
         sensor: a name of `work.SENSORS`.
         cases: letters of the cases that it serves: B, or some of A, C and D.
         make: prepares a job, compilation included: from (v, D_p) in case B, from (v,) in the others.
-        tolerance: the relative error that its author promises, in contact times or gains.
+        tolerance: the expected relative error of contact times or gains.
         size: the most that one call should be asked to solve, or a function that finds it out; the cost is reported
             per solve.
         grows: whether the figure follows it over batch sizes.
@@ -50,14 +50,14 @@ class Peer(Protocol):
     name: str
 
     def available(self) -> str:
-        """Return why it cannot run here; empty where it can."""
+        """Return why it cannot run here; empty if it can."""
 
     def cases(self) -> Sequence[Way]:
         """Return its ways."""
 
 
 def missing(*modules: str) -> str:
-    """Return which modules are not installed, as a reason; empty where all are."""
+    """Return which modules are not installed, as a reason; empty if all are."""
     absent = [name for name in modules if importlib.util.find_spec(name) is None]
     return f"{', '.join(absent)} not installed" if absent else ""
 

@@ -1,4 +1,4 @@
-"""What the answers are held against: the guaranteed path of pretouch, which tests/ hold to independent methods."""
+"""Reference results: the guaranteed path of pretouch, which tests compare with independent methods."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def trusted_times(sensor: str, v: Column, gain: Column) -> Column:
 
 
 def _integrated(sensor: str, v: Column, gain: Column) -> Any:
-    """Solve contacts by the guaranteed path alone, which the fast one is measured against."""
+    """Solve contacts by the guaranteed path only, the reference for the fast one."""
     from pretouch.motion import ContactResult  # noqa: PLC0415
     from pretouch.motion.request import make_request  # noqa: PLC0415
     from pretouch.motion.solution import Solution  # noqa: PLC0415
@@ -79,7 +79,7 @@ def _objective(sensor: str, speeds: Column, log_gain: Column) -> Column:
 
 
 def evidence(sensor: str) -> str:
-    """Say how far the reference itself is to be trusted, on some of the work."""
+    """Report the accuracy of the reference on some encounters."""
     sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
     from reference_integrator import integrate  # noqa: PLC0415
 

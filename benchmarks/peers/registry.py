@@ -1,4 +1,4 @@
-"""Which peers there are. A module is loaded when its peer is asked for, so that none is needed by another."""
+"""List the peers. A module is loaded when its peer is requested, so missing peers do not matter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One row per case, sensor and way: measured, printed, and handed over as JSON."""
+"""Measure, print and export one row per case, sensor and method."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["HEADER", "Row", "measure", "title"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What was measured of one way.
+    """Measurements of one method.
 
     Args:
         case: a letter of `work.CASES`.
@@ -27,9 +27,9 @@ class Row:
         seconds: time per solve [s], the shortest of all rounds.
         ours: that of pretouch in the same rounds [s].
         ratio: time of the peer over that of pretouch per solve, the median over the rounds.
-        rounds: how many rounds there were.
+        rounds: number of rounds.
         error: the largest relative error of its contact times or gains.
-        exact: whether the error is within what the work asks for.
+        exact: whether the error is within the required accuracy.
     """
 
     case: str
@@ -71,7 +71,7 @@ def _ratio_text(ratio: float) -> str:
 
 
 def measure(case: str, size: int, peers: dict[str, Peer], budget: float, least: int = 3) -> Iterator[Row | str]:
-    """Measure each way of each peer beside ours on one case.
+    """Measure each method of each peer, compared with pretouch, on one case.
 
     Args:
         case: a letter of `work.CASES`.

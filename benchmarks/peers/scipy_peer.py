@@ -102,7 +102,7 @@ def _times(contact: Callable[..., tuple[float, float]], rate: float | None) -> C
 
 
 def _bounded(v: Column, contact: Callable[[float, float], tuple[float, float]]) -> Job:
-    """Bounded Brent over ln(-D_p): a local search, and a minimum tells its place to half the digits only."""
+    """Bounded Brent over ln(-D_p): a local search; a minimum is located to half of the digits only."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415
 
     def solve(velocity: float) -> float:
@@ -117,7 +117,7 @@ def _bounded(v: Column, contact: Callable[[float, float], tuple[float, float]]) 
 
 
 def _slsqp(v: Column) -> Job:
-    """D_p and t are the unknowns, l(t, D_p) = 0 an equality, as the letter hands it to fmincon; exact gradients."""
+    """D_p and t are the unknowns, l(t, D_p) = 0 an equality, as in the letter's use of fmincon; exact gradients."""
     from scipy.optimize import minimize  # noqa: PLC0415
 
     def value(y: Any, velocity: float) -> tuple[float, Any]:

@@ -1,4 +1,4 @@
-"""The work that is measured, in plain numbers: what a peer needs to know, and nothing of pretouch."""
+"""Define the test cases in plain numbers, independent of pretouch."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SEED: Final = 20261121
 
 
 def contacts(count: int) -> tuple[Column, Column]:
-    """Draw v [m/s] and D_p [N s] of case B; fewer are the first ones of more."""
+    """Draw v [m/s] and D_p [N s] of case B; a smaller set is the start of a larger one."""
     import numpy as np  # noqa: PLC0415 - a fresh process pays only for what its peer needs
 
     draws = np.random.default_rng(_SEED).uniform(size=(count, 2))
@@ -61,5 +61,5 @@ def processors() -> int:
 
 
 def first_guess(sensor: str, speed: Any, log: Any = math.log) -> Any:
-    """Guess ln(-D_p) of the optimum from |v|: a line through a few designs, given to every peer alike."""
+    """Estimate ln(-D_p) of the optimum from |v| by a line through a few designs, for every peer."""
     return 0.22 + 0.34 * log(speed) if sensor == "exponential-1" else 0.17 + 0.39 * log(speed)

@@ -235,7 +235,7 @@ def test_charts_show_themselves_in_a_notebook_and_need_no_pyplot() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def identifiability_remarks(*styles: tuple[str, Any]) -> bool:
+def told_apart(*styles: tuple[str, Any]) -> bool:
     """Whether no two lines look the same on a gray print: by brightness, strokes in a period, ink, or its length."""
 
     def look(color: str, pattern: Any) -> np.ndarray:
@@ -249,10 +249,10 @@ def identifiability_remarks(*styles: tuple[str, Any]) -> bool:
 
 
 def test_the_five_styles_differ_in_grey() -> None:
-    assert identifiability_remarks(*CURVES)
-    assert not identifiability_remarks(*CURVES, CURVES[2])
-    assert not identifiability_remarks(("#0072b2", "-"), ("#8a4f7d", "-")), "colors as bright as each other"
-    assert not identifiability_remarks(("#0072b2", (0, (5, 1.6))), ("#0072b2", (0, (5.2, 1.7)))), (
+    assert told_apart(*CURVES)
+    assert not told_apart(*CURVES, CURVES[2])
+    assert not told_apart(("#0072b2", "-"), ("#8a4f7d", "-")), "colors as bright as each other"
+    assert not told_apart(("#0072b2", (0, (5, 1.6))), ("#0072b2", (0, (5.2, 1.7)))), (
         "nearly the same strokes"
     )
     assert len(set(MARKERS)) == len(MARKERS) == len(CURVES)

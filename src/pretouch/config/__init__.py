@@ -302,10 +302,17 @@ class _Builder(Reading):
 
 
 def _without_content(error: PretouchError, path: Path) -> str:
-    """Say what is wrong with a calibration, but nothing that stands in it: a scenario may name any file."""
+    """Return the message of an error without any content of the calibration file: a scenario may name any file.
+
+    The message names the key of [sensor] in which the mistake was made, if it was not the file.
+    """
     if not isinstance(error, CalibrationDataError):
         return str(error)
-    problem = error.problem or f"{path.name}: found no calibration that can be read"
+    key = str(error).partition(": ")[0]
+    if key in {"columns", "labels"}:
+        problem = error.problem or f"{key}: found {key} that do not fit {path.name}"
+    else:
+        problem = error.problem or f"{path.name}: found no calibration that can be read"
     return problem if problem == str(error) else f"{problem}; to see more, run: pretouch fit {shlex.quote(str(path))}"
 
 

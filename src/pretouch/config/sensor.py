@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from pretouch._core.errors import CalibrationDataError, InvalidInputError, UnitError
+from pretouch._core.errors import CalibrationDataError, InvalidInputError, PretouchError, UnitError
 from pretouch._core.units import read_quantity
 from pretouch.sensors import SensorModel, known_curves
 
@@ -185,7 +185,12 @@ class FitRequest:
         from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
 
         no_object = self.no_object[0] if isinstance(self.no_object, tuple) else self.no_object
-        curves = read_calibrations(self.path, no_object=no_object, columns=self.columns, labels=self.labels)
+        try:
+            curves = read_calibrations(self.path, no_object=no_object, columns=self.columns, labels=self.labels)
+        except CalibrationDataError as error:
+            if error.problem or not self._is_calibration():
+                raise
+            raise CalibrationDataError(str(error), problem=str(error)) from None
         wanted = {f"{key}={value}" for key, value in self.select.items()}
         chosen = tuple(curve for curve in curves if wanted <= set(curve.label.split(", ")))
         if not chosen:
@@ -199,6 +204,16 @@ class FitRequest:
         if isinstance(self.no_object, tuple):
             _in_unit_of(chosen[0], self.no_object, "no_object")
         return chosen
+
+    def _is_calibration(self) -> bool:
+        """Return whether the file is a calibration by its own header, so that messages may quote its content."""
+        from pretouch.calibration import read_calibrations  # noqa: PLC0415 - SciPy, only when needed
+
+        try:
+            read_calibrations(self.path)
+        except PretouchError:
+            return False
+        return True
 
     def rank(self, calibration: Calibration) -> CalibrationReport:
         """Fit every model to one of the curves."""

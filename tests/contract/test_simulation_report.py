@@ -17,11 +17,11 @@ from figure_checks import assert_legible, visible_texts
 from loop_samples import BareLaw
 from page_checks import EVIL, assert_sound, parse
 from page_rows import row, table
-from pretouch._core.described import cell_as_html
 from pretouch._core.files import is_own_unchanged
 from pretouch._core.units import format_quantity
 from pretouch.control import Conditioning, Controller, Limits, VirtualAdmittance, VirtualDamper
 from pretouch.report import plots, report_html, write_report
+from pretouch.report.blocks_html import cell_as_html
 from pretouch.simulation import PARTS, ClosedLoop, ContactModel, PlantModel
 from pretouch.simulation.closed_loop import contact_rows, law_rows, loop_rows
 

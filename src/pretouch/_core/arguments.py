@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InvalidInputError
+from .messages import EXAMPLES, short_repr, with_article
 from .numbers import are_numbers, as_float, is_number, is_whole
-from .vocabulary import EXAMPLES, short_repr, with_article
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _HOME: Final = "pretouch."
-KEPT: Final = "_rules_of_fields"
+RULES_ATTRIBUTE: Final = "_rules_of_fields"
+"""The attribute of a class in which the rules of its fields are cached."""
 
 
 class _Kind(NamedTuple):
@@ -174,7 +175,7 @@ def rules_of_fields(cls: Any) -> dict[str, Rule]:
         kind = _kind(_evaluate(annotation, vars(sys.modules[home.__module__])))
         if kind is not None:
             rules[f.name] = Rule(f.name, kind, f.default)
-    setattr(cls, KEPT, rules)
+    setattr(cls, RULES_ATTRIBUTE, rules)
     return rules
 
 

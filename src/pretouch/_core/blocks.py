@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any, ClassVar, Final, TypeAlias
 
 from .units import format_quantity
@@ -295,3 +296,36 @@ def cell_as_text(cell: Cell) -> str:
     if cell.value is None or math.isnan(cell.value):
         return "-"
     return format_quantity(cell.value, cell.unit, cell.digits) + cell.beside
+
+
+class Described:
+    """A result that has a page: its text, and what a notebook shows of it.
+
+    A class names the function that describes it by text, so that no result imports its description.
+    """
+
+    __slots__ = ()
+
+    page: ClassVar[str]
+    """Module and function, such as `pretouch.design.page:gain_page`."""
+
+    def __str__(self) -> str:
+        return page_as_text(page_of(self))
+
+    def _repr_html_(self) -> str | None:
+        excerpt: Callable[[Page], str] = import_module("pretouch.report.blocks_html").page_as_excerpt
+        return excerpt(page_of(self))
+
+
+def page_of(result: Described) -> Page:
+    """Describe a result.
+
+    Args:
+        result: a result whose class names its description.
+
+    Returns:
+        Its page.
+    """
+    module, _, name = result.page.partition(":")
+    page: Page = getattr(import_module(module), name)(result)
+    return page

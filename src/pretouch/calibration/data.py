@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike
 
 from pretouch._core.arguments import check_arguments
 from pretouch._core.errors import CalibrationDataError
+from pretouch._core.fields import check_types
 from pretouch._core.numbers import FloatArray, finite
 from pretouch._core.units import MAGNITUDES, WORKABLE
-from pretouch._core.values import Value, check_types
+from pretouch._core.values import Value
 
 from .choice import chosen_labels, read_choice
 from .csv_file import read_table

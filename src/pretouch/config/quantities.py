@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from pretouch._core.errors import UnitError
+from pretouch._core.fields import Sign
 from pretouch._core.units import WORKABLE, has_workable_magnitude, parse_unit, to_si
-from pretouch._core.values import Sign
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """Where something stands in a file: keys as text, elements of arrays by their index."""

@@ -15,12 +15,12 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
 from pretouch._core.arguments import check_arguments
-from pretouch._core.blocks import Chapter, Code, Page, Paragraph, Picture
-from pretouch._core.described import Described, blocks_as_html, page_of, page_top
+from pretouch._core.blocks import Chapter, Code, Described, Page, Paragraph, Picture, page_of
 from pretouch._core.errors import InvalidInputError
 from pretouch._core.files import refuse_input, sign, write_text
 
 from . import plots
+from .blocks_html import blocks_as_html, page_top
 from .style import draw_svg
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pretouch._core.errors import InvalidInputError
+from pretouch._core.messages import short_repr
 from pretouch._core.numbers import FloatArray, finite
-from pretouch._core.vocabulary import short_repr
 
 from .style import CURVES
 

@@ -1,4 +1,4 @@
-"""Results that have a page."""
+"""The blocks of a page as HTML."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from html import escape
-from importlib import import_module
-from typing import ClassVar, Final
+from typing import Final
 from urllib.parse import quote
 
-from .blocks import (
+from pretouch._core.blocks import (
     LINK,
     Block,
     Cell,
@@ -25,10 +24,9 @@ from .blocks import (
     Paragraph,
     Picture,
     Rows,
-    page_as_text,
     tables_of,
 )
-from .units import format_quantity, pretty_unit
+from pretouch._core.units import format_quantity, pretty_unit
 
 QUIET: Final = ' class="note"'
 
@@ -129,35 +127,3 @@ def _inline(text: str) -> str:
     """Escape a sentence; what stands between backticks is code, and links lead to anchors of the page."""
     linked = LINK.sub(r'<a href="#\2">\1</a>', escape(text))
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", linked)
-
-
-class Described:
-    """A result that has a page: its text, and what a notebook shows of it.
-
-    A class names the function that describes it by text, so that no result imports its description.
-    """
-
-    __slots__ = ()
-
-    page: ClassVar[str]
-    """Module and function, such as `pretouch.design.page:gain_page`."""
-
-    def __str__(self) -> str:
-        return page_as_text(page_of(self))
-
-    def _repr_html_(self) -> str | None:
-        return page_as_excerpt(page_of(self))
-
-
-def page_of(result: Described) -> Page:
-    """Describe a result.
-
-    Args:
-        result: a result whose class names its description.
-
-    Returns:
-        Its page.
-    """
-    module, _, name = result.page.partition(":")
-    page: Page = getattr(import_module(module), name)(result)
-    return page

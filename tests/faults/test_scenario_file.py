@@ -51,7 +51,7 @@ VALUES = [
     ('"1 kg"', '"heavy"', "mass", "admittance.mass", '"heavy"', "a quantity in kg"),
     ('"1 kg"', '"1 kg\x85\u2028\x9b2J"', "mass", "admittance.mass", r'"1 kg\x85\u2028\x9b2J"', "a quantity in kg"),
     ('"1 kg"', '""', "mass", "admittance.mass", '""', "a quantity in kg"),
-    ('"25 N/m"', '"25 furlong"', "stiffness", "admittance.stiffness", '"25 furlong"', "'furlong' is not known"),
+    ('"25 N/m"', '"25 furlong"', "stiffness", "admittance.stiffness", '"25 furlong"', "'furlong' is unknown"),
     ('"-0.3 m/s"', '"-0,3 m/s"', "velocity", "obstacle.velocity", '"-0,3 m/s"', "a decimal point"),
     ("exponent = 3.32", "exponent = -3.32", "exponent", "sensor.exponent", "-3.32", "a positive number"),
     ("exponent = 3.32", 'exponent = "3.32 m"', "exponent", "sensor.exponent", '"3.32 m"', "a number"),

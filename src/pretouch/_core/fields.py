@@ -11,20 +11,21 @@ from typing import Any, Final, Literal, TypeAlias
 from .arguments import RULES_ATTRIBUTE, rules_of_fields
 from .errors import InvalidInputError
 from .numbers import finite, nonnegative, positive
+from .units import written_unit
 
 Sign: TypeAlias = Literal["any", "positive", "nonnegative", "negative", "nonzero"]
 
 OUTPUT: Final = "output"
-"""The unit of a sensor output: V, counts, or none."""
+"""Placeholder for the unit of a sensor output: V, counts, or none."""
 
 ONE_ROBOT: Final = ": a controller runs one robot"
-"""Why a controller takes no arrays."""
+"""The reason why a controller takes no arrays, for messages."""
 
 OUTPUT_RATE: Final = "output/s"
-"""The unit of a change of a sensor output."""
+"""Placeholder for the unit of the rate of change of a sensor output."""
 
 _RULES: Final[dict[str, Callable[..., Any]]] = {"positive": positive, "nonnegative": nonnegative}
-_TOLD: Final = {OUTPUT: "unit of xi", OUTPUT_RATE: "unit of xi per s"}
+_UNIT_WORDS: Final = {OUTPUT: "unit of xi", OUTPUT_RATE: "unit of xi per s"}
 
 
 def quantity(
@@ -36,21 +37,21 @@ def quantity(
     infinite: bool = False,
     **others: Any,
 ) -> Any:
-    """Declare a field that is a number, or an array of them, in SI.
+    """Declare a field that is a number, or an array of numbers, in SI.
 
     Args:
-        unit: its SI unit; the empty text for a pure number; OUTPUT or OUTPUT_RATE for a sensor output.
-        default: its value where none is given; None where it may be left out.
-        sign: what must hold.
-        example: a value as a scenario file has it.
-        infinite: whether it may be infinite.
+        unit: SI unit; empty for a pure number; OUTPUT or OUTPUT_RATE for a sensor output.
+        default: default value; None if the field is optional.
+        sign: required sign.
+        example: an example value, in the syntax of scenario files.
+        infinite: whether infinite values are allowed.
         others: further metadata.
 
     Returns:
         The field.
     """
-    told = {"unit": unit, "sign": sign, "example": example, "infinite": infinite, **others}
-    return field(metadata=told) if default is MISSING else field(default=default, metadata=told)
+    metadata = {"unit": unit, "sign": sign, "example": example, "infinite": infinite, **others}
+    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
 def flag(default: bool) -> Any:
@@ -59,7 +60,7 @@ def flag(default: bool) -> Any:
 
 
 def count(least: int, default: int, example: str) -> Any:
-    """Declare a field that is a whole number from some number on; the class checks it."""
+    """Declare an integer field with a smallest value; the class checks the value."""
     return field(default=default, metadata={"least": least, "example": example})
 
 
@@ -75,65 +76,66 @@ def units_of_fields(cls: Any) -> dict[str, str]:
 
 
 def check_declared(value: Any, *, arrays: bool = False, before: str = "", instead: str = "") -> None:
-    """Check every field of a frozen dataclass, and keep quantities as floats; called in its `__post_init__`.
+    """Check every field of a frozen dataclass and convert quantities to floats; called in its `__post_init__`.
 
     Args:
         value: the instance.
-        arrays: whether arrays will do.
-        before: what stands before the name in messages.
-        instead: why an array will not do, for the message.
+        arrays: whether arrays are allowed.
+        before: text before the field's name in messages.
+        instead: the reason why arrays are not allowed, for the message.
     """
     kind: Any = type(value)
-    if kind.__dict__.get(RULES_ATTRIBUTE) != {}:  # where nothing else is to be checked
+    if kind.__dict__.get(RULES_ATTRIBUTE) != {}:  # empty if all fields are quantities
         check_types(value, before)
     for name, least, above, full in _quick(kind):
-        given = getattr(value, name)
-        if type(given) is not float or not (given > least or (given == least and not above)) or given == math.inf:
+        number = getattr(value, name)
+        if type(number) is not float or not (number > least or (number == least and not above)) or number == math.inf:
             _check_one(value, full, arrays=arrays, before=before, instead=instead)
 
 
 def check_types(value: Any, before: str = "") -> None:
-    """Check the fields of a frozen dataclass that are no quantities by their annotations; called in `__post_init__`.
+    """Check the fields of a frozen dataclass that are not quantities by their annotations; called in `__post_init__`.
 
-    Numbers of NumPy and other kinds are kept as those of Python.
+    NumPy numbers are converted to Python numbers.
 
     Args:
         value: the instance.
-        before: what stands before the name in messages.
+        before: text before the field's name in messages.
     """
     kind: Any = type(value)
     rules = kind.__dict__.get(RULES_ATTRIBUTE)
     for name, rule in (rules_of_fields(kind) if rules is None else rules).items():
-        given = getattr(value, name)
-        if given is not rule.default and type(given) not in rule.quick:
-            kept = rule.check(given, before)
-            if kept is not given:
-                object.__setattr__(value, name, kept)
+        content = getattr(value, name)
+        if content is not rule.default and type(content) not in rule.quick:
+            checked = rule.check(content, before)
+            if checked is not content:
+                object.__setattr__(value, name, checked)
 
 
 @cache
 def _quick(cls: Any) -> tuple[tuple[str, float, bool, Any], ...]:
-    """Return of each quantity its name, what a finite float must exceed or reach, which of the two, and its field."""
+    """Return for each quantity: name, lower limit, whether the limit itself is excluded, and field."""
     ends = {"positive": (0.0, True), "nonnegative": (0.0, False)}
-    found = []
+    checks = []
     for f in declared(cls):
         least, above = ends.get(f.metadata["sign"], (-math.inf, True))
-        found.append((f.name, least, above, f))
-    return tuple(found)
+        checks.append((f.name, least, above, f))
+    return tuple(checks)
 
 
 def _check_one(value: Any, f: Field[Any], *, arrays: bool, before: str, instead: str) -> None:
-    """Check what is not simply a finite float of the right sign."""
-    given, told = getattr(value, f.name), f.metadata
-    if given is None and f.default is None:
+    """Check a quantity that failed the quick check: it may be an array, infinite, missing, or wrong."""
+    number, metadata = getattr(value, f.name), f.metadata
+    if number is None and f.default is None:
         return
-    if told["infinite"] and isinstance(given, float) and math.isinf(given):
-        if given < 0 and told["sign"] == "positive":
-            raise InvalidInputError(f"{before}{f.name}: found -inf {told['unit']}, which must be positive")
+    if metadata["infinite"] and isinstance(number, float) and math.isinf(number):
+        if number < 0 and metadata["sign"] == "positive":
+            unit = written_unit(metadata["unit"])
+            raise InvalidInputError(f"{before}{f.name}: found -inf {unit}, which must be positive")
         return
-    unit = _TOLD.get(told["unit"], told["unit"])
-    rule: Callable[..., Any] = _RULES.get(told["sign"], finite)
-    number = rule(given, f"{before}{f.name}", unit)
-    if not arrays and not isinstance(number, float):
+    unit = _UNIT_WORDS.get(metadata["unit"], metadata["unit"])
+    rule: Callable[..., Any] = _RULES.get(metadata["sign"], finite)
+    checked = rule(number, f"{before}{f.name}", unit)
+    if not arrays and not isinstance(checked, float):
         raise InvalidInputError(f"{before}{f.name}: found an array, expected one number{instead}")
-    object.__setattr__(value, f.name, number)
+    object.__setattr__(value, f.name, checked)

@@ -31,20 +31,20 @@ EXAMPLES: Final = {
     "TunableLaw": "a sampled law, such as Controller(...)",
     "Verdict": "a Verdict, which verify_gain returns",
 }
-"""What is expected, for classes whose name alone does not say how to come by one."""
+"""Descriptions of expected values, for classes whose name does not say how to make one."""
 
 _LONGEST: Final = 60  # characters of a value that a message shows
 _FEW: Final = 8  # items that are shown
 
 
 def short_repr(value: Any) -> str:
-    """Return a value as a message shows it, in few characters.
+    """Return a short representation of a value for messages.
 
     Args:
-        value: any.
+        value: any value.
 
     Returns:
-        Such as `'x'`, `None`, `a Task`, `an array of the shape (3,)`.
+        Text such as `'x'`, `None`, `a Task`, `an array of the shape (3,)`.
 
     Examples:
         >>> short_repr("x"), short_repr(object()), short_repr(int)
@@ -63,7 +63,7 @@ def short_repr(value: Any) -> str:
 def _cut_repr(value: Any) -> str:
     try:
         text = repr(value)
-    except ValueError:  # of a whole number with thousands of digits
+    except ValueError:  # an integer with thousands of digits
         return with_article(type(value).__name__)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 

@@ -11,10 +11,10 @@ class Entry:
     """A quantity of an encounter.
 
     Args:
-        words: its name for a person.
+        words: its name in words.
         symbol: the letter's symbol.
         unit: its SI unit.
-        whole: whether it speaks of the motion as a whole, not only of its end.
+        whole: whether it depends on the whole motion, not only on its end.
     """
 
     words: str
@@ -48,17 +48,17 @@ QUANTITIES: Final[dict[str, Entry]] = {
     "gain": Entry("gain", "D_p", "N*s"),
     "objective": Entry("objective", "f", ""),
 }
-"""Every quantity that results, objectives, limits and sweeps speak of, by its name in code."""
+"""Every quantity of results, objectives, limits and sweeps, by its name in code."""
 
 
 def words_for(name: str) -> str:
-    """Return the words for a name from code, those of the vocabulary where it has it.
+    """Return a name from code in words, from QUANTITIES if it is listed there.
 
     Args:
         name: such as `relative_velocity`.
 
     Returns:
-        Such as `relative velocity at contact`.
+        Words such as `relative velocity at contact`.
 
     Examples:
         >>> words_for("largest_excursion"), words_for("natural_frequency")
@@ -68,10 +68,10 @@ def words_for(name: str) -> str:
 
 
 def in_short(name: str) -> str:
-    """Return the words for a quantity beside others of the same contact, such as `relative velocity`."""
+    """Return the name of a quantity without "at contact", such as `relative velocity`."""
     return words_for(name).removesuffix(" at contact")
 
 
 def unit_of(name: str) -> str:
-    """Return the SI unit of a quantity of the vocabulary."""
+    """Return the SI unit of a quantity of QUANTITIES."""
     return QUANTITIES[name].unit

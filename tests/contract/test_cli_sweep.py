@@ -188,7 +188,7 @@ def test_an_interrupt_says_how_to_go_on(run: Any, monkeypatch: Any) -> None:
     asked = ("sweep", "approach.toml", "--axis", SPEEDS)
     assert run(*asked) == (130, "", "")
     code, out, err = run(*asked, "--output", "out.zarr")
-    assert (code, out, err) == (130, "", "pretouch: interrupted; the same command goes on from here\n")
+    assert (code, out, err) == (130, "", "pretouch: interrupted; run the same command again to resume\n")
 
 
 # --- figures

@@ -74,7 +74,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         (
             {"a": {"plant.velocity": [0.0]}, "plant.velocity": [0.1]},
             {"gain": -0.5},
-            r"found plant\.velocity twice, expected every input once",
+            r"found plant\.velocity twice, expected each input only once",
         ),
         (
             {"admittance.natural_frequency": [5.0], "admittance.damping": [1.0]},

@@ -288,7 +288,7 @@ def _unknown_key(source: ScenarioSource, name: str, variant: Section, content: M
 
 
 _INSTEAD: Final = {
-    ("controller", "gain"): 'drag = "0.0144 N*s^2" in [law]',
+    ("controller", "gain"): 'drag = "0.0144 N*s²" in [law]',
     ("constraints", "gain"): "bounds in [gain]",
 }
 

@@ -132,7 +132,8 @@ _BY_FREQUENCY: Final = {
 
 
 def _example_bounds(law: ContinuousLaw) -> str:
-    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {law.number.unit}", "1 {law.number.unit}"]'
+    unit = written_unit(law.number.unit)
+    return '["-10 N*s", "-0.01 N*s"]' if law == DAMPER else f'["0.0001 {unit}", "1 {unit}"]'
 
 
 def _gain(law: ContinuousLaw) -> Section:
@@ -153,7 +154,7 @@ _TRADED: Final = 'a list of two or three quantities such as "displacement", "rel
 _QUANTITIES: Final = Key(list_of(name_of(*QUANTITY_UNITS), 2, 3, _TRADED))
 
 _BARE: Final = 5.0  # m, beyond the range of proximity sensors: a larger bare number is probably in mm
-_STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s^2"'
+_STRETCHES: Final = 'one or more of [[obstacle.course]] with until = "0.1 s" and acceleration = "3 m/s²"'
 _OBSTACLE_KEYS: Final = {
     "position": Key(Quantity("m", '"42.2 mm"', largest_bare=_BARE), REQUIRED),
     **declared_keys(Obstacle, without=("position",)),

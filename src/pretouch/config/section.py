@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final, TypeAlias
 
+from pretouch._core.units import written_unit
 from pretouch.motion.laws import DAMPER, LAWS, ContinuousLaw
 
 from .quantities import KeyPath, Quantity, UnfitValueError, shown
@@ -36,7 +37,8 @@ class Key:
     def missing(self, name: str) -> str:
         """Return a message for a missing key, with what is expected and an example."""
         if isinstance(self.read, Quantity):
-            return f"missing, expected {self.read.expected}; add, for example: {name} = {self.read.example}"
+            example = written_unit(self.read.example)
+            return f"missing, expected {self.read.expected}; add, for example: {name} = {example}"
         return f"missing; add, for example: {name} = {self.example}"
 
 

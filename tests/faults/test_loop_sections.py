@@ -239,7 +239,7 @@ def test_a_margin_that_leaves_no_gain_is_placed(write):
     "axes", [{"admittance.mass": [1, 2]}, {"start": {"obstacle.position": [0.03, 0.04], "obstacle.velocity": [-1, -2]}}]
 )
 def test_a_margin_does_not_hold_for_a_sweep_that_moves_the_limit(write, axes):
-    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: found a margin beside a sweep over \w+\.\w+"):
+    with pytest.raises(ScenarioFileError, match=r"loop\.stability_margin: found a margin in a sweep over \w+\.\w+"):
         pt.sweep(load_scenario(write(LOOPED)), axes)
 
 

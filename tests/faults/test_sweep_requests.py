@@ -32,11 +32,11 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
             r"found 'velocity'.* did you mean obstacle\.velocity or plant\.velocity",
         ),
         ({"obstacle.velocty": [-0.3]}, {"gain": -0.5}, r"found 'obstacle\.velocty'.* did you mean obstacle\.velocity"),
-        ({"nonsense": [1.0]}, {"gain": -0.5}, "is no input of this sweep; expected one of"),
+        ({"nonsense": [1.0]}, {"gain": -0.5}, "is not an input of this sweep; expected one of"),
         ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "no input of this sweep"),
         ({"constraint.excursion": [0.1]}, DESIGN, "no input of this sweep"),
-        ({"obstacle.velocity": []}, {"gain": -0.5}, "expected one row of one value or more"),
-        ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected one row"),
+        ({"obstacle.velocity": []}, {"gain": -0.5}, "expected a row of at least one value"),
+        ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected a row"),
         (
             {"obstacle.velocity": [-0.3, np.nan]},
             {"gain": -0.5},
@@ -63,7 +63,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
             "results: found 'speed', expected one of",
         ),
         ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["objective"]}, "which needs designs"),
-        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["impact_force"]}, "without physical properties"),
+        ({"obstacle.velocity": [-0.3]}, {"gain": -0.5, "results": ["impact_force"]}, "without an impact model"),
         (
             {"sample": {"obstacle.velocity": [-0.3, -0.2], "plant.velocity": [0.0]}},
             {"gain": -0.5},
@@ -106,7 +106,7 @@ def test_a_distance_beyond_the_range_of_some_curve_of_the_sweep_is_found_beforeh
 
 def test_arrays_in_the_scenario_are_sent_to_the_axes() -> None:
     many = replace(SCENARIO, obstacle=pt.Obstacle(position=0.0422, velocity=np.array([-0.3, -0.2])))
-    with pytest.raises(InvalidInputError, match=r"found an array of encounters .* arrays go to axes"):
+    with pytest.raises(InvalidInputError, match=r"found an array of encounters .* pass arrays as axes"):
         pt.sweep(pt.Task(many, CURVED), {"gain": [-0.5]})
 
 

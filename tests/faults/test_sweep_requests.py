@@ -33,8 +33,8 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
         ),
         ({"obstacle.velocty": [-0.3]}, {"gain": -0.5}, r"found 'obstacle\.velocty'.* did you mean obstacle\.velocity"),
         ({"nonsense": [1.0]}, {"gain": -0.5}, "is not an input of this sweep; expected one of"),
-        ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "no input of this sweep"),
-        ({"constraint.excursion": [0.1]}, DESIGN, "no input of this sweep"),
+        ({"sensor.rate": [-60.0]}, {"gain": -0.5}, "not an input of this sweep"),
+        ({"constraint.excursion": [0.1]}, DESIGN, "not an input of this sweep"),
         ({"obstacle.velocity": []}, {"gain": -0.5}, "expected a row of at least one value"),
         ({"obstacle.velocity": [[-0.3]]}, {"gain": -0.5}, "expected a row"),
         (
@@ -69,7 +69,7 @@ FOLLOWING = pt.excursion_objective(position_scale=0.5, velocity_scale="obstacle 
             {"gain": -0.5},
             "found 2 values of obstacle.velocity, 1 values of plant.velocity along sample",
         ),
-        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a name of its own"),
+        ({"obstacle.velocity": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "expected a custom name"),
         ({"time": {"plant.velocity": [0.0]}}, {"gain": -0.5}, "found 'time', which is the name of a result"),
         (
             {"a": {"plant.velocity": [0.0]}, "plant.velocity": [0.1]},
@@ -169,8 +169,8 @@ def test_how_long_a_sweep_takes_is_said_when_it_is_known(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(cli_sweep, "_SECONDS", -math.inf)
-    tell = cli_sweep._telling()
+    monkeypatch.setattr(cli_sweep, "_INTERVAL", -math.inf)
+    tell = cli_sweep._progress_printer()
     for computed in (0, 500):
         tell(Progress(finished=1000, total=4000, seconds=2.0, computed=computed))
     first, second = capsys.readouterr().err.splitlines()

@@ -13,8 +13,9 @@ from pretouch._core.numbers import FloatArray
 from pretouch.design.robust.beside import Price, RobustOutcomes
 from pretouch.design.robust.result import RobustDesign
 
-from .panel_figure import outcome_panel, panel_figure, share_panel
+from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
+from .share_panels import outcome_panel, share_panel
 from .style import Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ from pretouch.simulation import SimulationResult
 from pretouch.verification import LimitCheck, Verdict
 from pretouch.verification.appraisal import simulated_quantity
 
-from .panel_figure import outcome_panel, panel_figure
+from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
+from .share_panels import outcome_panel
 from .style import Scale, scale_for
 
 if TYPE_CHECKING:

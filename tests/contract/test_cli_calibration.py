@@ -109,7 +109,7 @@ def test_every_page_has_the_reservations_and_the_headline_at_its_top(run, verb):
     words = assert_sound(Path(f"clipped-{verb}.html").read_text(encoding="utf-8")).words
     first = words.index(UNSUPPORTED + near_end()[0])
     assert first < words.index("D_p")
-    assert "The calibration of its sensor: clipped.csv" in words
+    assert "Sensor calibration: clipped.csv" in words
     assert "The controller must subtract the offset " in words
     run(verb, scenario("whole.toml", WHOLE), *VERBS[verb])
     words = assert_sound(Path(f"whole-{verb}.html").read_text(encoding="utf-8")).words

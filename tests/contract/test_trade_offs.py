@@ -292,7 +292,7 @@ def test_a_designed_admittance_is_drawn_and_reported(problem, free):
     )
     figure = plots.admittance(design)
     assert_legible(figure)
-    assert {"chosen", "as it is"} <= {text for text, _ in visible_texts(figure)}
+    assert {"chosen", "without change"} <= {text for text, _ in visible_texts(figure)}
     text = report_html(design)
     assert_sound(text)
     assert "The admittance" in parse(text).words

@@ -108,7 +108,7 @@ def test_the_figure_of_stability_shows_the_limit_half_of_it_and_the_gain(one: pt
     assert half[1] == pytest.approx(limits[1] / 2)
     assert set(own[1]) == {abs(one.gain)}
     texts = texts_of(plots.verdict_stability(one))
-    for text in ("unstable above", "margin of 2", "verified gain", f"{abs(one.stability.strongest):.4g} N s"):
+    for text in ("unstable above", "gain margin 2", "verified gain", f"{abs(one.stability.strongest):.4g} N s"):
         assert text in texts
 
 

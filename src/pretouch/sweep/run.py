@@ -91,12 +91,12 @@ def sweep(
         ...     ),
         ...     ExponentialFirstOrder(scale=0.458, rate=-61.0),
         ... )
-        >>> found = sweep(
+        >>> dataset = sweep(
         ...     task,
         ...     {"obstacle.velocity": [-0.3, -0.2], "gain": np.linspace(-1.0, -0.1, 10)},
         ...     results=["relative_velocity"],
         ... )
-        >>> dict(found["relative_velocity"].sizes)
+        >>> dict(dataset["relative_velocity"].sizes)
         {'obstacle.velocity': 2, 'gain': 10}
     """
     try:

@@ -240,8 +240,8 @@ class Structure(ctypes.Structure):
     _fields_: ClassVar[Any]
     __signature__: ClassVar[Signature]
 
-    def __init_subclass__(cls, **given: Any) -> None:
-        super().__init_subclass__(**given)
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
         cls.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name, *_ in cls._fields_])
 
     def __eq__(self, other: object) -> bool:

@@ -21,7 +21,7 @@ from pretouch.motion import LawNumber
 from .new_figure import new_figure
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel, Span
-from .style import BASELINE, CHOSEN, INK, QUIET, Scale, drawing, gain_axis, minus, scale_for
+from .style import BASELINE, CHOSEN, INK, QUIET, WIDE, Scale, drawing, gain_axis, minus, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 
 _TERMS: Final = (2, 3, 4)  # places in the palette
-_WIDE: Final = 30.0  # ratio from which an objective is shown on a logarithmic axis
 _WIDE_COST: Final = 100.0  # the same for a cost
 _ROUND: Final = (-0.1, -1.0, -10.0, -100.0, -0.01, 0.1, 1.0, 10.0)  # gains that are marked along the curve [N s]
 _CLOSE: Final = 0.06  # of the panel: least distance between two marks
@@ -72,7 +71,7 @@ def _objective(design: GainDesign) -> Panel:
     gain, total = np.asarray(_shown_gain(design, design.trade_off.gain)), design.trade_off.objective
     finite = total[np.isfinite(total)]
     low, high = float(finite.min()), float(finite.max())
-    wide = low > 0 and high > _WIDE * low
+    wide = low > 0 and high > WIDE * low
     limits = (low / 8, 2.5 * high) if wide else (0.0, 1.12 * high or 1.0)
     terms = {f"{name.replace('_', ' ')} term": values for name, values in _terms(design).items()}
     curves = []
@@ -112,9 +111,9 @@ def _plane(design: GainDesign) -> Panel:
     marks += _round_gains(design, x, y, marks)
     kept = np.where(design.trade_off.feasible, y, np.nan)
     path = Curve(x=x, y=y, quiet=True)
-    known = np.array([*x[np.isfinite(x)], *(mark.x for mark in marks)])
-    wide = bool(known.min() > 1e-6 * known.max() and known.max() > _WIDE_COST * known.min())
-    equal = [] if wide else _equals(design, name, across, up, (float(known.max()), float(np.nanmax(y))))
+    costs = np.array([*x[np.isfinite(x)], *(mark.x for mark in marks)])
+    wide = bool(costs.min() > 1e-6 * costs.max() and costs.max() > _WIDE_COST * costs.min())
+    equal = [] if wide else _equals(design, name, across, up, (float(costs.max()), float(np.nanmax(y))))
     levels, positions = _limits(design, name, across, up)
     return Panel(
         x_label=f"{words_for(name)} [{across.unit}]",
@@ -123,7 +122,7 @@ def _plane(design: GainDesign) -> Panel:
         curves=[path, *([Curve(x=x, y=kept, style=0)] if np.isfinite(kept).any() else []), *equal],
         marks=marks,
         levels={text: at for text, at in levels.items() if at < 1.1 * np.nanmax(y)},
-        positions={text: at for text, at in positions.items() if at < 1.1 * known.max()},
+        positions={text: at for text, at in positions.items() if at < 1.1 * costs.max()},
         x_log=wide,
     )
 

@@ -19,13 +19,12 @@ from pretouch.design.front.result import FrontPoint, ParetoFront
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, scale_for
+from .style import WIDE, Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_WIDE: Final = 30.0  # ratio from which an axis is logarithmic
 _WORSE: Final = 2e-3  # of the extent of the front: a point that is worse by this in all quantities is dominated
 _MOST_DOMINATED: Final = 400  # dominated points that are drawn
 _CHOSEN: Final = {
@@ -242,4 +241,4 @@ def _positive(values: Any) -> FloatArray:
 
 def _is_wide(values: FloatArray) -> bool:
     numbers = values[np.isfinite(values)]
-    return bool(len(numbers) and numbers.min() > 0 and numbers.max() > _WIDE * numbers.min())
+    return bool(len(numbers) and numbers.min() > 0 and numbers.max() > WIDE * numbers.min())

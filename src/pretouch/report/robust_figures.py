@@ -16,13 +16,12 @@ from pretouch.design.robust.result import RobustDesign
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
 from .share_panels import outcome_panel, share_panel
-from .style import Scale, gain_axis, scale_for
+from .style import HEADROOM, Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_HEADROOM: Final = 6.0  # largest measure that is shown, as a multiple of the smallest one
 _MOST_PRICES: Final = 4
 _ROBUST, _NOMINAL, _NONE = 0, 1, 2  # palette indices: a gain has the same style in all figures
 
@@ -99,7 +98,7 @@ def _measure_panel(design: RobustDesign) -> Panel:
     nominal = _nominal_objective(design, curve.gain)
     values = np.concatenate([curve.value, nominal])
     finite = values[np.isfinite(values)]
-    top = min(float(finite.max()), _HEADROOM * float(finite.min())) if len(finite) else 1.0
+    top = min(float(finite.max()), HEADROOM * float(finite.min())) if len(finite) else 1.0
     parts = [
         ("", curve.value, True, _ROBUST),
         (f"{design.measure.label}, sampled", np.where(curve.feasible, curve.value, np.nan), False, _ROBUST),

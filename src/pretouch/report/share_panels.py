@@ -11,10 +11,9 @@ from pretouch._core.numbers import FloatArray
 from pretouch._core.vocabulary import unit_of, words_for
 
 from .panels import Curve, Mark, Panel
-from .style import Scale, scale_for
+from .style import NEGLIGIBLE, Scale, scale_for
 
 _MOST: Final = 400  # points of a curve: closer than a pixel
-_NEGLIGIBLE: Final = 1e-6  # of the largest value: a curve below is not drawn
 _AIR: Final = 1.04
 _TOP: Final = 104.0  # percent, so that a line at 100 % is visible
 
@@ -88,7 +87,7 @@ def outcome_panel(
     largest = max((float(values.max()) for values in finite if len(values)), default=1.0)
     whole = largest if limit is None else max(largest, limit[0])
     scale = scale_for(unit_of(name), whole)
-    visible = [not len(values) or float(values.max()) > _NEGLIGIBLE * whole for values in finite]
+    visible = [not len(values) or float(values.max()) > NEGLIGIBLE * whole for values in finite]
     kept = [c for c, shown in zip(columns, visible, strict=True) if shown] or columns
     drawn = {style for _, style, _ in kept}
     return share_panel(

@@ -15,14 +15,13 @@ from pretouch.verification import SimulatedEncounter
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, scale_for
+from .style import MOST_POINTS, Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 _LOOP, _NONE, _PREDICTED = 0, 1, 4  # palette indices: a run has the same style in all panels
-_MOST: Final = 900  # points of a curve: about two per pixel
 _AIR: Final = 1.05
 _AFTER: Final = 0.1  # of the time of contact: how long a persistent contact is shown
 _LONGEST: Final = 3.0  # times the contact time on the loop: later contacts are not shown
@@ -192,9 +191,9 @@ def _window(time: FloatArray, values: FloatArray, end: float) -> tuple[FloatArra
     """Cut a time series at the end of the plot, and reduce its points, keeping the extremes."""
     kept = time <= end
     time, values = time[kept], np.where(np.isfinite(values[kept]), values[kept], np.nan)
-    if len(time) <= _MOST:
+    if len(time) <= MOST_POINTS:
         return time, values
-    groups = np.array_split(np.arange(len(time)), _MOST // 2)
+    groups = np.array_split(np.arange(len(time)), MOST_POINTS // 2)
     filled = np.where(np.isnan(values), 0.0, values)
     both = [sorted({int(g[filled[g].argmin()]), int(g[filled[g].argmax()])}) for g in groups]
     chosen = np.unique([0, *(i for pair in both for i in pair), len(time) - 1])

@@ -87,13 +87,24 @@ class Scale(NamedTuple):
 
     def text(self, value: float, digits: int = 3, largest: float = 1.0) -> str:
         """Format an SI value in this unit; a value that is negligible compared with `largest` is 0."""
-        shown = 0.0 if abs(value) < _NEGLIGIBLE * abs(largest) else value / self.factor
+        shown = 0.0 if abs(value) < NEGLIGIBLE * abs(largest) else value / self.factor
         size = digits - 1 - math.floor(math.log10(abs(shown))) if shown and math.isfinite(shown) else 0
         number = "0" if not shown else f"{shown:.{size}f}" if 0 <= size <= 6 else f"{shown:.{digits}g}"
         return minus(f"{number} {self.unit}".strip())
 
 
-_NEGLIGIBLE: Final = 1e-6  # of the largest number: not distinguishable from zero in a figure
+NEGLIGIBLE: Final = 1e-6
+"""A value below this share of the largest value cannot be distinguished from zero in a figure."""
+
+WIDE: Final = 30.0
+"""A range of values with a larger ratio gets a logarithmic axis."""
+
+HEADROOM: Final = 6.0
+"""The largest value that is shown on a linear axis, as a multiple of the smallest value."""
+
+MOST_POINTS: Final = 900
+"""The largest number of points of a time series: about two per pixel."""
+
 _SMALLER: Final = {
     "m": (("mm", 1e-3), ("µm", 1e-6)),
     "s": (("ms", 1e-3), ("µs", 1e-6)),

@@ -18,14 +18,13 @@ from pretouch.verification.appraisal import simulated_quantity
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
 from .share_panels import outcome_panel
-from .style import Scale, scale_for
+from .style import MOST_POINTS, Scale, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 _WITH, _WITHOUT, _WORST, _PREDICTED = 0, 1, 3, 4  # palette indices: a run has the same style in all figures
-_MOST: Final = 900  # points of a curve: about two per pixel
 _LONGEST: Final = 2.0  # times the predicted contact time: end of the plot of a run without contact
 _SYMBOLS: Final = {
     "relative_velocity": "|l\u2032|",
@@ -184,7 +183,7 @@ def _run_until_contact(verdict: Verdict, index: int, label: str, style: int, end
     if touched:
         last = (result.time[index], 0.0, result.relative_velocity[index])
         columns = [np.append(column, value) for column, value in zip(columns, last, strict=True)]
-    few = np.unique(np.linspace(0, len(columns[0]) - 1, min(len(columns[0]), _MOST)).round().astype(int))
+    few = np.unique(np.linspace(0, len(columns[0]) - 1, min(len(columns[0]), MOST_POINTS)).round().astype(int))
     time, distance, velocity = (column[few] for column in columns)
     return _Shown(label, style, "dot", time, distance, velocity, touched)
 
@@ -193,7 +192,7 @@ def _predicted(verdict: Verdict, predicted: ContactResult, gain: float, end: flo
     touched = bool(predicted.reached.all())
     until = float(predicted.end.time) * (1 + 1e-6) if touched else end
     motion = verdict.law.motion(
-        verdict.scenario, verdict.sensor, gain, method=predicted.method, horizon=until, samples=_MOST // 2
+        verdict.scenario, verdict.sensor, gain, method=predicted.method, horizon=until, samples=MOST_POINTS // 2
     )
     time, distance, velocity = (np.asarray(c) for c in (motion.time, motion.distance, motion.relative_velocity))
     return _Shown("predicted", _PREDICTED, "ring", time, distance, velocity, touched)

@@ -15,7 +15,7 @@ from pretouch.verification import StabilityCheck, Verdict
 
 from .panel_figure import panel_figure
 from .panels import Curve, Mark, Panel
-from .style import Scale, gain_axis, scale_for
+from .style import HEADROOM, Scale, gain_axis, scale_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 _LOOP, _STRONGEST, _MARGIN, _IDEAL = 0, 1, 2, 4  # palette indices
 _DECADES: Final = 1e3  # times the smallest stability limit: larger limits are not shown
 _AROUND: Final = 1.4  # margin of a logarithmic axis, as a factor
-_HEADROOM: Final = 6.0  # largest objective that is shown, as a multiple of the smallest one
 
 
 @check_arguments
@@ -95,8 +94,8 @@ def verdict_gain(verdict: Verdict) -> Figure:
     values = np.concatenate([part.objective for part in parts])
     low = float(_finite(values).min())
     highest = max([m.y for m in marks] + [float(np.nanmin(_finite(part.objective))) for part in parts])
-    wide = low > 0 and highest > _HEADROOM * low  # the marked values differ too much for a linear axis
-    top = float(_finite(values).max()) if wide else min(float(_finite(values).max()), _HEADROOM * low or 1.0)
+    wide = low > 0 and highest > HEADROOM * low  # the marked values differ too much for a linear axis
+    top = float(_finite(values).max()) if wide else min(float(_finite(values).max()), HEADROOM * low or 1.0)
     curves = [curve for part in parts for curve in part.curves(sign, top)]
     panel = Panel(
         x_label=label,

@@ -1,10 +1,8 @@
-"""The house keeps its form: no circle among its modules, no name that means two things, no file grown out of reach."""
+"""The house keeps its form: no circle among its modules, no class name that is used twice, no function too long to read."""
 
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,43 +73,7 @@ def test_a_class_has_its_name_alone() -> None:
     assert [name for name, count in names.items() if count > 1] == []
 
 
-FILES = 250  # of the package and its compiled core
-LINES = 53_000  # of both; grew with the checks of issue 23: arguments, library, readings, limits of files
 LONGEST_FUNCTION = 60  # lines without its docstring
-ROOMS_OF_DESIGN = 20
-FILES_OF_A_VERDICT = 50
-
-PASSED = """
-import sys, threading
-from pathlib import Path
-
-import pretouch as pt
-
-home, seen = str(Path(pt.__file__).parent), set()
-task, verify = pt.load_scenario(sys.argv[1]), pt.verify_gain
-
-def note(frame, event, _):
-    if event == "call" and frame.f_code.co_flags & 1 and frame.f_code.co_filename.startswith(home):
-        seen.add(frame.f_code.co_filename)  # a function's own variables tell it from the body of a class
-
-threading.setprofile(note)
-sys.setprofile(note)
-verify(task)
-sys.setprofile(None)
-print(*sorted(seen), sep="\\n")
-"""
-
-
-def native_sources() -> list[Path]:
-    return [path for part in ("core", "law") for path in sorted((ROOT / "native" / part).glob("*.[ch]*"))]
-
-
-def test_the_house_does_not_grow_unasked() -> None:
-    files = [*(SOURCE / "pretouch").rglob("*.py*"), *native_sources()]
-    files = [path for path in files if path.suffix != ".pyc"]
-    assert len(files) <= FILES
-    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files) <= LINES
-    assert len([p for p in (SOURCE / "pretouch/design").iterdir() if p.name != "__pycache__"]) <= ROOMS_OF_DESIGN
 
 
 def lines_without_docstring(function: ast.FunctionDef) -> int:
@@ -129,10 +91,3 @@ def test_no_function_is_too_long_to_read() -> None:
         if isinstance(node, ast.FunctionDef)
     )
     assert [(name, count) for name, count in functions if count > LONGEST_FUNCTION] == []
-
-
-def test_a_verdict_passes_through_few_files() -> None:
-    """Functions of so many files run, each once or more, between a scenario file that is read and its verdict."""
-    scene = str(ROOT / "examples" / "loop.toml")
-    answer = subprocess.run([sys.executable, "-c", PASSED, scene], capture_output=True, text=True, check=True)
-    assert len(answer.stdout.split()) <= FILES_OF_A_VERDICT

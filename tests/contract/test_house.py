@@ -1,4 +1,4 @@
-"""The house keeps its form: no circle among its modules, no class name that is used twice, no function too long to read."""
+"""The structure of the package: no import cycles, unique class names, and no function that is too long."""
 
 from __future__ import annotations
 

@@ -189,4 +189,7 @@ def test_encounters_that_start_beyond_the_data_are_refused_with_the_calibration_
     known = ("[robust]", 'obstacle.position = { uniform = ["20 mm", "30 mm"] }\n[robust]')
     code, _, err = run(verb, scenario("far.toml", sensor, ("42.2 mm", "22 mm"), known), *options)
     assert code == 2
-    assert "; the calibration supports the curve from 0 mm (first measured distance) to 56 mm (last measured distance)" in err
+    assert (
+        "; the calibration supports the curve from 0 mm (first measured distance) to 56 mm (last measured distance)"
+        in err
+    )
